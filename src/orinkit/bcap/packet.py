@@ -1,0 +1,235 @@
+"""b-CAP packets and how they lie in a byte stream (VE026A 3.1).
+
+A packet is ``SOH | length u32 | serial u16 | reserved u16 | function id or return code u32 | argument count u16 |
+arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian; the length is that of the whole packet.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from orinkit import hresult, variant_bytes
+from orinkit.errors import LimitExceeded, ProtocolError
+from orinkit.language import pick
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+
+SOH: Final = 0x01
+EOT: Final = 0x04
+OVERHEAD: Final = 16
+"""Bytes of a packet without arguments and CRC."""
+
+HEADER: Final = struct.Struct("<BIHHIH")
+LENGTH: Final = struct.Struct("<I")
+_CRC: Final = struct.Struct("<H")
+_EOT: Final = bytes([EOT])
+
+
+@dataclass(slots=True)
+class Packet:
+    """One packet.
+
+    Attributes:
+        serial: 1 to 65535; the reply has the request's.
+        code: function id of a request, return code of a reply; unsigned.
+        arguments: plain values, or :class:`~orinkit.variant.Variant` objects if read with ``exact=True``.
+        reserved: 0 on TCP; on UDP and serial lines the serial of the first try.
+        trailer: the reserved area behind the arguments (VE026A 3.1), nearly always empty.
+    """
+
+    serial: int
+    code: int
+    arguments: list[Any] = field(default_factory=list)
+    reserved: int = 0
+    trailer: bytes = b""
+
+
+def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, crc: bool = False) -> bytes:
+    """Return a packet from its parts; ``body`` are ``count`` encoded arguments."""
+    if not crc:
+        return b"%b%b\x04" % (HEADER.pack(SOH, len(body) + OVERHEAD, serial, reserved, code, count), body)
+    head = HEADER.pack(SOH, len(body) + OVERHEAD + 2, serial, reserved, code, count)
+    return b"%b%b%b\x04" % (head, body, _CRC.pack(checksum(head[1:] + body)))
+
+
+def encode(packet: Packet, *, crc: bool = False) -> bytes:
+    """Return a packet as bytes.
+
+    Raises:
+        InvalidValue: an argument cannot be a VARIANT.
+    """
+    body = b"".join(map(variant_bytes.encode, packet.arguments)) + packet.trailer
+    return pack(packet.serial, packet.code, len(packet.arguments), body, packet.reserved, crc=crc)
+
+
+def checksum(data: bytes) -> int:
+    """Return the CRC of a serial line: CCITT, initial value 0xFFFF, over length field to last argument (VE026A 3.1)."""
+    return binascii.crc_hqx(data, 0xFFFF)
+
+
+def decode(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False, crc: bool = False) -> Packet:
+    """Read one whole packet, for example one that :class:`Framer` has cut out.
+
+    Raises:
+        ProtocolError: it is none; ``code`` is what a server answers.
+    """
+    check_frame(frame, limits, crc=crc)
+    end = len(frame) - (3 if crc else 1)
+    _, _, serial, reserved, code, count = HEADER.unpack_from(frame)
+    arguments, position = decode_arguments(frame, count, end, limits, exact=exact)
+    return Packet(serial, code, arguments, reserved, frame[position:end])
+
+
+def decode_arguments(
+    frame: bytes, count: int, end: int, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False
+) -> tuple[list[Any], int]:
+    """Read ``count`` arguments of a packet; returns them and the position behind the last.
+
+    Raises:
+        ProtocolError: they are not what count and lengths say.
+    """
+    if count * 10 > end - HEADER.size:
+        raise ProtocolError(
+            pick(
+                f"{count} arguments cannot be in the {end - HEADER.size} bytes present",
+                f"引数 {count} 個は {end - HEADER.size} バイトに収まりません",
+            )
+        )
+    arguments = []
+    position = HEADER.size
+    for _ in range(count):
+        value, position = variant_bytes.decode(frame, position, end, limits, exact=exact)
+        arguments.append(value)
+    return arguments, position
+
+
+def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = False) -> None:
+    """Check a whole packet's outside: SOH, length, EOT, CRC.
+
+    Raises:
+        ProtocolError: one of them is wrong.
+    """
+    smallest = OVERHEAD + (2 if crc else 0)
+    if len(frame) < smallest or frame[0] != SOH or frame[-1] != EOT or LENGTH.unpack_from(frame, 1)[0] != len(frame):
+        raise ProtocolError(
+            pick(
+                f"{len(frame)} bytes {frame[:8].hex(' ')}... are no packet: SOH 01, the length, and EOT 04 at its end are needed",
+                f"{len(frame)} バイト {frame[:8].hex(' ')}... はパケットではありません (SOH 01、全長、末尾 EOT 04 が必要)",
+            ),
+            fatal=True,
+        )
+    if len(frame) > limits.packet:
+        raise _too_long(len(frame), limits)
+    if crc and _CRC.unpack_from(frame, len(frame) - 3)[0] != checksum(frame[1:-3]):
+        raise ProtocolError(
+            pick(
+                f"CRC {frame[-3:-1].hex()} is wrong, {_CRC.pack(checksum(frame[1:-3])).hex()} is right",
+                f"CRC {frame[-3:-1].hex()} が違います (正しくは {_CRC.pack(checksum(frame[1:-3])).hex()})",
+            )
+        )
+
+
+def _too_long(length: int, limits: Limits) -> LimitExceeded:
+    return LimitExceeded(
+        pick(
+            f"packet of {length} bytes, at most {limits.packet} are allowed",
+            f"パケット長 {length} バイトは上限 {limits.packet} バイトを超えています",
+        ),
+        hresult.E_PACKETSIZEOVER,
+        fatal=True,
+    )
+
+
+class Framer:
+    """Cuts packets out of a byte stream that may be split anywhere.
+
+    Bytes before an SOH are passed over and counted in :attr:`skipped`. A length that no packet can have, or a packet
+    that does not end with EOT, is refused: the stream has lost its place, and every later call refuses too.
+    """
+
+    def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
+        self.limits = limits
+        self.skipped = 0
+        self._buffer = bytearray()
+        self._error: ProtocolError | None = None
+
+    @property
+    def pending(self) -> int:
+        """How many bytes are kept that are no whole packet yet."""
+        return len(self._buffer)
+
+    def take(self, data: bytes) -> bytes | None:
+        """Take the next bytes of the stream and return the first whole packet; :meth:`next_frame` gives the others.
+
+        Raises:
+            ProtocolError: as :meth:`next_frame`.
+        """
+        length = len(data)
+        if (  # nearly always one whole packet arrives: nothing to keep, nothing to copy
+            not self._buffer
+            and self.limits.packet >= length >= OVERHEAD
+            and data[0] == SOH
+            and data[-1] == EOT
+            and LENGTH.unpack_from(data, 1)[0] == length
+            and self._error is None
+        ):
+            return data
+        self._buffer += data
+        return self.next_frame()
+
+    def next_frame(self) -> bytes | None:
+        """Return the next whole packet, ``None`` when more bytes are needed.
+
+        Raises:
+            ProtocolError: the stream is no longer a stream of packets (``fatal`` is set).
+        """
+        if self._error is not None:
+            raise self._error
+        buffer = self._buffer
+        if not buffer:
+            return None
+        if buffer[0] != SOH:
+            start = buffer.find(SOH)
+            skip = len(buffer) if start < 0 else start
+            self.skipped += skip
+            del buffer[:skip]
+        if len(buffer) < 5:
+            return None
+        (length,) = LENGTH.unpack_from(buffer, 1)
+        if not OVERHEAD <= length <= self.limits.packet:
+            raise self._refuse_length(length)
+        if len(buffer) < length:
+            return None
+        if buffer[length - 1] != EOT:
+            raise self._lost(
+                ProtocolError(
+                    pick(
+                        f"a packet of {length} bytes ends with {buffer[length - 1]:02x}, not with EOT 04",
+                        f"{length} バイトのパケットの末尾が EOT 04 ではなく {buffer[length - 1]:02x} です",
+                    ),
+                    fatal=True,
+                )
+            )
+        frame = bytes(buffer[:length])
+        del buffer[:length]
+        return frame
+
+    def _refuse_length(self, length: int) -> ProtocolError:
+        if length > self.limits.packet:
+            return self._lost(_too_long(length, self.limits))
+        return self._lost(
+            ProtocolError(
+                pick(
+                    f"a packet cannot be {length} bytes long; {OVERHEAD} is the least",
+                    f"パケット長 {length} は不正です (最小 {OVERHEAD})",
+                ),
+                fatal=True,
+            )
+        )
+
+    def _lost(self, error: ProtocolError) -> ProtocolError:
+        self._error = error
+        self._buffer.clear()
+        return error

@@ -1,0 +1,168 @@
+"""The server's side of a b-CAP conversation over a stream, without I/O and without a clock.
+
+:class:`ServerConversation` is fed with the bytes received and says what to do: :class:`Send` bytes, :class:`Execute` a
+call, :class:`Close` the link. The shell around it executes the call, hands the answer to :meth:`~ServerConversation.finish`,
+and calls :meth:`~ServerConversation.tick` when :meth:`~ServerConversation.deadline` has come. One call is executed at a
+time; another one meanwhile is answered with E_BUSY_PROC (reference behaviour: docs/protocol.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from orinkit import hresult, variant_bytes
+from orinkit.bcap import packet
+from orinkit.cao.options import Options
+from orinkit.errors import ProtocolError
+from orinkit.variant import Variant, VarType
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+
+_SERVICE_START: Final = 1
+_LEAST_MS: Final = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Send these bytes."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Close the link once everything has been sent; ``reason`` is for the log."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Execute:
+    """Execute a call, then hand its answer to :meth:`ServerConversation.finish` with this object."""
+
+    serial: int
+    function_id: int
+    arguments: list[Variant]
+
+
+Action: TypeAlias = Send | Execute | Close
+
+
+class ServerConversation:
+    """One client's requests and their answers.
+
+    Args:
+        limits: bounds on a packet.
+        invoke_timeout: seconds that a call may take before it is answered with E_TIMEOUT; a client may set its own with
+            ``InvokeTimeout=<ms>``.
+
+    Attributes:
+        wdt: seconds between S_EXECUTING packets while a call is at work, ``None`` for none; set by ``WDT=<ms>``.
+    """
+
+    def __init__(self, limits: Limits = DEFAULT_LIMITS, invoke_timeout: float = 180.0) -> None:
+        self.wdt: float | None = None
+        self.invoke_timeout = invoke_timeout
+        self._default_timeout = invoke_timeout
+        self._limits = limits
+        self._framer = packet.Framer(limits)
+        self._current: Execute | None = None
+        self._timed_out = False
+        self._next_wdt = 0.0
+        self._give_up = 0.0
+
+    @property
+    def busy(self) -> bool:
+        """True while a call is being executed."""
+        return self._current is not None
+
+    def receive(self, data: bytes, now: float) -> Iterator[Action]:
+        """Take bytes of the stream; yields what to do, one thing after the other.
+
+        An :class:`Execute` that is finished before the next action is asked for is not busy any more.
+
+        Args:
+            data: what has been received.
+            now: the time, in seconds of any steady clock.
+        """
+        try:
+            frame = self._framer.take(data)
+            while frame is not None:
+                yield self._request(frame, now)
+                frame = self._framer.next_frame()
+        except ProtocolError as error:
+            yield Send(packet.pack(0, error.code, 0, b""))
+            yield Close(str(error))
+
+    def _request(self, frame: bytes, now: float) -> Action:
+        _, _, serial, _, function_id, count = packet.HEADER.unpack_from(frame)
+        if self._current is not None:
+            return _answer(serial, hresult.E_BUSY_PROC)
+        try:
+            arguments, _ = packet.decode_arguments(frame, count, len(frame) - 1, self._limits, exact=True)
+        except ProtocolError as error:
+            return _answer(serial, error.code)
+        if function_id == _SERVICE_START and not self._set_options(arguments):
+            return _answer(serial, hresult.E_INVALIDARG)
+        self._current = call = Execute(serial, function_id, arguments)
+        self._timed_out = False
+        self._give_up = now + self.invoke_timeout
+        if self.wdt is not None:
+            self._next_wdt = now + self.wdt
+        return call
+
+    def _set_options(self, arguments: list[Variant]) -> bool:
+        """Read Service_Start's options (RC8 table 3-1); False where a value is not one."""
+        if not arguments or arguments[0].type != VarType.BSTR:
+            return True  # no options, or what the session will refuse
+        options = Options(arguments[0].value)
+        try:
+            wdt = options.number("WDT")
+            timeout = options.number("InvokeTimeout")
+        except ValueError:
+            return False
+        if (wdt is not None and wdt <= _LEAST_MS) or (timeout is not None and timeout < _LEAST_MS):
+            return False
+        self.wdt = None if wdt is None else wdt / 1000
+        self.invoke_timeout = self._default_timeout if timeout is None else timeout / 1000
+        return True
+
+    def finish(self, call: Execute, code: int, result: Variant | None) -> bytes:
+        """Return the packet that answers a call; nothing where E_TIMEOUT has answered it already."""
+        if call is self._current:
+            self._current = None
+        if self._timed_out:
+            self._timed_out = False
+            return b""
+        if result is None:
+            return packet.pack(call.serial, code, 0, b"")
+        body = variant_bytes.encode_variant(result)
+        if len(body) + packet.OVERHEAD > self._limits.packet:
+            return packet.pack(call.serial, hresult.E_TOO_MUCH_DATA, 0, b"")
+        return packet.pack(call.serial, code, 1, body)
+
+    def deadline(self) -> float | None:
+        """Return when :meth:`tick` is due next, ``None`` while it is not."""
+        if self._current is None or self._timed_out:
+            return None
+        return self._give_up if self.wdt is None else min(self._next_wdt, self._give_up)
+
+    def tick(self, now: float) -> bytes:
+        """Return what is due now: S_EXECUTING, E_TIMEOUT, or nothing yet.
+
+        After E_TIMEOUT the client is answered, but the device is still at work: calls are E_BUSY_PROC until it is done.
+        """
+        due = self.deadline()
+        if self._current is None or due is None or now < due:
+            return b""
+        if now >= self._give_up:
+            self._timed_out = True
+            return packet.pack(self._current.serial, hresult.E_TIMEOUT, 0, b"")
+        assert self.wdt is not None
+        self._next_wdt = now + self.wdt
+        return packet.pack(self._current.serial, hresult.S_EXECUTING, 0, b"")
+
+
+def _answer(serial: int, code: int) -> Send:
+    return Send(packet.pack(serial, code, 0, b""))

@@ -1,0 +1,96 @@
+"""Arguments as real clients send them, read as what the function wants (rulings on argument forms, docs/protocol.md).
+
+Clients send whole numbers as VT_I2, VT_I4, VT_R4, VT_R8 or text, one-element arrays for scalars, VT_EMPTY for an empty
+string, single-precision poses. All of these are read here, and nowhere else.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from orinkit import hresult
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.variant import ARRAY, Variant, VarType, type_name
+
+
+def wrong_type(given: Variant, wanted: str) -> CallError:
+    """Return the exception for an argument of the wrong type."""
+    return error_for(
+        hresult.E_INVALIDARGTYPE,
+        pick(
+            f"{type_name(given.type)} was given, {wanted} is wanted",
+            f"{wanted} が必要ですが {type_name(given.type)} です",
+        ),
+    )
+
+
+def single(given: Variant) -> Variant:
+    """Return the only element of a one-element array, anything else as it is."""
+    if given.type & ARRAY and len(given.value) == 1:
+        element = given.value[0]
+        return element if isinstance(element, Variant) else Variant(given.type & ~ARRAY, element)
+    return given
+
+
+def to_number(given: Variant) -> float | int:
+    """Return a number from any numeric type, VT_BOOL (-1 and 0), or text."""
+    given = single(given)
+    value = given.value
+    if given.type == VarType.BOOL:
+        return -1 if value else 0
+    if isinstance(value, str):
+        try:
+            return int(value, 10) if value.strip().lstrip("+-").isdecimal() else float(value)
+        except ValueError:
+            raise wrong_type(given, pick(f"a number, not {value!r:.40},", f"数値 ({value!r:.40} ではなく)")) from None
+    if isinstance(value, int | float) and given.type != VarType.DATE:
+        return value
+    raise wrong_type(given, pick("a number", "数値"))
+
+
+def to_integer(given: Variant) -> int:
+    """Return a whole number of VT_I4's range.
+
+    Raises:
+        CallError: E_INVALIDARGTYPE for another type, E_INVALIDARG for a fraction or one out of range.
+    """
+    number = to_number(given)
+    if number != number or number in (float("inf"), float("-inf")) or number != int(number):  # noqa: PLR0124 - NaN
+        raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no whole number", f"{number} は整数ではありません"))
+    if not -(2**31) <= number < 2**31:
+        raise error_for(hresult.E_INVALIDARG, pick(f"{number:.0f} is out of range", f"{number:.0f} は範囲外です"))
+    return int(number)
+
+
+def to_handle(given: Variant) -> int:
+    """Return a handle: VT_I4 or VT_UI4, as clients differ."""
+    if given.type in (VarType.I4, VarType.UI4, VarType.I2, VarType.UI2):
+        return int(given.value)
+    raise wrong_type(given, "VT_I4")
+
+
+def to_real(given: Variant) -> float:
+    """Return a number as ``float``; NaN and infinity are refused (E_INVALIDARG)."""
+    number = float(to_number(given))
+    if number != number or number in (float("inf"), float("-inf")):  # noqa: PLR0124 - NaN
+        raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no usable number", f"{number} は使えない値です"))
+    return number
+
+
+def to_text(given: Variant) -> str:
+    """Return a text; VT_EMPTY and VT_NULL are the empty one."""
+    given = single(given)
+    if given.type == VarType.BSTR:
+        return str(given.value)
+    if given.type in (VarType.EMPTY, VarType.NULL):
+        return ""
+    raise wrong_type(given, "VT_BSTR")
+
+
+def to_values(given: Variant) -> list[Any]:
+    """Return a parameter as a list of plain values: an array's elements, nothing for VT_EMPTY, else the one value."""
+    if given.type in (VarType.EMPTY, VarType.NULL):
+        return []
+    plain = given.plain
+    return list(plain) if given.type & ARRAY else [plain]

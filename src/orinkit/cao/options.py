@@ -1,0 +1,68 @@
+"""Option strings: ``"WDT=400,InvokeTimeout=180000"``, ``"@IfNotMember"`` (RC8 table 3-1 and 5-1).
+
+Pairs are separated by commas; a value may hold commas inside brackets or quotes; names are case-insensitive; empty
+parts, as in the leading comma that some clients send, are passed over. A name without a value means ``True``.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+_OPENING: Final = {"(": ")", "[": "]", "{": "}", "<": ">"}
+_QUOTES: Final = "\"'"
+
+
+class Options:
+    """The parsed options of one call."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self._values: dict[str, str] = {}
+        for part in _split(text):
+            name, equals, value = part.partition("=")
+            if name.strip():
+                self._values[name.strip().lower()] = _unquoted(value.strip()) if equals else "True"
+
+    def __contains__(self, name: str) -> bool:
+        return name.lower() in self._values
+
+    def text_of(self, name: str, default: str = "") -> str:
+        """Return the value of an option as text."""
+        return self._values.get(name.lower(), default)
+
+    def flag(self, name: str) -> bool:
+        """Return whether an option is on: given without a value, or as true, 1, on, yes."""
+        return self._values.get(name.lower(), "").lower() in ("true", "1", "-1", "on", "yes")
+
+    def number(self, name: str) -> int | None:
+        """Return the value of an option as a whole number, ``None`` when it is not given.
+
+        Raises:
+            ValueError: it is given and is no whole number.
+        """
+        text = self._values.get(name.lower())
+        return None if text is None else int(text, 0)
+
+
+def _split(text: str) -> list[str]:
+    parts = [""]
+    closing: list[str] = []
+    for sign in text:
+        if closing:
+            if sign == closing[-1]:
+                closing.pop()
+            elif closing[-1] not in _QUOTES and sign in _OPENING:
+                closing.append(_OPENING[sign])
+        elif sign in _QUOTES:
+            closing.append(sign)
+        elif sign in _OPENING:
+            closing.append(_OPENING[sign])
+        elif sign == ",":
+            parts.append("")
+            continue
+        parts[-1] += sign
+    return parts
+
+
+def _unquoted(value: str) -> str:
+    return value[1:-1] if len(value) > 1 and value[0] in _QUOTES and value[-1] == value[0] else value

@@ -1,0 +1,439 @@
+"""What a served device implements: one class per CAO interface, one method per function of the table.
+
+A method's name is the function's in Python's spelling (``Variable_GetValue`` is :meth:`VariableObject.get_value`). It
+gets the arguments as Python values, one of type VARIANT as :class:`~orinkit.variant.Variant` with its exact type, and
+returns the result. It may
+
+* return at once: it then runs on the server's own thread and must not wait for anything;
+* be ``async def``: it may ``await``, and is cancelled when its client goes away;
+* return :class:`Blocking` with a function to run in a worker thread.
+
+To answer with an error code, raise it: ``raise error_for(0x80020005)``. Any other exception is logged and answered
+with E_FAIL. For a device of your own, :class:`orinkit.Device` is the comfortable way; this is what lies beneath.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias, TypeVar
+
+from orinkit import hresult
+from orinkit.errors import CallError, error_for
+from orinkit.variant import Value, Variant, VarType
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Blocking:
+    """The rest of a call, to be run in a worker thread because it may wait."""
+
+    run: Callable[[], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Coded:
+    """A result together with a success code that is not S_OK, such as S_BUF_FULL."""
+
+    code: int
+    value: Any = None
+
+
+Result: TypeAlias = T | Coded | Awaitable[T] | Blocking
+"""What a method returns: the result, alone or with a success code, something to await, or work for a thread."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClientInfo:
+    """Who is calling.
+
+    Attributes:
+        address: host address of the client, ``"127.0.0.1"``; the port's path on a serial line.
+        transport: ``"tcp"``, ``"udp"``, ``"serial"``, ``"http"`` or ``"memory"``.
+        port: the client's port number, 0 where there is none.
+    """
+
+    address: str = ""
+    transport: str = "memory"
+    port: int = 0
+
+
+def not_implemented() -> CallError:
+    """Return the exception for a function that this device does not have."""
+    return error_for(hresult.E_NOTIMPL)
+
+
+def not_found(name: str) -> CallError:
+    """Return the exception for a name that this device does not have."""
+    return error_for(hresult.E_CAO_OBJECT_NOTFOUND, name)
+
+
+class CaoObject:
+    """What every served object has: a name, and a tag and an ID that its client may set.
+
+    One instance serves one handle of one client, so tag and ID are that client's own.
+    """
+
+    def __init__(self, name: str = "", *, attribute: int = 0, help: str = "") -> None:  # noqa: A002 - the documents' word
+        self.name = name
+        self.attribute = attribute
+        self.help = help
+        self.tag = Variant(VarType.EMPTY)
+        self.id = Variant(VarType.EMPTY)
+
+    def get_attribute(self) -> Result[int]:
+        """Attribute bits; 0 where there is nothing to say."""
+        return self.attribute
+
+    def get_help(self) -> Result[str]:
+        """Help text."""
+        return self.help
+
+    def get_name(self) -> Result[str]:
+        """Name of the object."""
+        return self.name
+
+    def get_tag(self) -> Result[Value]:
+        """Tag that the client has set."""
+        return self.tag
+
+    def put_tag(self, tag: Variant) -> Result[None]:
+        """Set the tag."""
+        self.tag = tag
+        return None
+
+    def get_id(self) -> Result[Value]:
+        """ID that the client has set."""
+        return self.id
+
+    def put_id(self, id: Variant) -> Result[None]:  # noqa: A002 - the documents' word
+        """Set the ID."""
+        self.id = id
+        return None
+
+    def release(self) -> None:
+        """Let go, at once: the client has released the object or has gone away."""
+
+
+class VariableObject(CaoObject):
+    """A variable."""
+
+    def get_date_time(self) -> Result[Value]:
+        """When the value was taken, a local ``datetime``."""
+        raise not_implemented()
+
+    def get_value(self) -> Result[Value]:
+        """The value."""
+        raise not_implemented()
+
+    def put_value(self, value: Variant) -> Result[None]:
+        """Set the value."""
+        raise error_for(hresult.E_CAO_NOT_WRITABLE, self.name)
+
+    def get_microsecond(self) -> Result[int]:
+        """Microseconds of the time when the value was taken."""
+        raise not_implemented()
+
+
+class OwnerObject(CaoObject):
+    """An object with variables and extended commands: everything but variables, commands and messages."""
+
+    def get_variable(self, name: str, option: str) -> Result[VariableObject]:
+        """Connect to a variable below this object."""
+        raise not_implemented()
+
+    def get_variable_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the variables below this object."""
+        return []
+
+    def execute(self, command: str, parameter: Variant) -> Result[Value]:
+        """Execute an extended command; its name comes as the client wrote it."""
+        raise not_implemented()
+
+
+class ExtensionObject(OwnerObject):
+    """An extension board, a hand."""
+
+
+class FileObject(OwnerObject):
+    """A file or folder of the controller."""
+
+    def get_file(self, name: str, option: str) -> Result[FileObject]:
+        """Connect to a file below this one."""
+        raise not_implemented()
+
+    def get_file_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the files below this one."""
+        return []
+
+    def copy(self, name: str, option: str) -> Result[None]:
+        """Copy the file."""
+        raise not_implemented()
+
+    def delete(self, option: str) -> Result[None]:
+        """Delete the file."""
+        raise not_implemented()
+
+    def move(self, name: str, option: str) -> Result[None]:
+        """Move or rename the file."""
+        raise not_implemented()
+
+    def run(self, option: str) -> Result[str]:
+        """Run the file; returns the name of the task."""
+        raise not_implemented()
+
+    def get_date_created(self) -> Result[Value]:
+        """When the file was created."""
+        raise not_implemented()
+
+    def get_date_last_accessed(self) -> Result[Value]:
+        """When the file was last read."""
+        raise not_implemented()
+
+    def get_date_last_modified(self) -> Result[Value]:
+        """When the file was last changed."""
+        raise not_implemented()
+
+    def get_path(self) -> Result[str]:
+        """Path in the controller."""
+        raise not_implemented()
+
+    def get_size(self) -> Result[int]:
+        """Size in bytes."""
+        raise not_implemented()
+
+    def get_type(self) -> Result[str]:
+        """Type of the file."""
+        raise not_implemented()
+
+    def get_value(self) -> Result[Value]:
+        """Content."""
+        raise not_implemented()
+
+    def put_value(self, value: Variant) -> Result[None]:
+        """Set the content."""
+        raise not_implemented()
+
+
+class RobotObject(OwnerObject):
+    """A robot."""
+
+    def accelerate(self, axis: int, accel: float, decel: float) -> Result[None]:
+        """Set internal acceleration and deceleration in percent."""
+        raise not_implemented()
+
+    def change(self, name: str) -> Result[None]:
+        """Change the tool or work frame in use."""
+        raise not_implemented()
+
+    def chuck(self, option: str) -> Result[None]:
+        """Close the chuck."""
+        raise not_implemented()
+
+    def drive(self, axis: int, value: float, option: str) -> Result[None]:
+        """Move one joint by degrees or mm."""
+        raise not_implemented()
+
+    def go_home(self) -> Result[None]:
+        """Move to the home pose."""
+        raise not_implemented()
+
+    def halt(self, option: str) -> Result[None]:
+        """Stop the motion and abandon it."""
+        raise not_implemented()
+
+    def hold(self, option: str) -> Result[None]:
+        """Pause the motion."""
+        raise not_implemented()
+
+    def move(self, interpolation: int, pose: Variant, option: str) -> Result[None]:
+        """Move to a pose."""
+        raise not_implemented()
+
+    def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Result[None]:
+        """Rotate about an axis through a pivot by degrees."""
+        raise not_implemented()
+
+    def speed(self, axis: int, speed: float) -> Result[None]:
+        """Set the internal speed in percent."""
+        raise not_implemented()
+
+    def unchuck(self, option: str) -> Result[None]:
+        """Open the chuck."""
+        raise not_implemented()
+
+    def unhold(self, option: str) -> Result[None]:
+        """Go on with a paused motion."""
+        raise not_implemented()
+
+
+class TaskObject(OwnerObject):
+    """A program task."""
+
+    def start(self, mode: int, option: str) -> Result[None]:
+        """Start: 1 one cycle, 2 continuous, 3 step."""
+        raise not_implemented()
+
+    def stop(self, mode: int, option: str) -> Result[None]:
+        """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
+        raise not_implemented()
+
+    def delete(self, option: str) -> Result[None]:
+        """Delete the task."""
+        raise not_implemented()
+
+    def get_file_name(self) -> Result[str]:
+        """File that the task came from."""
+        raise not_implemented()
+
+
+class CommandObject(CaoObject):
+    """A command that can be started, watched and cancelled."""
+
+    def execute(self, mode: int) -> Result[None]:
+        """Execute: 0 wait for the end, 1 return at once."""
+        raise not_implemented()
+
+    def cancel(self) -> Result[None]:
+        """Cancel the running command."""
+        raise not_implemented()
+
+    def get_timeout(self) -> Result[int]:
+        """Time-out in ms."""
+        raise not_implemented()
+
+    def put_timeout(self, timeout: int) -> Result[None]:
+        """Set the time-out in ms."""
+        raise not_implemented()
+
+    def get_state(self) -> Result[int]:
+        """State of the command."""
+        raise not_implemented()
+
+    def get_parameters(self) -> Result[Value]:
+        """Parameters."""
+        raise not_implemented()
+
+    def put_parameters(self, parameters: Variant) -> Result[None]:
+        """Set the parameters."""
+        raise not_implemented()
+
+    def get_result(self) -> Result[Value]:
+        """Result of the last execution."""
+        raise not_implemented()
+
+
+class MessageObject(CaoObject):
+    """An event that the client has fetched."""
+
+    def reply(self, value: Variant) -> Result[None]:
+        """Answer the event."""
+        raise not_implemented()
+
+    def clear(self) -> Result[None]:
+        """Clear the event."""
+        raise not_implemented()
+
+    def get_date_time(self) -> Result[Value]:
+        """When it happened, a local ``datetime``."""
+        raise not_implemented()
+
+    def get_description(self) -> Result[str]:
+        """What happened, in words."""
+        raise not_implemented()
+
+    def get_destination(self) -> Result[str]:
+        """Whom it is for."""
+        raise not_implemented()
+
+    def get_number(self) -> Result[int]:
+        """Number that tells the kind of event."""
+        raise not_implemented()
+
+    def get_serial_number(self) -> Result[int]:
+        """Serial number of the message."""
+        raise not_implemented()
+
+    def get_source(self) -> Result[str]:
+        """Where it came from."""
+        raise not_implemented()
+
+    def get_value(self) -> Result[Value]:
+        """Value that came with it."""
+        raise not_implemented()
+
+
+class ControllerObject(OwnerObject):
+    """A controller: where a client's objects begin."""
+
+    def get_extension(self, name: str, option: str) -> Result[ExtensionObject]:
+        """Connect to an extension board."""
+        raise not_implemented()
+
+    def get_file(self, name: str, option: str) -> Result[FileObject]:
+        """Connect to a file."""
+        raise not_implemented()
+
+    def get_robot(self, name: str, option: str) -> Result[RobotObject]:
+        """Connect to a robot."""
+        raise not_implemented()
+
+    def get_task(self, name: str, option: str) -> Result[TaskObject]:
+        """Connect to a task."""
+        raise not_implemented()
+
+    def get_command(self, name: str, option: str) -> Result[CommandObject]:
+        """Connect to a command."""
+        raise not_implemented()
+
+    def get_extension_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the extension boards."""
+        return []
+
+    def get_file_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the files."""
+        return []
+
+    def get_robot_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the robots."""
+        return []
+
+    def get_task_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the tasks."""
+        return []
+
+    def get_command_names(self, option: str) -> Result[Sequence[str]]:
+        """Names of the commands."""
+        return []
+
+    def get_message(self) -> Result[MessageObject]:
+        """Fetch the oldest waiting event; E_CAO_OBJECT_NOTFOUND when none waits."""
+        raise not_found("Message")
+
+
+class Provider:
+    """A device that clients reach with Controller_Connect under one of its provider names.
+
+    Attributes:
+        provider_names: for example ``("CaoProv.DENSO.VRC",)``; upper and lower case do not matter.
+    """
+
+    provider_names: Sequence[str] = ()
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        """Return the controller object for one client.
+
+        Args:
+            name: the name that the client gives to the controller, or one made up where it gave none.
+            machine: the machine name of the call; the documents say the controller's address or ``localhost``.
+            option: the option string of the call.
+            client: who calls.
+
+        Raises:
+            CallError: the client is refused.
+        """
+        raise not_implemented()
+
+    def close(self) -> None:
+        """The server has stopped; write down what has to be kept."""

@@ -1,0 +1,325 @@
+"""One client's session: its handles, and the way from a function call to the provider's method and back.
+
+:meth:`Session.invoke` finds the object behind the handle, reads the arguments as the table types them, calls the
+method and gives a :class:`Reply`. Where the method wants to wait, it gives a :class:`Pending`: the caller awaits or
+runs ``pending.work`` and hands what came of it to :meth:`Session.complete` or :meth:`Session.fail`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from inspect import isawaitable
+from typing import Any, Final, TypeAlias
+
+from orinkit import hresult
+from orinkit.cao import coerce
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.options import Options
+from orinkit.cao.provider import Blocking, CaoObject, Coded, ClientInfo, Provider
+from orinkit.cao.table import Argument, Function
+from orinkit.errors import CallError, InvalidValue, error_for
+from orinkit.language import pick
+from orinkit.variant import Value, Variant, VarType, variant
+
+logger = logging.getLogger("orinkit.session")
+
+_FIRST_HANDLE: Final = 2  # as in the documents' samples (RC8 3.1.2): the service itself is 1
+_LAST_HANDLE: Final = 0x7FFF_FFFF
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The answer to one call.
+
+    Attributes:
+        code: return code.
+        result: the result, ``None`` for a function that has none.
+        detail: for the log and for people: what went wrong, in words.
+    """
+
+    code: int = hresult.S_OK
+    result: Variant | None = None
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A call whose method waits for something; ``work`` is an awaitable or :class:`Blocking`."""
+
+    function: Function[..., Any]
+    handle: int
+    label: str
+    work: Any
+
+
+Outcome: TypeAlias = Reply | Pending
+
+
+class Host:
+    """The providers that one server offers, by name.
+
+    Args:
+        providers: what is served; the first also answers to an unknown name if it lists ``"*"``.
+        objects: how many objects one client may hold at a time; more is E_MAX_OBJECT.
+    """
+
+    def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
+        self.providers = [providers] if isinstance(providers, Provider) else list(providers)
+        self.objects = objects
+        self._by_name = {name.lower(): p for p in reversed(self.providers) for name in p.provider_names}
+
+    def find(self, name: str) -> Provider:
+        """Return the provider of that name.
+
+        Raises:
+            CallError: E_CAO_PROV_INVALID, there is none.
+        """
+        found = self._by_name.get(name.strip().lower()) or self._by_name.get("*")
+        if found is None:
+            offered = ", ".join(dict.fromkeys(name for p in self.providers for name in p.provider_names))
+            raise error_for(
+                hresult.E_CAO_PROV_INVALID,
+                pick(f"{name!r}; served here: {offered}", f"{name!r}。提供中のプロバイダ: {offered}"),
+            )
+        return found
+
+
+@dataclass(slots=True)
+class _Entry:
+    handle: int
+    interface: str
+    served: CaoObject
+    parent: int
+    label: str
+
+
+class Session:
+    """One client's objects, by handle. Handles of one session mean nothing in another."""
+
+    def __init__(self, host: Host, client: ClientInfo | None = None) -> None:
+        self.host = host
+        self.client = client or ClientInfo()
+        self._entries: dict[int, _Entry] = {}  # insertion order is age
+        self._next = _FIRST_HANDLE
+        self._closed = False
+        self._numbers = itertools.count(1)
+
+    def __len__(self) -> int:
+        """Return how many objects the client holds."""
+        return len(self._entries)
+
+    # --- a call -------------------------------------------------------------------------------------------------
+
+    def invoke(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
+        """Execute a call; nothing that a client sends makes this raise.
+
+        Args:
+            function_id: 1 to 137; any other is answered with E_NOTIMPL.
+            arguments: with their exact types, as :func:`orinkit.bcap.packet.decode` gives them.
+        """
+        function = FUNCTIONS.get(function_id)
+        if function is None:
+            return Reply(
+                hresult.E_NOTIMPL, detail=pick(f"no function {function_id}", f"関数 {function_id} はありません")
+            )
+        try:
+            values = read_arguments(function, arguments)
+            special = _SPECIAL.get(function.id)
+            if special is not None:
+                return special(self, function, values)
+            return self._call_method(function, values)
+        except Exception as error:  # noqa: BLE001 - whatever a device raises is answered, never let through
+            return self._failed(function, error)
+
+    def complete(self, pending: Pending, result: Any) -> Reply:
+        """Return the reply for a pending call whose work has given ``result``."""
+        try:
+            return self._reply(pending.function, pending.handle, pending.label, result)
+        except Exception as error:  # noqa: BLE001 - as in invoke
+            return self._failed(pending.function, error)
+
+    def fail(self, pending: Pending, error: Exception) -> Reply:
+        """Return the reply for a pending call whose work has raised ``error``."""
+        return self._failed(pending.function, error)
+
+    def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+        handle = values[0]
+        entry = self._entries.get(handle)
+        if entry is None or entry.interface != function.interface:
+            raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
+        label = ""
+        if function.creates:
+            label = values[1] if len(values) > 1 else ""
+            existing = self._existing(function, handle, values)
+            if existing is not None:
+                return existing
+        result = getattr(entry.served, function.method)(*values[1:])
+        if type(result) is Blocking or isawaitable(result):
+            return Pending(function, handle, label, result)
+        return self._reply(function, handle, label, result)
+
+    def _existing(self, function: Function[..., Any], parent: int, values: list[Any]) -> Reply | None:
+        """The object of that name if the client has it and says @IfNotMember; also the place of the object limit."""
+        label = values[1] if len(values) > 1 else ""
+        if label and "@IfNotMember" in Options(values[-1]):
+            for entry in self._entries.values():
+                if (
+                    entry.parent == parent
+                    and entry.interface == function.creates
+                    and entry.label.lower() == label.lower()
+                ):
+                    return Reply(result=Variant(VarType.I4, entry.handle))
+        self._check_room()
+        return None
+
+    def _reply(self, function: Function[..., Any], parent: int, label: str, result: Any) -> Reply:
+        if function.creates:
+            return Reply(result=Variant(VarType.I4, self._add(function.creates, result, parent, label)))
+        code = hresult.S_OK
+        if type(result) is Coded:
+            code, result = result.code, result.value
+        if function.result is None:
+            return Reply(code)
+        if function.result is VarType.VARIANT:
+            return Reply(code, variant(result))
+        return Reply(code, Variant(function.result, result))
+
+    def _failed(self, function: Function[..., Any], error: Exception) -> Reply:
+        if isinstance(error, CallError):
+            logger.debug("%s: 0x%08X %s", function.name, error.code, error.detail)
+            return Reply(error.code, detail=error.detail)
+        logger.error("%s: the device raised an exception", function.name, exc_info=error)
+        code = hresult.E_INVALIDARG if isinstance(error, InvalidValue) else hresult.E_FAIL
+        return Reply(code, detail=f"{type(error).__name__}: {error}")
+
+    @staticmethod
+    def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
+        if entry is None:
+            return pick(f"handle {handle} is not in use", f"ハンドル {handle} は使われていません")
+        return pick(
+            f"handle {handle} is a {entry.interface}, {function.name} needs a {function.interface}",
+            f"ハンドル {handle} は {entry.interface} です ({function.name} には {function.interface} が必要)",
+        )
+
+    # --- objects ------------------------------------------------------------------------------------------------
+
+    def _check_room(self) -> None:
+        if len(self._entries) >= self.host.objects:
+            raise error_for(
+                hresult.E_MAX_OBJECT,
+                pick(f"{self.host.objects} objects per client", f"1 クライアント {self.host.objects} 個まで"),
+            )
+
+    def _add(self, interface: str, served: CaoObject, parent: int, label: str) -> int:
+        if self._closed or (parent and parent not in self._entries):  # the client left while the device was at work
+            served.release()
+            raise error_for(hresult.E_ABORT, label)
+        while self._next in self._entries:
+            self._next = self._next % _LAST_HANDLE + 1
+        handle = self._next
+        self._next = self._next % _LAST_HANDLE + 1
+        self._entries[handle] = _Entry(handle, interface, served, parent, label)
+        return handle
+
+    def _remove(self, handle: int) -> None:
+        """Release an object, those below it first, newest first."""
+        for child in [entry.handle for entry in reversed(self._entries.values()) if entry.parent == handle]:
+            self._remove(child)
+        entry = self._entries.pop(handle, None)
+        if entry is None:
+            return
+        try:
+            entry.served.release()
+        except Exception:
+            logger.exception("release of %s %r", entry.interface, entry.label)
+
+    def close(self) -> None:
+        """Release everything, newest first, for good: the client has gone."""
+        self._closed = True
+        self._release_all()
+
+    def _release_all(self) -> None:
+        while self._entries:
+            self._remove(next(reversed(self._entries)))
+
+    # --- functions that are about the session itself ------------------------------------------------------------
+
+    def _service_start(self, _function: Function[..., Any], _values: list[Any]) -> Reply:
+        return Reply()
+
+    def _service_stop(self, _function: Function[..., Any], _values: list[Any]) -> Reply:
+        self._release_all()
+        return Reply()
+
+    def _controller_connect(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+        name, provider_name, machine, option = values
+        provider = self.host.find(provider_name)
+        if name:
+            existing = self._existing(function, 0, values)
+            if existing is not None:
+                return existing
+            if any(e.label.lower() == name.lower() for e in self._entries.values() if e.interface == "Controller"):
+                raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
+        else:
+            self._check_room()
+            name = f"Controller{next(self._numbers)}"
+        return self._reply(function, 0, name, provider.connect(name, machine, option, self.client))
+
+    def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:
+        handle = values[0]
+        entry = self._entries.get(handle)
+        if entry is None or entry.interface != function.interface:
+            raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
+        self._remove(handle)
+        return Reply()
+
+
+_SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Outcome]]] = {
+    1: Session._service_start,  # noqa: SLF001 - the class's own table
+    2: Session._service_stop,  # noqa: SLF001
+    3: Session._controller_connect,  # noqa: SLF001
+    **{entry.id: Session._release for entry in FUNCTIONS.values() if entry.releases},  # noqa: SLF001
+}
+
+
+def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> list[Any]:
+    """Return a call's arguments as the table types them, missing optional ones filled in.
+
+    Raises:
+        CallError: E_INVALIDARG for a wrong number of arguments, E_INVALIDARGTYPE for a wrong type.
+    """
+    expected = function.arguments
+    if not function.required <= len(given) <= len(expected):
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick(
+                f"{len(given)} arguments were given, {function.name} has {len(expected)}",
+                f"引数が {len(given)} 個あります ({function.name} は {len(expected)} 個)",
+            ),
+        )
+    values = [_read(argument, value) for argument, value in zip(expected, given, strict=False)]
+    values += [_default(argument) for argument in expected[len(given) :]]
+    return values
+
+
+def _read(argument: Argument, value: Variant) -> Any:
+    if argument.is_handle:
+        return coerce.to_handle(value)
+    return _READERS[argument.vt](value)
+
+
+def _default(argument: Argument) -> Value:
+    if argument.vt is VarType.VARIANT:
+        return Variant(VarType.EMPTY)
+    return "" if argument.default is None else argument.default  # type: ignore[return-value]
+
+
+_READERS: Final[dict[VarType, Callable[[Variant], Any]]] = {
+    VarType.I4: coerce.to_integer,
+    VarType.R4: coerce.to_real,
+    VarType.BSTR: coerce.to_text,
+    VarType.VARIANT: lambda value: value,
+}

@@ -1,0 +1,185 @@
+"""What an entry of THE TABLE is made of: functions, their arguments, and the types that they are written with."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Generic, ParamSpec, TypeVar
+
+from orinkit.language import pick
+from orinkit.variant import Value, VarType
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+Handle = Annotated[int, VarType.I4, "handle"]
+"""The number of an object in one connection; VT_I4, positive."""
+I4 = Annotated[int, VarType.I4]
+R4 = Annotated[float, VarType.R4]
+Bstr = Annotated[str, VarType.BSTR]
+AnyValue = Annotated[Any, VarType.VARIANT]
+
+INTERFACES: Final = ("Service", "Controller", "Extension", "File", "Robot", "Task", "Variable", "Command", "Message")
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """One argument of a function.
+
+    Attributes:
+        name: Python name.
+        vt: VARIANT type on the wire; ``VarType.VARIANT`` where any type may be sent.
+        is_handle: True for the number of an object.
+        optional: True where the other side may leave it out.
+        default: what it is then; ``None`` for one that is not sent at all.
+    """
+
+    name: str
+    vt: VarType
+    is_handle: bool = False
+    optional: bool = False
+    default: object = None
+
+    @property
+    def unsent(self) -> bool:
+        """True for an argument that is left out of the packet when it is not given."""
+        return self.optional and self.default is None and self.vt is not VarType.VARIANT
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Function(Generic[P, R]):
+    """One entry of the table; ``P`` are the types of its arguments, ``R`` is that of its result.
+
+    Attributes:
+        id: function id, 1 to 137.
+        name: the documents' spelling, ``Robot_Move``.
+        cao: CAO interface name (RC8 appendix A), ``""`` where the appendix has none.
+        section: where the documents describe it.
+        arguments: in order.
+        result: VARIANT type of the result, ``VarType.VARIANT`` for any, ``None`` for no result.
+        creates: interface of the object whose handle is returned, else ``""``.
+        released_by: name of the function that releases that handle, else ``""``.
+        releases: True where the function releases its own handle.
+        en, ja: one line of text.
+        interface: ``Robot`` for ``Robot_Move``.
+        method: name of the provider's method that serves the function: ``move`` for ``Robot_Move``.
+        required: how many arguments must be present.
+    """
+
+    id: int
+    name: str
+    cao: str
+    section: str
+    arguments: tuple[Argument, ...]
+    result: VarType | None
+    creates: str
+    released_by: str
+    releases: bool
+    en: str
+    ja: str
+    interface: str
+    method: str
+    required: int
+
+    @property
+    def text(self) -> str:
+        """The line of text in the language in force."""
+        return pick(self.en, self.ja)
+
+    def bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Return the arguments to send, in order, defaults filled in.
+
+        Raises:
+            TypeError: too many, too few, or one that the function does not have.
+        """
+        if not named and len(arguments) == len(self.arguments):
+            return arguments
+        if len(arguments) > len(self.arguments):
+            raise TypeError(
+                pick(
+                    f"{self.name} takes {len(self.arguments)} arguments, {len(arguments)} were given",
+                    f"{self.name} の引数は {len(self.arguments)} 個ですが {len(arguments)} 個渡されました",
+                )
+            )
+        bound = list(arguments)
+        left = dict(named)
+        for argument in self.arguments[len(arguments) :]:
+            if argument.name not in left and not argument.optional:
+                raise TypeError(
+                    pick(
+                        f"{self.name} needs the argument {argument.name!r}",
+                        f"{self.name} には引数 {argument.name!r} が必要です",
+                    )
+                )
+            value = left.pop(argument.name, argument.default)
+            if value is None and argument.unsent:
+                break
+            bound.append(value)
+        if left:
+            raise TypeError(
+                pick(
+                    f"{self.name} has no argument {next(iter(left))!r}, or it was given twice",
+                    f"{self.name} に引数 {next(iter(left))!r} はないか、二重に指定されています",
+                )
+            )
+        return tuple(bound)
+
+
+def snake_case(name: str) -> str:
+    """Return a document name in Python's spelling: ``GetDateCreated`` -> ``get_date_created``, ``GetID`` -> ``get_id``."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+
+
+ENTRIES: Final[dict[int, Function[..., Any]]] = {}
+"""What has been entered so far, by id; read it as :data:`orinkit.cao.functions.FUNCTIONS`."""
+
+
+def function(
+    id: int,  # noqa: A002 - the documents' word
+    name: str,
+    cao: str,
+    section: str,
+    *,
+    en: str,
+    ja: str,
+    creates: str = "",
+    released_by: str = "",
+    releases: bool = False,
+) -> Callable[[Callable[P, R]], Function[P, R]]:
+    """Enter a signature into the table."""
+
+    def enter(signature: Callable[P, R]) -> Function[P, R]:
+        arguments, result = _read_signature(signature)
+        interface, _, method = name.partition("_")
+        required = sum(not argument.optional for argument in arguments)
+        entry: Function[P, R] = Function(
+            id, name, cao, section, arguments, result, creates, released_by, releases, en, ja,
+            interface, snake_case(method), required,
+        )  # fmt: skip
+        ENTRIES[id] = entry
+        return entry
+
+    return enter
+
+
+def _read_signature(signature: Callable[..., Any]) -> tuple[tuple[Argument, ...], VarType | None]:
+    hints = dict(signature.__annotations__)
+    result = hints.pop("return")
+    defaults: tuple[Any, ...] = getattr(signature, "__defaults__", None) or ()
+    first = len(hints) - len(defaults)
+    arguments = tuple(
+        Argument(
+            name, _type_of(hint), hint is Handle, index >= first, defaults[index - first] if index >= first else None
+        )
+        for index, (name, hint) in enumerate(hints.items())
+    )
+    return arguments, None if result is None else _type_of(result)
+
+
+def _type_of(hint: Any) -> VarType:
+    if hint is Value:
+        return VarType.VARIANT
+    for part in (hint, *getattr(hint, "__args__", ())):  # "Bstr | None" has its parts in __args__
+        for mark in getattr(part, "__metadata__", ()):
+            if isinstance(mark, VarType):
+                return mark
+    raise TypeError(f"{hint!r} is no argument type of the table")

@@ -1,0 +1,109 @@
+"""What the asynchronous and the synchronous client share: plain data, no calls."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from orinkit import hresult
+from orinkit.cao.table import Function
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+
+RC8: Final = "CaoProv.DENSO.VRC"
+"""The provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
+
+DEFAULT_TIMEOUT: Final = 3.0
+_LEAST_WDT: Final = 0.08
+_USUAL_WDT: Final = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFunctions:
+    """The functions that every kind of object has under its own ids; ``None`` where a kind has none."""
+
+    release: Function[[int], None]
+    attribute: Function[[int], int] | None = None
+    help: Function[[int], str] | None = None
+    name: Function[[int], str] | None = None
+    get_tag: Function[[int], Any] | None = None
+    put_tag: Function[..., None] | None = None
+    get_id: Function[[int], Any] | None = None
+    put_id: Function[..., None] | None = None
+    variable: Function[..., int] | None = None
+    variable_names: Function[..., Any] | None = None
+    execute: Function[..., Any] | None = None
+
+
+class ErrorInfo(NamedTuple):
+    """One error that the controller reports now (GetCurErrorInfo).
+
+    Attributes:
+        code: unsigned 32 bits.
+        message: the controller's own text.
+        details: what else the controller says of it, as it came.
+    """
+
+    code: int
+    message: str
+    details: tuple[Any, ...] = ()
+
+    def __str__(self) -> str:
+        return f"0x{self.code:08X} {self.message or hresult.lookup(self.code).text}"
+
+
+def error_info(answer: Any) -> ErrorInfo:
+    """Read the array that GetCurErrorInfo answers with."""
+    code, message, *details = [*answer, 0, ""] if not answer else answer if len(answer) > 1 else [*answer, ""]
+    return ErrorInfo(hresult.unsigned(int(code)), str(message), tuple(details))
+
+
+def service_option(option: str | None, timeout: float) -> str | None:
+    """Return Service_Start's option: as given, or a watchdog that lets long calls outlast the time-out.
+
+    The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1); where that cannot be, none is asked for.
+    """
+    if option is not None:
+        return option or None
+    interval = min(_USUAL_WDT, timeout / 2)
+    return f"WDT={round(interval * 1000)}" if interval > _LEAST_WDT + 0.001 else None
+
+
+def check_timeout(seconds: float) -> float:
+    """Return a time-out in seconds.
+
+    Raises:
+        InvalidValue: it is not a positive number.
+    """
+    if not 0 < seconds < float("inf"):
+        raise InvalidValue(
+            pick(
+                f"timeout must be a positive number of seconds, not {seconds!r}",
+                f"timeout は正の秒数でなければなりません ({seconds!r})",
+            )
+        )
+    return float(seconds)
+
+
+def text_list(answer: Any) -> list[str]:
+    """Return a list of names; a controller without any answers VT_EMPTY."""
+    return [] if answer is None else [answer] if isinstance(answer, str) else [str(name) for name in answer]
+
+
+class Garbage:
+    """Handles whose objects were dropped without being closed; they are released before the next object is made."""
+
+    def __init__(self) -> None:
+        self._handles: deque[tuple[Function[[int], None], int]] = deque()
+
+    def add(self, release: Function[[int], None], handle: int) -> None:
+        """Note a handle; may be called from anywhere, also while Python collects garbage."""
+        self._handles.append((release, handle))
+
+    def take(self) -> tuple[Function[[int], None], int] | None:
+        """Return one and forget it."""
+        try:
+            return self._handles.popleft()
+        except IndexError:
+            return None

@@ -1,0 +1,819 @@
+"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+
+Made from ``_async.py`` by ``tools/make_sync.py``: do not edit.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from types import TracebackType
+from typing import Any, ClassVar, ParamSpec, Self, TypeVar
+from weakref import WeakValueDictionary
+
+from orinkit import hresult
+from orinkit.bcap.client import Conversation, Reply, Trace
+from orinkit.cao import functions as f
+from orinkit.cao.table import Function
+from orinkit.client._common import (
+    DEFAULT_TIMEOUT,
+    RC8,
+    ErrorInfo,
+    Garbage,
+    NodeFunctions,
+    check_timeout,
+    error_info,
+    service_option,
+    text_list,
+)
+from orinkit.errors import CallError, ConnectionLost, ObjectNotFound, OrinError, ProtocolError
+from orinkit.transport.address import parse_address
+from orinkit.transport.drive import Link, run
+from orinkit.transport.tcp import TcpLink
+from orinkit.variant import Value
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+
+P = ParamSpec("P")
+R = TypeVar("R")
+N = TypeVar("N", bound="Node")
+
+logger = logging.getLogger("orinkit.client")
+
+
+class Client:
+    """Raw calls over one connection; the objects below are built on it.
+
+    Calls are carried out one at a time; several threads may use one client. A call that times out leaves
+    the connection in step: its answer, should it come, is dropped.
+
+    Attributes:
+        timeout: seconds that a call waits for its answer; every S_EXECUTING from the controller starts it anew.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        limits: Limits = DEFAULT_LIMITS,
+        trace: Trace | None = None,
+    ) -> None:
+        self.timeout = check_timeout(timeout)
+        self._link = link
+        self._conversation = Conversation(limits, trace)
+        self._lock = threading.RLock()
+        self.garbage = Garbage()
+
+    @classmethod
+    def open(
+        cls,
+        url: str,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        limits: Limits = DEFAULT_LIMITS,
+        trace: Trace | None = None,
+    ) -> Self:
+        """Open a connection and nothing more: Service_Start is yours to call.
+
+        Args:
+            url: ``tcp://host:port`` or ``tcp:host:port``.
+            timeout: seconds for connecting and for each call.
+            limits: bounds on what is received.
+            trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
+
+        Raises:
+            InvalidAddress: the URL cannot be used.
+            ConnectFailed: nobody there.
+        """
+        link = TcpLink(parse_address(url), check_timeout(timeout))
+        return cls(link, timeout=timeout, limits=limits, trace=trace)
+
+    def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Call a function of the table (:mod:`orinkit.functions`) and return its result.
+
+        Raises:
+            TypeError: the arguments are not the function's.
+            InvalidValue: an argument does not fit its type; nothing was sent.
+            CallError: the controller answered with an error code.
+            CallTimeout: it did not answer in time.
+            ConnectionLost: the connection broke.
+            ProtocolError: what came back is not b-CAP.
+        """
+        arguments = function.bind(args, kwargs)
+        with self._lock:
+            reply = self._carry(function, arguments, self.timeout, exact=False)
+        result: R = reply.value
+        return result
+
+    def request(
+        self, function: Function[..., Any], *arguments: Any, timeout: float | None = None, exact: bool = False
+    ) -> Reply:
+        """Like :meth:`call`, with the success code beside the result.
+
+        Args:
+            function: an entry of the table.
+            arguments: its arguments.
+            timeout: seconds, instead of the client's.
+            exact: give the result as a :class:`~orinkit.variant.Variant` with its type.
+        """
+        seconds = self.timeout if timeout is None else check_timeout(timeout)
+        bound = function.bind(arguments, {})
+        with self._lock:
+            return self._carry(function, bound, seconds, exact=exact)
+
+    def _carry(self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, *, exact: bool) -> Reply:
+        try:
+            return run(self._conversation.call(function, arguments, seconds, exact=exact), self._link)
+        except ConnectionLost:
+            self._link.close()
+            raise
+        except ProtocolError as error:
+            if error.fatal:
+                self._link.close()
+            raise
+
+    @property
+    def dropped(self) -> int:
+        """How many answers came late, twice, or for nobody."""
+        return self._conversation.dropped
+
+    def close(self) -> None:
+        """Close the connection at once; the controller then releases every object of it."""
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Node:
+    """An object of the controller: what all kinds have in common.
+
+    Released by ``with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
+    released before the next object is made.
+    """
+
+    functions: ClassVar[NodeFunctions]
+
+    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+        self.client = client
+        self.handle = handle
+        self._label = label
+        self._parent = parent  # keeps it alive as long as this object is
+        self._children: WeakValueDictionary[int, Node] = WeakValueDictionary()
+        self._open = True
+
+    def __repr__(self) -> str:
+        state = "" if self._open else " closed"
+        return f"<{type(self).__name__} {self._label!r} handle {self.handle}{state}>"
+
+    def __del__(self) -> None:
+        if getattr(self, "_open", False) and self._parent is not None:
+            self.client.garbage.add(self.functions.release, self.handle)
+
+    def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
+        while (dropped := self.client.garbage.take()) is not None:
+            try:
+                self.client.call(*dropped)
+            except CallError as error:
+                logger.debug("release of a dropped object: %s", error)
+        handle = self.client.call(function, self.handle, name, option)
+        child = kind(self.client, handle, name, self)
+        self._children[handle] = child
+        return child
+
+    def close(self) -> None:
+        """Release the object and those below it, newest first; does nothing the second time.
+
+        An object that the controller has released already, or that went with a broken connection, is no error.
+        """
+        if not self._open:
+            return
+        for child in reversed(list(self._children.values())):
+            child.close()
+        self._open = False
+        try:
+            self.client.call(self.functions.release, self.handle)
+        except OrinError as error:
+            logger.debug("release of %r: %s", self, error)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Named(Node):
+    """An object with attribute, help, name, tag and ID: all but messages."""
+
+    def get_attribute(self) -> int:
+        """Attribute bits."""
+        assert self.functions.attribute is not None
+        return self.client.call(self.functions.attribute, self.handle)
+
+    def get_help(self) -> str:
+        """Help text."""
+        assert self.functions.help is not None
+        return self.client.call(self.functions.help, self.handle)
+
+    def get_name(self) -> str:
+        """Name that the controller gives to the object."""
+        assert self.functions.name is not None
+        return self.client.call(self.functions.name, self.handle)
+
+    def get_tag(self) -> Any:
+        """Tag: a value of your own that the controller keeps with the object."""
+        assert self.functions.get_tag is not None
+        return self.client.call(self.functions.get_tag, self.handle)
+
+    def put_tag(self, tag: Value) -> None:
+        """Set the tag."""
+        assert self.functions.put_tag is not None
+        self.client.call(self.functions.put_tag, self.handle, tag)
+
+    def get_id(self) -> Any:
+        """ID; on a variable ``I*`` it is the index."""
+        assert self.functions.get_id is not None
+        return self.client.call(self.functions.get_id, self.handle)
+
+    def put_id(self, id: Value) -> None:  # noqa: A002 - the documents' word
+        """Set the ID."""
+        assert self.functions.put_id is not None
+        self.client.call(self.functions.put_id, self.handle, id)
+
+    @property
+    def attribute(self) -> int:
+        """Attribute bits."""
+        return self.get_attribute()
+
+    @property
+    def help(self) -> str:
+        """Help text."""
+        return self.get_help()
+
+    @property
+    def name(self) -> str:
+        """Name that the controller gives to the object."""
+        return self.get_name()
+
+    @property
+    def tag(self) -> Any:
+        """Tag: a value of your own that the controller keeps with the object."""
+        return self.get_tag()
+
+    @tag.setter
+    def tag(self, new: Value) -> None:
+        self.put_tag(new)
+
+    @property
+    def id(self) -> Any:
+        """ID; on a variable ``I*`` it is the index."""
+        return self.get_id()
+
+    @id.setter
+    def id(self, new: Value) -> None:
+        self.put_id(new)
+
+
+class Variable(Named):
+    """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
+
+    functions = NodeFunctions(
+        f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
+        f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
+    )  # fmt: skip
+
+    def get_value(self) -> Any:
+        """The value, as plain Python (:mod:`orinkit.variant`)."""
+        return self.client.call(f.variable_get_value, self.handle)
+
+    def put_value(self, value: Value) -> None:
+        """Set the value."""
+        self.client.call(f.variable_put_value, self.handle, value)
+
+    def get_date_time(self) -> Any:
+        """When the value was taken, local ``datetime`` of the controller."""
+        return self.client.call(f.variable_get_date_time, self.handle)
+
+    def get_microsecond(self) -> int:
+        """Microseconds of the time when the value was taken."""
+        return self.client.call(f.variable_get_microsecond, self.handle)
+
+    @property
+    def value(self) -> Any:
+        """The value, as plain Python (:mod:`orinkit.variant`)."""
+        return self.get_value()
+
+    @value.setter
+    def value(self, new: Value) -> None:
+        self.put_value(new)
+
+    @property
+    def date_time(self) -> Any:
+        """When the value was taken, local ``datetime`` of the controller."""
+        return self.get_date_time()
+
+    @property
+    def microsecond(self) -> int:
+        """Microseconds of the time when the value was taken."""
+        return self.get_microsecond()
+
+
+class Owner(Named):
+    """An object with variables and extended commands of its own."""
+
+    def variable(self, name: str, option: str = "") -> Variable:
+        """Connect to a variable by name."""
+        assert self.functions.variable is not None
+        return self._child(Variable, self.functions.variable, name, option)
+
+    def variable_names(self, option: str = "") -> list[str]:
+        """Names of the variables."""
+        assert self.functions.variable_names is not None
+        return text_list(self.client.call(self.functions.variable_names, self.handle, option))
+
+    def execute(self, command: str, parameter: Value = None) -> Any:
+        """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
+        assert self.functions.execute is not None
+        return self.client.call(self.functions.execute, self.handle, command, parameter)
+
+
+class Extension(Owner):
+    """An extension board, for example a hand."""
+
+    functions = NodeFunctions(
+        f.extension_release, f.extension_get_attribute, f.extension_get_help, f.extension_get_name,
+        f.extension_get_tag, f.extension_put_tag, f.extension_get_id, f.extension_put_id,
+        f.extension_get_variable, f.extension_get_variable_names, f.extension_execute,
+    )  # fmt: skip
+
+
+class File(Owner):
+    """A file or folder of the controller."""
+
+    functions = NodeFunctions(
+        f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
+        f.file_get_tag, f.file_put_tag, f.file_get_id, f.file_put_id,
+        f.file_get_variable, f.file_get_variable_names, f.file_execute,
+    )  # fmt: skip
+
+    def file(self, name: str, option: str = "") -> File:
+        """Connect to a file below this one."""
+        return self._child(File, f.file_get_file, name, option)
+
+    def file_names(self, option: str = "") -> list[str]:
+        """Names of the files below this one."""
+        return text_list(self.client.call(f.file_get_file_names, self.handle, option))
+
+    def copy(self, name: str, option: str = "") -> None:
+        """Copy the file to another name."""
+        self.client.call(f.file_copy, self.handle, name, option)
+
+    def delete(self, option: str = "") -> None:
+        """Delete the file."""
+        self.client.call(f.file_delete, self.handle, option)
+
+    def move(self, name: str, option: str = "") -> None:
+        """Move or rename the file."""
+        self.client.call(f.file_move, self.handle, name, option)
+
+    def run(self, option: str = "") -> str:
+        """Run the file and return the name of its task."""
+        return self.client.call(f.file_run, self.handle, option)
+
+    def get_date_created(self) -> Any:
+        """When the file was created."""
+        return self.client.call(f.file_get_date_created, self.handle)
+
+    def get_date_last_accessed(self) -> Any:
+        """When the file was last read."""
+        return self.client.call(f.file_get_date_last_accessed, self.handle)
+
+    def get_date_last_modified(self) -> Any:
+        """When the file was last changed."""
+        return self.client.call(f.file_get_date_last_modified, self.handle)
+
+    def get_path(self) -> str:
+        """Path in the controller."""
+        return self.client.call(f.file_get_path, self.handle)
+
+    def get_size(self) -> int:
+        """Size in bytes."""
+        return self.client.call(f.file_get_size, self.handle)
+
+    def get_type(self) -> str:
+        """Type of the file."""
+        return self.client.call(f.file_get_type, self.handle)
+
+    def get_value(self) -> Any:
+        """Content."""
+        return self.client.call(f.file_get_value, self.handle)
+
+    def put_value(self, value: Value) -> None:
+        """Set the content."""
+        self.client.call(f.file_put_value, self.handle, value)
+
+    @property
+    def date_created(self) -> Any:
+        """When the file was created."""
+        return self.get_date_created()
+
+    @property
+    def date_last_accessed(self) -> Any:
+        """When the file was last read."""
+        return self.get_date_last_accessed()
+
+    @property
+    def date_last_modified(self) -> Any:
+        """When the file was last changed."""
+        return self.get_date_last_modified()
+
+    @property
+    def path(self) -> str:
+        """Path in the controller."""
+        return self.get_path()
+
+    @property
+    def size(self) -> int:
+        """Size in bytes."""
+        return self.get_size()
+
+    @property
+    def type(self) -> str:
+        """Type of the file."""
+        return self.get_type()
+
+    @property
+    def value(self) -> Any:
+        """Content."""
+        return self.get_value()
+
+    @value.setter
+    def value(self, new: Value) -> None:
+        self.put_value(new)
+
+
+class Robot(Owner):
+    """A robot (RC8 3.3). A motion is never repeated by the client."""
+
+    functions = NodeFunctions(
+        f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
+        f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
+        f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
+    )  # fmt: skip
+
+    def accelerate(self, axis: int, accel: float, decel: float) -> None:
+        """Set internal acceleration and deceleration in percent; -1 keeps one."""
+        self.client.call(f.robot_accelerate, self.handle, axis, accel, decel)
+
+    def change(self, name: str) -> None:
+        """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
+        self.client.call(f.robot_change, self.handle, name)
+
+    def chuck(self, option: str = "") -> None:
+        """Close the chuck."""
+        self.client.call(f.robot_chuck, self.handle, option)
+
+    def drive(self, axis: int, value: float, option: str = "") -> None:
+        """Move one joint by degrees (mm for a linear one)."""
+        self.client.call(f.robot_drive, self.handle, axis, value, option)
+
+    def go_home(self) -> None:
+        """Move to the home pose."""
+        self.client.call(f.robot_go_home, self.handle)
+
+    def halt(self, option: str = "") -> None:
+        """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
+        self.client.call(f.robot_halt, self.handle, option)
+
+    def hold(self, option: str = "") -> None:
+        """Pause the motion."""
+        self.client.call(f.robot_hold, self.handle, option)
+
+    def move(self, interpolation: int, pose: Value, option: str = "") -> None:
+        """Move to a pose: ``move(1, "@E J(45, 30, 120, 0, -60, 0)")``; 1 point to point, 2 line, 3 arc, 4 free curve."""
+        self.client.call(f.robot_move, self.handle, interpolation, pose, option)
+
+    def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
+        """Rotate by degrees in a plane about a pivot."""
+        self.client.call(f.robot_rotate, self.handle, plane, angle, pivot, option)
+
+    def speed(self, axis: int, speed: float) -> None:
+        """Set the internal speed in percent; axis -1 is the tool tip."""
+        self.client.call(f.robot_speed, self.handle, axis, speed)
+
+    def unchuck(self, option: str = "") -> None:
+        """Open the chuck."""
+        self.client.call(f.robot_unchuck, self.handle, option)
+
+    def unhold(self, option: str = "") -> None:
+        """Go on with a paused motion."""
+        self.client.call(f.robot_unhold, self.handle, option)
+
+
+class Task(Owner):
+    """A program task (RC8 3.2)."""
+
+    functions = NodeFunctions(
+        f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
+        f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
+        f.task_get_variable, f.task_get_variable_names, f.task_execute,
+    )  # fmt: skip
+
+    def start(self, mode: int = 1, option: str = "") -> None:
+        """Start: 1 one cycle, 2 continuous, 3 step."""
+        self.client.call(f.task_start, self.handle, mode, option)
+
+    def stop(self, mode: int = 0, option: str = "") -> None:
+        """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
+        self.client.call(f.task_stop, self.handle, mode, option)
+
+    def delete(self, option: str = "") -> None:
+        """Delete the task."""
+        self.client.call(f.task_delete, self.handle, option)
+
+    def get_file_name(self) -> str:
+        """File that the task came from."""
+        return self.client.call(f.task_get_file_name, self.handle)
+
+    @property
+    def file_name(self) -> str:
+        """File that the task came from."""
+        return self.get_file_name()
+
+
+class Command(Named):
+    """A command that can be started, watched and cancelled."""
+
+    functions = NodeFunctions(
+        f.command_release, f.command_get_attribute, f.command_get_help, f.command_get_name,
+        f.command_get_tag, f.command_put_tag, f.command_get_id, f.command_put_id,
+    )  # fmt: skip
+
+    def execute(self, mode: int = 0) -> None:
+        """Execute: 0 wait for the end, 1 return at once."""
+        self.client.call(f.command_execute, self.handle, mode)
+
+    def cancel(self) -> None:
+        """Cancel the running command."""
+        self.client.call(f.command_cancel, self.handle)
+
+    def get_timeout(self) -> int:
+        """Time-out in ms."""
+        return self.client.call(f.command_get_timeout, self.handle)
+
+    def put_timeout(self, timeout: int) -> None:
+        """Set the time-out in ms."""
+        self.client.call(f.command_put_timeout, self.handle, timeout)
+
+    def get_state(self) -> int:
+        """State of the command."""
+        return self.client.call(f.command_get_state, self.handle)
+
+    def get_parameters(self) -> Any:
+        """Parameters."""
+        return self.client.call(f.command_get_parameters, self.handle)
+
+    def put_parameters(self, parameters: Value) -> None:
+        """Set the parameters."""
+        self.client.call(f.command_put_parameters, self.handle, parameters)
+
+    def get_result(self) -> Any:
+        """Result of the last execution."""
+        return self.client.call(f.command_get_result, self.handle)
+
+    @property
+    def timeout(self) -> int:
+        """Time-out in ms."""
+        return self.get_timeout()
+
+    @timeout.setter
+    def timeout(self, new: int) -> None:
+        self.put_timeout(new)
+
+    @property
+    def state(self) -> int:
+        """State of the command."""
+        return self.get_state()
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters."""
+        return self.get_parameters()
+
+    @parameters.setter
+    def parameters(self, new: Value) -> None:
+        self.put_parameters(new)
+
+    @property
+    def result(self) -> Any:
+        """Result of the last execution."""
+        return self.get_result()
+
+
+class Message(Node):
+    """An event that the controller reported."""
+
+    functions = NodeFunctions(f.message_release)
+
+    def reply(self, value: Value = None) -> None:
+        """Answer the event."""
+        self.client.call(f.message_reply, self.handle, value)
+
+    def clear(self) -> None:
+        """Clear the event."""
+        self.client.call(f.message_clear, self.handle)
+
+    def get_date_time(self) -> Any:
+        """When it happened, local ``datetime`` of the controller."""
+        return self.client.call(f.message_get_date_time, self.handle)
+
+    def get_description(self) -> str:
+        """What happened, in words."""
+        return self.client.call(f.message_get_description, self.handle)
+
+    def get_destination(self) -> str:
+        """Whom it is for."""
+        return self.client.call(f.message_get_destination, self.handle)
+
+    def get_number(self) -> int:
+        """Number that tells the kind of event."""
+        return self.client.call(f.message_get_number, self.handle)
+
+    def get_serial_number(self) -> int:
+        """Serial number of the message."""
+        return self.client.call(f.message_get_serial_number, self.handle)
+
+    def get_source(self) -> str:
+        """Where it came from."""
+        return self.client.call(f.message_get_source, self.handle)
+
+    def get_value(self) -> Any:
+        """Value that came with it."""
+        return self.client.call(f.message_get_value, self.handle)
+
+    @property
+    def date_time(self) -> Any:
+        """When it happened, local ``datetime`` of the controller."""
+        return self.get_date_time()
+
+    @property
+    def description(self) -> str:
+        """What happened, in words."""
+        return self.get_description()
+
+    @property
+    def destination(self) -> str:
+        """Whom it is for."""
+        return self.get_destination()
+
+    @property
+    def number(self) -> int:
+        """Number that tells the kind of event."""
+        return self.get_number()
+
+    @property
+    def serial_number(self) -> int:
+        """Serial number of the message."""
+        return self.get_serial_number()
+
+    @property
+    def source(self) -> str:
+        """Where it came from."""
+        return self.get_source()
+
+    @property
+    def value(self) -> Any:
+        """Value that came with it."""
+        return self.get_value()
+
+
+class Controller(Owner):
+    """A controller; :func:`open_controller` makes one. Closing it releases everything and closes the connection."""
+
+    functions = NodeFunctions(
+        f.controller_disconnect, f.controller_get_attribute, f.controller_get_help, f.controller_get_name,
+        f.controller_get_tag, f.controller_put_tag, f.controller_get_id, f.controller_put_id,
+        f.controller_get_variable, f.controller_get_variable_names, f.controller_execute,
+    )  # fmt: skip
+
+    def extension(self, name: str, option: str = "") -> Extension:
+        """Connect to an extension board by name."""
+        return self._child(Extension, f.controller_get_extension, name, option)
+
+    def file(self, name: str, option: str = "") -> File:
+        """Connect to a file by name."""
+        return self._child(File, f.controller_get_file, name, option)
+
+    def robot(self, name: str = "Arm", option: str = "") -> Robot:
+        """Connect to a robot; the name is free, option ``ID=1`` picks the second arm."""
+        return self._child(Robot, f.controller_get_robot, name, option)
+
+    def task(self, name: str, option: str = "") -> Task:
+        """Connect to a task by name."""
+        return self._child(Task, f.controller_get_task, name, option)
+
+    def command(self, name: str, option: str = "") -> Command:
+        """Connect to a command by name."""
+        return self._child(Command, f.controller_get_command, name, option)
+
+    def message(self) -> Message | None:
+        """Fetch the oldest waiting event; ``None`` when none waits."""
+        try:
+            handle = self.client.call(f.controller_get_message, self.handle)
+        except ObjectNotFound:
+            return None
+        message = Message(self.client, handle, "message", self)
+        self._children[handle] = message
+        return message
+
+    def extension_names(self, option: str = "") -> list[str]:
+        """Names of the extension boards."""
+        return text_list(self.client.call(f.controller_get_extension_names, self.handle, option))
+
+    def file_names(self, option: str = "") -> list[str]:
+        """Names of the files."""
+        return text_list(self.client.call(f.controller_get_file_names, self.handle, option))
+
+    def robot_names(self, option: str = "") -> list[str]:
+        """Names of the robots."""
+        return text_list(self.client.call(f.controller_get_robot_names, self.handle, option))
+
+    def task_names(self, option: str = "") -> list[str]:
+        """Names of the tasks."""
+        return text_list(self.client.call(f.controller_get_task_names, self.handle, option))
+
+    def command_names(self, option: str = "") -> list[str]:
+        """Names of the commands."""
+        return text_list(self.client.call(f.controller_get_command_names, self.handle, option))
+
+    def errors(self) -> list[ErrorInfo]:
+        """Errors that the controller reports now, newest first (GetCurErrorCount, GetCurErrorInfo)."""
+        count = self.execute("GetCurErrorCount")
+        return [error_info(self.execute("GetCurErrorInfo", index)) for index in range(int(count or 0))]
+
+    def clear_error(self) -> None:
+        """Clear the controller's errors (RC8 3.3.6)."""
+        self.execute("ClearError")
+
+    def error_description(self, code: int) -> str:
+        """Return the controller's own text for a code."""
+        return str(self.execute("GetErrorDescription", hresult.signed(code)))
+
+    def close(self) -> None:
+        """Release everything, newest first, disconnect, stop the service, close the connection."""
+        if not self._open:
+            return
+        super().close()
+        try:
+            self.client.call(f.service_stop)
+        except OrinError as error:
+            logger.debug("Service_Stop: %s", error)
+        self.client.close()
+
+
+def open_controller(
+    url: str,
+    *,
+    provider: str = RC8,
+    name: str = "",
+    machine: str = "localhost",
+    option: str = "",
+    timeout: float = DEFAULT_TIMEOUT,
+    service: str | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+    trace: Trace | None = None,
+) -> Controller:
+    """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
+
+    Args:
+        url: ``tcp://192.168.0.1:5007``; DENSO's ``tcp:192.168.0.1:5007`` too.
+        provider: provider name; RC9 and COBOTTA PRO want ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
+        name: name of the controller in this connection; empty lets the controller choose.
+        machine: machine name; controllers take ``localhost`` or their own address.
+        option: connection options, for example ``@IfNotMember``.
+        timeout: seconds for connecting and for each call.
+        service: option of Service_Start; by default a watchdog (``WDT=400``), so that a long call outlasts the time-out.
+        limits: bounds on what is received.
+        trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
+
+    Raises:
+        InvalidAddress: the URL cannot be used.
+        ConnectFailed: nobody there.
+        CallError: the controller refuses.
+    """
+    client = Client.open(url, timeout=timeout, limits=limits, trace=trace)
+    try:
+        client.call(f.service_start, service_option(service, timeout))
+        handle = client.call(f.controller_connect, name, provider, machine, option)
+    except BaseException:
+        client.close()
+        raise
+    return Controller(client, handle, name or provider)

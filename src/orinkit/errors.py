@@ -1,0 +1,296 @@
+"""Every exception that orinkit raises.
+
+::
+
+    OrinError
+    ├── InvalidValue (ValueError)          a Python value that no VARIANT, or not the one asked for, can hold
+    ├── NotationError (ValueError)         VARIANT text that cannot be read
+    ├── InvalidAddress (ValueError)        a URL or connection string that cannot be used
+    ├── ProtocolError                      bytes from the other side that are not the protocol
+    │   └── LimitExceeded                  ... or are more than the limits allow
+    ├── TransportError (ConnectionError)   the link itself
+    │   ├── ConnectFailed                  could not be opened
+    │   ├── ConnectionLost                 ended while in use
+    │   └── ConnectionClosed               used after it was closed here
+    ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
+    └── CallError                          the controller answered with an error code
+        ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx
+        │   ├── NotImplementedCall         E_NOTIMPL
+        │   ├── InvalidArgument            E_INVALIDARG, wrong type, wrong index
+        │   ├── InvalidHandle              E_HANDLE
+        │   └── AccessDenied               E_ACCESSDENIED
+        ├── CaoError                       0x800002xx, 0x800004xx, 0x800009xx
+        │   ├── ObjectNotFound             E_CAO_OBJECT_NOTFOUND
+        │   ├── AlreadyRegistered          E_CAO_COLLECTION_REGISTERED
+        │   └── ExecutionTimeout           E_TIMEOUT said by the controller
+        ├── PacketError                    0x800100xx, 0x800101xx
+        ├── BusyError                      E_BUSY_PROC
+        ├── SocketError                    0x8091xxxx
+        ├── UserDefinedError               0x80040200 to 0x8004FFFF
+        ├── UnknownError                   a code outside every range
+        └── ControllerError                0x8LMMNNNN: level, subsystem, number
+            ├── MotionError  ServoError  SafetyError  ProgramError
+            └── OptionError  LanguageError  PendantError
+
+A :class:`CallError` is also what a served device raises to answer a call with that code (``raise CallError(code)``).
+All of them can be pickled.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from orinkit import hresult
+from orinkit.hresult import Code, Family
+from orinkit.language import pick
+
+_SHOWN_ARGUMENT: Final = 60
+
+
+class OrinError(Exception):
+    """The base of every exception of orinkit."""
+
+
+class InvalidValue(OrinError, ValueError):
+    """A Python value that cannot be sent as a VARIANT, or not as the type that was asked for."""
+
+
+class NotationError(OrinError, ValueError):
+    """A text that is not VARIANT notation (e-CAP 3.5, RC8 5.3); the message names the column, counted from 1."""
+
+
+class InvalidAddress(OrinError, ValueError):
+    """A URL or DENSO connection string that cannot be read, or names a transport that is not there."""
+
+
+class ProtocolError(OrinError):
+    """Bytes that are not the protocol.
+
+    Attributes:
+        code: the return code a server answers such bytes with (VE026A table 3-5).
+        fatal: True where the stream has lost its place and the link has to be closed.
+    """
+
+    def __init__(self, message: str, code: int = hresult.E_INVALIDRCVPACKET, *, fatal: bool = False) -> None:
+        super().__init__(message)
+        self.code = code
+        self.fatal = fatal
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _restore_protocol_error, (type(self), self.args[0], self.code, self.fatal)
+
+
+def _restore_protocol_error(kind: type[ProtocolError], message: str, code: int, fatal: bool) -> ProtocolError:
+    return kind(message, code, fatal=fatal)
+
+
+class LimitExceeded(ProtocolError):
+    """Bytes that would be the protocol but are more than the limits in force allow."""
+
+
+class TransportError(OrinError, ConnectionError):
+    """The link to the other side failed."""
+
+
+class ConnectFailed(TransportError):
+    """The link could not be opened."""
+
+
+class ConnectionLost(TransportError):
+    """The other side closed the link, or it broke, while it was in use."""
+
+
+class ConnectionClosed(TransportError):
+    """The link was used after it had been closed on this side."""
+
+
+class CallTimeout(OrinError, TimeoutError):
+    """No answer within the time-out; whether the controller executed the call is not known.
+
+    Attributes:
+        function: the document's name of the function.
+        seconds: the time-out that passed.
+    """
+
+    def __init__(self, function: str, seconds: float) -> None:
+        super().__init__(function, seconds)
+        self.function = function
+        self.seconds = seconds
+
+    def __str__(self) -> str:
+        return pick(
+            f"{self.function}: no answer within {self.seconds:g} s; whether the controller executed it is not known. "
+            "Try: a longer timeout, or service option WDT so that the controller reports that it is still at work",
+            f"{self.function}: {self.seconds:g} 秒以内に応答がありません。実行されたかどうかは不明です。"
+            "対処: timeout を長くするか、WDT オプションで実行中通知を有効にしてください",
+        )
+
+
+class CallError(OrinError):
+    """A call was answered with an error code; or, raised by a served device, is to be answered with it.
+
+    Attributes:
+        code: the return code, unsigned 32 bits.
+        function: the document's name of the function, ``""`` where it is not known.
+        arguments: the arguments of the call.
+        detail: what else is known, for example the text of an exception in a served device.
+        info: name, text and hint of the code (:class:`orinkit.hresult.Code`).
+    """
+
+    def __init__(self, code: int, detail: str = "", function: str = "", arguments: tuple[object, ...] = ()) -> None:
+        code = hresult.unsigned(code)
+        super().__init__(code, detail, function, arguments)
+        self.code = code
+        self.detail = detail
+        self.function = function
+        self.arguments = arguments
+
+    @property
+    def info(self) -> Code:
+        """Name, text and hint of the code."""
+        return hresult.lookup(self.code)
+
+    def __str__(self) -> str:
+        info = self.info
+        call = f"{self.function}({', '.join(map(_shorten, self.arguments))}): " if self.function else ""
+        name = f" {info.name}" if not info.name.startswith("0x") else ""
+        detail = f" [{self.detail}]" if self.detail else ""
+        hint = pick(f". Try: {info.hint}", f"。対処: {info.hint}") if info.hint else ""
+        return f"{call}0x{self.code:08X}{name}: {info.text}{detail}{hint}"
+
+
+class GeneralError(CallError):
+    """A code of the general ranges 0x8000xxxx, 0x8002xxxx and 0x8007xxxx."""
+
+
+class NotImplementedCall(GeneralError):
+    """E_NOTIMPL: the function or command does not exist on the other side."""
+
+
+class InvalidArgument(GeneralError):
+    """E_INVALIDARG, DISP_E_TYPEMISMATCH and the like: an argument is refused."""
+
+
+class InvalidHandle(GeneralError):
+    """E_HANDLE: no object with this handle in this connection, or one of another kind."""
+
+
+class AccessDenied(GeneralError):
+    """E_ACCESSDENIED: not allowed for this client."""
+
+
+class CaoError(CallError):
+    """A code of the CAO and b-CAP service ranges 0x800002xx, 0x800004xx and 0x800009xx."""
+
+
+class ObjectNotFound(CaoError):
+    """E_CAO_OBJECT_NOTFOUND: no object of this name."""
+
+
+class AlreadyRegistered(CaoError):
+    """E_CAO_COLLECTION_REGISTERED: an object of this name is connected already."""
+
+
+class ExecutionTimeout(CaoError):
+    """E_TIMEOUT said by the controller: the call ran longer than InvokeTimeout."""
+
+
+class PacketError(CallError):
+    """The other side says that a packet was wrong (0x80010000 to 0x800101FF)."""
+
+
+class BusyError(CallError):
+    """E_BUSY_PROC: an earlier call of this connection is still being executed; this one was not."""
+
+
+class SocketError(CallError):
+    """The other side reports a socket error of its own (0x8091xxxx)."""
+
+
+class UserDefinedError(CallError):
+    """A code that the served device defines itself (0x80040200 to 0x8004FFFF)."""
+
+
+class UnknownError(CallError):
+    """A failure code outside every known range."""
+
+
+class ControllerError(CallError):
+    """A code of the robot controller, 0x8LMMNNNN: level L, subsystem MM, number NNNN."""
+
+
+class MotionError(ControllerError):
+    """Subsystem 20: motion and trajectory."""
+
+
+class ServoError(ControllerError):
+    """Subsystem 40: servo."""
+
+
+class SafetyError(ControllerError):
+    """Subsystems 48, 49, 4A: safety and I/O units."""
+
+
+class ProgramError(ControllerError):
+    """Subsystem 50: controller state, rights, programs, variables."""
+
+
+class OptionError(ControllerError):
+    """Subsystem 58: electric hand and options."""
+
+
+class LanguageError(ControllerError):
+    """Subsystem 60: program language and interpreter."""
+
+
+class PendantError(ControllerError):
+    """Subsystem 80: teach pendant."""
+
+
+_BY_CODE: Final[dict[int, type[CallError]]] = {
+    hresult.E_NOTIMPL: NotImplementedCall,
+    hresult.E_INVALIDARG: InvalidArgument,
+    hresult.DISP_E_TYPEMISMATCH: InvalidArgument,
+    hresult.DISP_E_BADVARTYPE: InvalidArgument,
+    hresult.DISP_E_OVERFLOW: InvalidArgument,
+    hresult.DISP_E_BADINDEX: InvalidArgument,
+    hresult.E_HANDLE: InvalidHandle,
+    hresult.E_ACCESSDENIED: AccessDenied,
+    hresult.E_CAO_OBJECT_NOTFOUND: ObjectNotFound,
+    hresult.E_CAO_COLLECTION_REGISTERED: AlreadyRegistered,
+    hresult.E_TIMEOUT: ExecutionTimeout,
+}
+
+_BY_FAMILY: Final[dict[Family, type[CallError]]] = {
+    Family.SUCCESS: CallError,
+    Family.GENERAL: GeneralError,
+    Family.CAO: CaoError,
+    Family.PACKET: PacketError,
+    Family.BUSY: BusyError,
+    Family.SOCKET: SocketError,
+    Family.USER: UserDefinedError,
+    Family.MOTION: MotionError,
+    Family.SERVO: ServoError,
+    Family.SAFETY: SafetyError,
+    Family.PROGRAM: ProgramError,
+    Family.OPTION: OptionError,
+    Family.LANGUAGE: LanguageError,
+    Family.PENDANT: PendantError,
+    Family.CONTROLLER: ControllerError,
+    Family.UNKNOWN: UnknownError,
+}
+
+
+def error_class(code: int) -> type[CallError]:
+    """Return the exception class for a return code; unknown codes fall back by range."""
+    return _BY_CODE.get(hresult.unsigned(code)) or _BY_FAMILY[hresult.family(code)]
+
+
+def error_for(code: int, detail: str = "", function: str = "", arguments: tuple[object, ...] = ()) -> CallError:
+    """Return the exception, not raised yet, for a return code."""
+    return error_class(code)(code, detail, function, arguments)
+
+
+def _shorten(argument: object) -> str:
+    text = repr(argument)
+    return text if len(text) <= _SHOWN_ARGUMENT else f"{text[: _SHOWN_ARGUMENT - 3]}..."

@@ -1,0 +1,1 @@
+"""Servers: listeners around the protocol cores and the providers' sessions."""

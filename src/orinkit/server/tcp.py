@@ -1,0 +1,174 @@
+"""A b-CAP client's TCP connection, server side: the shell around conversation and session."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from typing import Any
+
+from orinkit import hresult
+from orinkit.bcap.server import Action, Close, Execute, Send, ServerConversation
+from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.session import Host, Pending, Reply, Session
+from orinkit.variant_bytes import Limits
+
+logger = logging.getLogger("orinkit.server")
+
+
+class Connections:
+    """What the connections of one server share.
+
+    Args:
+        host: the providers.
+        limits: bounds on packets.
+        clients: how many clients at a time; one more is answered with E_MAX_CONNECT and closed.
+        invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
+        workers: where handlers run that may wait.
+    """
+
+    def __init__(self, host: Host, limits: Limits, clients: int, invoke_timeout: float, workers: Executor) -> None:
+        self.host = host
+        self.limits = limits
+        self.clients = clients
+        self.invoke_timeout = invoke_timeout
+        self.workers = workers
+        self.open: set[TcpConnection] = set()
+
+    def make(self) -> TcpConnection:
+        """Return the protocol for a new connection."""
+        return TcpConnection(self)
+
+
+class TcpConnection(asyncio.Protocol):
+    """One client."""
+
+    def __init__(self, shared: Connections) -> None:
+        self._shared = shared
+        self._conversation = ServerConversation(shared.limits, shared.invoke_timeout)
+        self._session: Session | None = None  # None: one client too many
+        self._task: asyncio.Task[None] | None = None
+        self._alarm: asyncio.TimerHandle | None = None
+        self._waiting: Iterator[Action] | None = None
+        self._slow = False
+
+    # --- asyncio calls these ------------------------------------------------------------------------------------
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client has connected."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        self._loop = asyncio.get_running_loop()
+        peer = transport.get_extra_info("socket")
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        address, port = (transport.get_extra_info("peername") or ("", 0))[:2]
+        if len(self._shared.open) < self._shared.clients:
+            self._session = Session(self._shared.host, ClientInfo(address, "tcp", port))
+            self._shared.open.add(self)
+            logger.info("%s:%s connected", address, port)
+        else:
+            self._alarm = self._loop.call_later(5.0, transport.abort)  # time to ask once and be told
+            logger.warning("%s:%s refused: %d clients are connected", address, port, self._shared.clients)
+
+    def data_received(self, data: bytes) -> None:
+        """The client has sent something."""
+        self._act(self._conversation.receive(data, self._loop.time()))
+
+    def pause_writing(self) -> None:
+        """The client does not take its answers: stop listening to it."""
+        self._slow = True
+        self._transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """It takes them again."""
+        self._slow = False
+        self._transport.resume_reading()
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            self._act(waiting)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client has gone: whatever it held is released."""
+        self._set_alarm(None)
+        self._waiting = None
+        self._shared.open.discard(self)
+        if self._task is not None:
+            self._task.cancel()
+        if self._session is not None:
+            logger.info(
+                "%s:%s disconnected%s",
+                self._session.client.address,
+                self._session.client.port,
+                f": {exc}" if exc else "",
+            )
+            self._session.close()
+
+    # --- what the conversation says -----------------------------------------------------------------------------
+
+    def _act(self, actions: Iterator[Action]) -> None:
+        for action in actions:
+            if type(action) is Execute:
+                self._execute(action)
+            elif type(action) is Send:
+                self._transport.write(action.data)
+            elif type(action) is Close:
+                logger.warning("%s: closed: %s", self._transport.get_extra_info("peername"), action.reason)
+                self._transport.close()
+                return
+            if self._slow:
+                self._waiting = actions
+                return
+
+    def _execute(self, call: Execute) -> None:
+        if self._session is None:
+            self._answer(call, Reply(hresult.E_MAX_CONNECT))
+            self._transport.close()
+            return
+        outcome = self._session.invoke(call.function_id, call.arguments)
+        if type(outcome) is Reply:
+            self._answer(call, outcome)
+        elif type(outcome) is Pending:
+            self._task = self._loop.create_task(self._finish(self._session, call, outcome))
+            self._set_alarm(self._conversation.deadline())
+
+    async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
+        try:
+            work: Any = pending.work
+            if type(work) is Blocking:
+                result = await self._loop.run_in_executor(self._shared.workers, work.run)
+            else:
+                result = await work
+        except Exception as error:  # noqa: BLE001 - whatever a device raises is answered
+            reply = session.fail(pending, error)
+        else:
+            reply = session.complete(pending, result)
+        self._task = None
+        self._set_alarm(None)
+        self._answer(call, reply)
+
+    def _answer(self, call: Execute, reply: Reply) -> None:
+        data = self._conversation.finish(call, reply.code, reply.result)
+        if data:
+            self._transport.write(data)
+
+    def _set_alarm(self, when: float | None) -> None:
+        if self._alarm is not None:
+            self._alarm.cancel()
+        self._alarm = None if when is None else self._loop.call_at(when, self._tick)
+
+    def _tick(self) -> None:
+        data = self._conversation.tick(self._loop.time())
+        if data:
+            self._transport.write(data)
+        self._set_alarm(self._conversation.deadline())
+
+    def close(self) -> None:
+        """Close the connection from this side, once what was written has been sent."""
+        self._transport.close()
+
+    def abort(self) -> None:
+        """Close the connection at once, whatever was to be sent."""
+        self._transport.abort()

@@ -1,0 +1,108 @@
+"""TCP for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.tcp`."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+
+from orinkit.language import pick
+from orinkit.transport.address import Address
+from orinkit.transport.tcp import CHUNK, closed, connect_failed, lost
+
+
+class AsyncTcpLink(asyncio.Protocol):
+    """A TCP connection in asyncio; :meth:`connect` makes one."""
+
+    def __init__(self) -> None:
+        self._transport: asyncio.Transport | None = None
+        self._received = bytearray()
+        self._ended = False
+        self._error: Exception | None = None
+        self._waiter: asyncio.Future[None] | None = None
+
+    @classmethod
+    async def connect(cls, address: Address, seconds: float) -> AsyncTcpLink:
+        """Connect.
+
+        Raises:
+            ConnectFailed: it could not be done within ``seconds``.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            async with asyncio.timeout(seconds):
+                _, link = await loop.create_connection(cls, address.host, address.port)
+        except (OSError, ValueError) as error:  # TimeoutError is an OSError
+            raise connect_failed(address, error) from error
+        return link
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The link is up."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        peer = transport.get_extra_info("socket")
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes came."""
+        self._received += data
+        if len(self._received) > 64 * CHUNK and self._transport is not None:
+            self._transport.pause_reading()  # nobody asks for it: a peer that floods is left to its own buffers
+        self._wake()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The link is down."""
+        self._ended = True
+        self._error = exc
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def send(self, data: bytes) -> None:
+        """Queue all of the bytes.
+
+        Raises:
+            ConnectionClosed: the link was closed before.
+            ConnectionLost: the other side has closed it.
+        """
+        if self._transport is None:
+            raise closed()
+        if self._ended:
+            raise lost(self._error or pick("the other side closed it", "相手が閉じました"))
+        self._transport.write(data)
+
+    async def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.
+
+        Raises:
+            ConnectionClosed: the link was closed before.
+        """
+        if self._transport is None:
+            raise closed()
+        if not self._received and not self._ended:
+            loop = asyncio.get_running_loop()
+            self._waiter = loop.create_future()
+            alarm = loop.call_later(seconds, self._wake)
+            try:
+                await self._waiter
+            finally:
+                alarm.cancel()
+                self._waiter = None
+        if self._received:
+            data = bytes(self._received)
+            self._received.clear()
+            self._transport.resume_reading()
+            return data
+        if self._error is not None:
+            raise lost(self._error)
+        return b"" if self._ended else None
+
+    def close(self) -> None:
+        """Close; a receive that is waiting ends at once."""
+        if self._transport is not None:
+            self._transport.close()
+            self._transport = None
+            self._ended = True
+            self._wake()

@@ -1,0 +1,78 @@
+"""The two drivers, side by side: one protocol operation, on the caller's own thread or in asyncio.
+
+An operation is a generator as :meth:`orinkit.bcap.client.Conversation.call`: it yields bytes to send and how many
+seconds to wait for an answer, and is sent what was received.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from time import monotonic
+from typing import Protocol, TypeAlias, TypeVar
+
+T = TypeVar("T")
+Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
+
+
+class Link(Protocol):
+    """A way to the other side, used by one thread at a time."""
+
+    def send(self, data: bytes) -> None:
+        """Send all of the bytes."""
+
+    def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
+
+    def close(self) -> None:
+        """Close; may be called again."""
+
+
+class AsyncLink(Protocol):
+    """The same for asyncio."""
+
+    def send(self, data: bytes) -> None:
+        """Send all of the bytes; they are queued whole, so a cancelled task cannot send half of them."""
+
+    async def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
+
+    def close(self) -> None:
+        """Close; may be called again."""
+
+
+def run(operation: Operation[T], link: Link) -> T:
+    """Carry out an operation on the caller's thread and return its result."""
+    received: bytes | None = None
+    deadline = 0.0
+    try:
+        while True:
+            data, seconds = operation.send(received)
+            if data:
+                link.send(data)
+            if seconds is None:
+                seconds = deadline - monotonic()
+            else:
+                deadline = monotonic() + seconds
+            received = link.receive(seconds) if seconds > 0 else None
+    except StopIteration as stop:
+        result: T = stop.value
+        return result
+
+
+async def arun(operation: Operation[T], link: AsyncLink) -> T:
+    """Carry out an operation in asyncio and return its result."""
+    received: bytes | None = None
+    deadline = 0.0
+    try:
+        while True:
+            data, seconds = operation.send(received)
+            if data:
+                link.send(data)
+            if seconds is None:
+                seconds = deadline - monotonic()
+            else:
+                deadline = monotonic() + seconds
+            received = await link.receive(seconds) if seconds > 0 else None
+    except StopIteration as stop:
+        result: T = stop.value
+        return result

@@ -1,0 +1,127 @@
+"""TCP for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.aio_tcp`."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import sys
+from typing import Final
+
+from orinkit.errors import ConnectFailed, ConnectionClosed, ConnectionLost
+from orinkit.language import pick
+from orinkit.transport.address import Address
+
+CHUNK: Final = 65536
+_KERNEL_TIMEOUT: Final = sys.platform == "linux"
+_TIMEVAL: Final = struct.Struct("@ll")
+
+
+def lost(reason: object) -> ConnectionLost:
+    """Return the exception for a link that broke."""
+    return ConnectionLost(pick(f"the connection broke: {reason}", f"接続が切れました: {reason}"))
+
+
+def closed() -> ConnectionClosed:
+    """Return the exception for a link that was closed here."""
+    return ConnectionClosed(
+        pick("the connection is closed; connect again", "接続は閉じられています。接続し直してください")
+    )
+
+
+def connect_failed(address: Address, error: BaseException) -> ConnectFailed:
+    """Return the exception for a link that could not be opened."""
+    reason = str(error) or type(error).__name__
+    return ConnectFailed(
+        pick(
+            f"cannot connect to {address}: {reason}. Try: is the controller on, the address right, the port open?",
+            f"{address} に接続できません: {reason}。対処: コントローラの電源、アドレス、ポートを確認してください",
+        )
+    )
+
+
+class TcpLink:
+    """A TCP connection used by the thread that calls.
+
+    On Linux the time-out is given to the kernel, so that a call costs one system call to send and one to receive.
+    """
+
+    def __init__(self, address: Address, seconds: float) -> None:
+        """Connect.
+
+        Raises:
+            ConnectFailed: it could not be done within ``seconds``.
+        """
+        try:
+            self._socket = socket.create_connection((address.host, address.port), seconds)
+        except (OSError, ValueError) as error:
+            raise connect_failed(address, error) from error
+        self._open = True
+        self._seconds = -1.0
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if _KERNEL_TIMEOUT:
+            self._socket.settimeout(None)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(seconds))
+
+    def send(self, data: bytes) -> None:
+        """Send all of the bytes; if that does not succeed the link is closed, for the stream would have a torn packet.
+
+        Raises:
+            ConnectionLost: the link broke, or the other side takes nothing any more.
+            ConnectionClosed: the link was closed before.
+        """
+        if not self._open:
+            raise closed()
+        try:
+            self._socket.sendall(data)
+        except BaseException as error:
+            self.close()
+            if isinstance(error, OSError):
+                raise lost(error) from error
+            raise
+
+    def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.
+
+        Raises:
+            ConnectionLost: the link broke.
+            ConnectionClosed: the link was closed before.
+        """
+        if seconds != self._seconds:
+            self._set_timeout(seconds)
+        try:
+            return self._socket.recv(CHUNK)
+        except (BlockingIOError, TimeoutError):
+            return None
+        except OSError as error:
+            raise self._end(error) from error
+
+    def _set_timeout(self, seconds: float) -> None:
+        try:
+            if _KERNEL_TIMEOUT:
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(seconds))
+            else:
+                self._socket.settimeout(seconds)
+        except OSError as error:
+            raise self._end(error) from error
+        self._seconds = seconds
+
+    def _end(self, error: OSError) -> ConnectionLost | ConnectionClosed:
+        was_open = self._open
+        self.close()
+        return lost(error) if was_open else closed()
+
+    def close(self) -> None:
+        """Close; a receive that another thread is in ends at once."""
+        if self._open:
+            self._open = False
+            try:
+                self._socket.shutdown(socket.SHUT_RDWR)
+            except OSError:  # the other side may have gone first
+                pass
+            self._socket.close()
+
+
+def _timeval(seconds: float) -> bytes:
+    whole, part = divmod(max(seconds, 1e-6), 1.0)
+    return _TIMEVAL.pack(int(whole), max(int(part * 1e6), 0 if whole else 1))

@@ -1,0 +1,387 @@
+"""VARIANT: the typed values of ORiN as Python values (VE026A 3.2, table 3-1).
+
+============================  =========================================================================
+Python value                  VARIANT
+============================  =========================================================================
+``None``                      VT_EMPTY (VT_NULL is also read as ``None``)
+``bool``                      VT_BOOL
+``int``                       VT_I4; one that does not fit is an :class:`~orinkit.errors.InvalidValue`
+``float``                     VT_R8
+``str``                       VT_BSTR
+``bytes``, ``bytearray``      VT_UI1 array
+``datetime``                  VT_DATE (days since 1899-12-30, local time; an aware one is converted to local)
+``decimal.Decimal``           VT_CY (four decimals)
+list of one of these types    array of that type (``[]`` is an empty VARIANT array)
+any other list or tuple       VARIANT array, nested freely
+numpy array, numpy scalar     by its dtype; 64-bit integers as ``int``; one dimension
+``Variant(VarType.I2, 1)``    exactly this type
+============================  =========================================================================
+
+Reading gives the same Python types back; an unsigned or short integer becomes ``int``, VT_R4 ``float``, VT_ERROR an
+unsigned ``int``. A VT_DATE that no ``datetime`` can hold is given as the ``float`` of its days. With ``exact=True``
+nothing is lost: :class:`Variant` objects with their types.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from decimal import Decimal
+from enum import IntEnum
+from typing import Any, Final, Protocol, TypeAlias
+
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+
+
+class VarType(IntEnum):
+    """The VARIANT types (VE026A table 3-1; I1, I8 and UI8 are newer than the table). An array is ``ARRAY | type``."""
+
+    EMPTY = 0
+    NULL = 1
+    I2 = 2
+    I4 = 3
+    R4 = 4
+    R8 = 5
+    CY = 6
+    DATE = 7
+    BSTR = 8
+    ERROR = 10
+    BOOL = 11
+    VARIANT = 12
+    I1 = 16
+    UI1 = 17
+    UI2 = 18
+    UI4 = 19
+    I8 = 20
+    UI8 = 21
+    ARRAY = 0x2000
+
+
+class ArrayLike(Protocol):
+    """What is used of a numpy array or scalar; numpy itself is never imported."""
+
+    @property
+    def dtype(self) -> Any: ...
+    @property
+    def ndim(self) -> int: ...
+    def tolist(self) -> Any: ...
+
+
+Value: TypeAlias = (
+    "None | bool | int | float | str | bytes | bytearray | datetime | Decimal | Variant | ArrayLike | Sequence[Value]"
+)
+"""What can be sent as a VARIANT; the table in this module's docstring says as which."""
+
+ARRAY: Final = 0x2000
+_BASE: Final = 0x1FFF
+VARIANT_ARRAY: Final = int(VarType.VARIANT) | ARRAY
+R8_ARRAY: Final = int(VarType.R8) | ARRAY
+
+FORMATS: Final[dict[int, str]] = {
+    VarType.I2: "h", VarType.I4: "i", VarType.R4: "f", VarType.R8: "d", VarType.CY: "q", VarType.DATE: "d",
+    VarType.ERROR: "I", VarType.BOOL: "h", VarType.I1: "b", VarType.UI1: "B", VarType.UI2: "H", VarType.UI4: "I",
+    VarType.I8: "q", VarType.UI8: "Q",
+}  # fmt: skip
+SIZES: Final = {int(vt): struct.calcsize("<" + code) for vt, code in FORMATS.items()}
+_RANGES: Final = {
+    int(vt): (0, 2 ** (8 * SIZES[vt]) - 1) if code.isupper() else (-(2 ** (8 * SIZES[vt] - 1)), 2 ** (8 * SIZES[vt] - 1) - 1)
+    for vt, code in FORMATS.items() if code not in "fd" and vt not in (VarType.CY, VarType.BOOL)
+}  # fmt: skip
+
+_EPOCH: Final = datetime(1899, 12, 30)
+_DAY_US: Final = 86_400_000_000
+
+
+def type_name(vt: int) -> str:
+    """Return the documents' spelling of a type: ``VT_I4``, ``VT_R8|VT_ARRAY``; an unknown one with its number."""
+    base = vt & ~ARRAY
+    try:
+        name = f"VT_{VarType(base).name}"
+    except ValueError:
+        name = f"VT_{base}?"
+    return f"{name}|VT_ARRAY" if vt & ARRAY else name
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A value with its VARIANT type, for when the type matters.
+
+    ``value`` is a Python scalar, ``bytes`` for an array of VT_UI1, a list for any other array (of :class:`Variant` for
+    an array of VT_VARIANT). A VT_DATE may also be given as ``float`` days.
+
+    Raises:
+        InvalidValue: the type is unknown, or the value does not fit it.
+    """
+
+    type: int
+    value: Any = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "type", int(self.type))
+        object.__setattr__(self, "value", _conform(self.type, self.value))
+
+    def __repr__(self) -> str:
+        return f"Variant({type_name(self.type)}, {self.value!r})"
+
+    @property
+    def plain(self) -> Any:
+        """The value as plain Python: no :class:`Variant` inside, a VT_DATE as ``datetime`` where one can hold it."""
+        if self.type == VARIANT_ARRAY:
+            return [element.plain for element in self.value]
+        if self.type == VarType.DATE:
+            return plain_date(self.value)
+        if self.type == VarType.DATE | ARRAY:
+            return [plain_date(day) for day in self.value]
+        return self.value
+
+
+def variant(value: Value) -> Variant:
+    """Return the value as a :class:`Variant`, by the rules of this module's docstring.
+
+    Raises:
+        InvalidValue: no VARIANT can hold it.
+    """
+    if isinstance(value, Variant):
+        return value
+    vt, content = _infer(value)
+    return trusted(vt, _conform(vt, content))
+
+
+def plain(value: Any) -> Any:
+    """Return the plain Python value of a :class:`Variant`, anything else as it is."""
+    return value.plain if isinstance(value, Variant) else value
+
+
+def trusted(vt: int, value: Any) -> Variant:
+    new = Variant.__new__(Variant)
+    object.__setattr__(new, "type", vt)
+    object.__setattr__(new, "value", value)
+    return new
+
+
+# --- Python value -> type and content ---------------------------------------------------------------------------------
+
+_INFERRED: Final[dict[type, int]] = {
+    type(None): VarType.EMPTY, bool: VarType.BOOL, int: VarType.I4, float: VarType.R8, str: VarType.BSTR,
+    datetime: VarType.DATE, Decimal: VarType.CY,
+}  # fmt: skip
+_DTYPES: Final[dict[str, int]] = {
+    "b1": VarType.BOOL, "i1": VarType.I1, "i2": VarType.I2, "i4": VarType.I4, "i8": VarType.I4, "u1": VarType.UI1,
+    "u2": VarType.UI2, "u4": VarType.UI4, "u8": VarType.I4, "f4": VarType.R4, "f8": VarType.R8, "U": VarType.BSTR,
+}  # fmt: skip
+
+
+def _infer(value: Any) -> tuple[int, Any]:
+    kind = type(value)
+    if kind in _INFERRED:
+        return _INFERRED[kind], value
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):
+        return _infer_numpy(value)
+    if isinstance(value, bytes | bytearray | memoryview):
+        return VarType.UI1 | ARRAY, value
+    if isinstance(value, list | tuple):
+        return _infer_list(value), value
+    for base in (bool, int, float, str, datetime, Decimal):  # subclasses: IntEnum, numpy.float64, ...
+        if isinstance(value, base):
+            return _INFERRED[base], value
+    if isinstance(value, Sequence):
+        items = list(value)
+        return _infer_list(items), items
+    raise InvalidValue(
+        pick(
+            f"no VARIANT can hold a {kind.__name__} ({value!r:.60}); give None, bool, int, float, str, bytes, datetime, "
+            "Decimal, a list of these, or an explicit Variant(VarType...., value)",
+            f"{kind.__name__} 型の値 ({value!r:.60}) は VARIANT にできません。None, bool, int, float, str, bytes, datetime, "
+            "Decimal, それらのリスト、または Variant(VarType...., 値) を指定してください",
+        )
+    )
+
+
+def _infer_list(items: Sequence[Any]) -> int:
+    kinds = set(map(type, items))
+    if len(kinds) == 1:
+        vt = _INFERRED.get(kinds.pop(), VarType.EMPTY)
+        if vt != VarType.EMPTY:
+            return vt | ARRAY
+    return VARIANT_ARRAY
+
+
+def _infer_numpy(value: Any) -> tuple[int, Any]:
+    kind = value.dtype.kind
+    vt = _DTYPES.get(kind if kind == "U" else f"{kind}{value.dtype.itemsize}")
+    if vt is None or value.ndim > 1:
+        raise InvalidValue(
+            pick(
+                f"a numpy value of dtype {value.dtype} with {value.ndim} dimensions has no VARIANT; "
+                "use one dimension of bool, integer, float32, float64 or str, or a list of such rows",
+                f"dtype {value.dtype}、{value.ndim} 次元の numpy 値は VARIANT にできません。"
+                "1 次元の bool, 整数, float32, float64, str、または行のリストにしてください",
+            )
+        )
+    return (vt | ARRAY if value.ndim else vt), value.tolist()
+
+
+# --- content conforms to its type -------------------------------------------------------------------------------------
+
+
+def _conform(vt: int, value: Any) -> Any:
+    """Return the value in the form kept for its type; raise InvalidValue where it does not fit."""
+    base = vt & ~ARRAY
+    if base not in _CONFORM or (vt & ARRAY and base in (VarType.EMPTY, VarType.NULL)) or vt == VarType.VARIANT:
+        raise InvalidValue(
+            pick(
+                f"{type_name(vt)} ({vt}) is not a type that a value can have",
+                f"{type_name(vt)} ({vt}) は値の型として使えません",
+            )
+        )
+    if not vt & ARRAY:
+        return _CONFORM[base](base, value)
+    if base == VarType.UI1 and isinstance(value, bytes | bytearray | memoryview):
+        return bytes(value)
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        raise misfit(vt, value)
+    conform = _CONFORM[base]
+    items = [conform(base, plain(item) if base != VarType.VARIANT else item) for item in value]
+    return bytes(items) if base == VarType.UI1 else items
+
+
+def misfit(vt: int, value: object) -> InvalidValue:
+    shown = f"{value!r:.60}"
+    bounds = _RANGES.get(vt & ~ARRAY)
+    if bounds and isinstance(value, int):
+        wider = pick("; Variant(VarType.I8, ...) holds 64 bits", "。64 ビットなら Variant(VarType.I8, ...)")
+        return InvalidValue(
+            pick(
+                f"{shown} does not fit {type_name(vt)} ({bounds[0]} to {bounds[1]})",
+                f"{shown} は {type_name(vt)} の範囲 ({bounds[0]}～{bounds[1]}) を超えています",
+            )
+            + (wider if vt & ~ARRAY == VarType.I4 else "")
+        )
+    return InvalidValue(
+        pick(f"{shown} is no value for {type_name(vt)}", f"{shown} は {type_name(vt)} の値になりません")
+    )
+
+
+def _nothing(vt: int, value: Any) -> None:
+    if value is not None:
+        raise misfit(vt, value)
+
+
+def _integer(vt: int, value: Any) -> int:
+    try:
+        number = value.__index__()
+    except AttributeError:
+        if not isinstance(value, float) or not value.is_integer():
+            raise misfit(vt, value) from None
+        number = int(value)
+    low, high = _RANGES[vt]
+    if vt == VarType.ERROR and number < 0:
+        number += 2**32 if number >= -(2**31) else 0
+    if not low <= number <= high:
+        raise misfit(vt, number)
+    return int(number)
+
+
+def _real(vt: int, value: Any) -> float:
+    if isinstance(value, bool | str | bytes):
+        raise misfit(vt, value)
+    try:
+        number = float(value)
+        if vt == VarType.R4:
+            struct.pack("<f", number)
+    except (TypeError, ValueError, OverflowError):
+        raise misfit(vt, value) from None
+    return number
+
+
+def _boolean(vt: int, value: Any) -> bool:
+    if isinstance(value, str | bytes | list | tuple | None):
+        raise misfit(vt, value)
+    return bool(value)
+
+
+def _string(vt: int, value: Any) -> str:
+    if not isinstance(value, str):
+        raise misfit(vt, value)
+    return str(value)
+
+
+def _currency(vt: int, value: Any) -> Decimal:
+    if isinstance(value, bool | float | str | bytes) or not isinstance(value, Decimal | int):
+        raise misfit(vt, value)
+    amount = Decimal(value)
+    scaled = amount.scaleb(4) if amount.is_finite() else None
+    if scaled is None or scaled != scaled.to_integral_value() or not -(2**63) <= scaled < 2**63:
+        raise InvalidValue(
+            pick(
+                f"{value} does not fit VT_CY: at most four decimals, -922337203685477.5808 to 922337203685477.5807",
+                f"{value} は VT_CY に入りません (小数 4 桁まで、-922337203685477.5808～922337203685477.5807)",
+            )
+        )
+    return amount
+
+
+def _date(vt: int, value: Any) -> datetime | float:
+    if isinstance(value, datetime):
+        return value if value.tzinfo is None else value.astimezone().replace(tzinfo=None)
+    return _real(vt, value)
+
+
+def _element(_vt: int, value: Any) -> Variant:
+    return variant(value)
+
+
+_CONFORM: Final[dict[int, Callable[[int, Any], Any]]] = {
+    VarType.EMPTY: _nothing, VarType.NULL: _nothing, VarType.R4: _real, VarType.R8: _real, VarType.CY: _currency,
+    VarType.DATE: _date, VarType.BSTR: _string, VarType.BOOL: _boolean, VarType.VARIANT: _element,
+    **dict.fromkeys(_RANGES, _integer),
+}  # fmt: skip
+
+
+# --- VT_DATE ----------------------------------------------------------------------------------------------------------
+
+
+def ole_days(moment: datetime) -> float:
+    """Return a local time as OLE days since 1899-12-30 (before that day the time of day still counts forward)."""
+    us = (moment - _EPOCH) // timedelta(microseconds=1)
+    if us >= 0:
+        return us / _DAY_US
+    day, rest = divmod(us, _DAY_US)
+    return (day * _DAY_US - rest) / _DAY_US
+
+
+def ole_datetime(days: float) -> datetime:
+    """Return OLE days as local time, rounded to a microsecond.
+
+    Raises:
+        OverflowError: outside the years 1 to 9999, infinite, or not a number.
+    """
+    if days != days:
+        raise OverflowError("NaN")
+    top, bottom = abs(days).as_integer_ratio()
+    whole, part = divmod(top, bottom)
+    us = (part * _DAY_US * 2 + bottom) // (2 * bottom)  # exact, half up: a double product would lose the microsecond
+    return _EPOCH + timedelta(days=whole if days >= 0 else -whole, microseconds=us)
+
+
+def plain_date(value: datetime | float) -> datetime | float:
+    if isinstance(value, datetime):
+        return value
+    try:
+        return ole_datetime(value)
+    except OverflowError:
+        return value
+
+
+def exact_date(days: float) -> datetime | float:
+    moment = plain_date(days)
+    return (
+        moment
+        if isinstance(moment, datetime) and struct.pack("<d", ole_days(moment)) == struct.pack("<d", days)
+        else days
+    )

@@ -1,0 +1,287 @@
+"""VARIANT as bytes, the way a packet argument and a VARIANT array hold it (VE026A 3.2, figure 3-2 and 3-3).
+
+An argument is ``length u32 | type u16 | count u32 | data``, little-endian, the length without itself; an element of a
+VARIANT array is the same without the length. Every read is bounded by the bytes present and by :class:`Limits`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from decimal import Decimal
+from functools import lru_cache
+from typing import Any, Final
+
+from orinkit import hresult
+from orinkit.errors import LimitExceeded, ProtocolError
+from orinkit.language import pick
+from orinkit.variant import (
+    ARRAY,
+    FORMATS,
+    R8_ARRAY,
+    SIZES,
+    VARIANT_ARRAY,
+    Value,
+    Variant,
+    VarType,
+    exact_date,
+    misfit,
+    ole_days,
+    plain_date,
+    trusted,
+    type_name,
+    variant,
+)
+
+_HEAD: Final = struct.Struct("<HI")  # type, count
+_ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
+_LENGTH: Final = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How much one packet may hold; the defaults are the documents' or, where they are silent, ours.
+
+    Attributes:
+        packet: bytes of a whole packet and of one argument (VE026A table 3-5: 16 MBytes).
+        depth: how deep VARIANT arrays may be nested.
+        variants: how many elements all VARIANT and BSTR arrays of one argument may have together.
+    """
+
+    packet: int = 16 * 1024 * 1024
+    depth: int = 16
+    variants: int = 200_000
+
+
+DEFAULT_LIMITS: Final = Limits()
+
+
+# --- to bytes ---------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=1024)
+def _packer(vt: int, count: int) -> struct.Struct:
+    """Pack a whole argument: length, type, count, then the elements."""
+    return struct.Struct(f"<IHI{count}{FORMATS[vt & ~ARRAY]}")
+
+
+@lru_cache(maxsize=4096)
+def _packed_string(text: str) -> bytes:
+    data = text.encode("utf-16-le", "surrogatepass")
+    return b"%b%b%b" % (_ARGUMENT.pack(len(data) + 10, VarType.BSTR, 1), _LENGTH.pack(len(data)), data)
+
+
+def encode(value: Value) -> bytes:
+    """Return a value as one packet argument: length, type, count, data (VE026A 3.2).
+
+    Raises:
+        InvalidValue: no VARIANT can hold it.
+    """
+    kind = type(value)
+    if kind is str:
+        return _packed_string(value) if len(value) < 256 else _packed_string.__wrapped__(value)  # type: ignore[arg-type]
+    if kind is int:
+        try:
+            return _I4_PACK(10, 3, 1, value)
+        except struct.error:
+            raise misfit(VarType.I4, value) from None
+    if (kind is list or kind is tuple) and value and set(map(type, value)) == _ONLY_FLOAT:  # type: ignore[arg-type]
+        count = len(value)  # type: ignore[arg-type]
+        return _packer(R8_ARRAY, count).pack(6 + 8 * count, R8_ARRAY, count, *value)  # type: ignore[misc]
+    return encode_variant(variant(value))
+
+
+_ONLY_FLOAT: Final = {float}
+_I4_PACK: Final = struct.Struct("<IHIi").pack
+
+
+def encode_variant(item: Variant) -> bytes:
+    """Return a :class:`Variant` as one packet argument."""
+    parts = [b""]
+    _append(item.type, item.value, parts)
+    parts[0] = _LENGTH.pack(sum(map(len, parts)))
+    return b"".join(parts)
+
+
+def _append(vt: int, value: Any, parts: list[bytes]) -> None:
+    """Append type, count and data: the form an element has inside a VARIANT array."""
+    base = vt & ~ARRAY
+    items = value if vt & ARRAY else (value,)
+    parts.append(_HEAD.pack(vt, len(items)))
+    if base == VarType.VARIANT:
+        for item in items:
+            _append(item.type, item.value, parts)
+    elif base == VarType.BSTR:
+        for text in items:
+            data = text.encode("utf-16-le", "surrogatepass")
+            parts.append(_LENGTH.pack(len(data)))
+            parts.append(data)
+    elif vt == VarType.UI1 | ARRAY:
+        parts.append(value)
+    elif base not in (VarType.EMPTY, VarType.NULL):
+        convert = _TO_WIRE.get(base)
+        parts.append(struct.pack(f"<{len(items)}{FORMATS[base]}", *(map(convert, items) if convert else items)))
+
+
+_TO_WIRE: Final[dict[int, Callable[[Any], Any]]] = {
+    VarType.BOOL: lambda flag: -1 if flag else 0,
+    VarType.CY: lambda amount: int(amount.scaleb(4)),
+    VarType.DATE: lambda day: ole_days(day) if isinstance(day, datetime) else day,
+}
+
+
+# --- from bytes -------------------------------------------------------------------------------------------------------
+
+
+def _broken(en: str, ja: str, code: int = hresult.E_INVALIDRCVPACKET) -> ProtocolError:
+    return ProtocolError(pick(en, ja), code)
+
+
+def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False) -> tuple[Any, int]:  # fmt: skip
+    """Read one packet argument at ``position``; return its value and the position behind it.
+
+    Args:
+        data: the bytes.
+        position: where the argument's length field begins.
+        end: where the argument must have ended at the latest; the end of ``data`` by default.
+        limits: bounds on what is read.
+        exact: give a :class:`Variant` instead of a plain value.
+
+    Raises:
+        ProtocolError: the bytes are no argument; its ``code`` is what a server answers (VE026A table 3-5).
+    """
+    if end is None:
+        end = len(data)
+    if end - position < 10:
+        raise _broken(
+            f"an argument needs 10 bytes or more, {end - position} are left at offset {position}",
+            f"引数には 10 バイト以上必要ですが、オフセット {position} の残りは {end - position} バイトです",
+        )
+    length, vt, count = _ARGUMENT.unpack_from(data, position)
+    stop = position + 4 + length
+    if length > limits.packet:
+        raise LimitExceeded(
+            pick(
+                f"argument of {length} bytes at offset {position}, at most {limits.packet} are allowed",
+                f"オフセット {position} の引数は {length} バイトで、上限 {limits.packet} バイトを超えています",
+            ),
+            hresult.E_ARGSIZEOVER,
+        )
+    if stop > end or length < 6:
+        raise _broken(
+            f"argument length {length} at offset {position} does not fit the {end - position - 4} bytes present",
+            f"オフセット {position} の引数長 {length} が残り {end - position - 4} バイトと合いません",
+        )
+    if vt == R8_ARRAY and not exact:  # the commonest by far while a robot is streamed to
+        if length != 6 + 8 * count:
+            raise _count_mismatch(vt, count, position, length - 6)
+        return list(_packer(R8_ARRAY, count).unpack_from(data, position)[3:]), stop
+    value, after = _Reader(data, stop, limits, exact).read(vt, count, position + 10, 0)
+    if after != stop:
+        raise _count_mismatch(vt, count, position, length - 6)
+    return (trusted(vt, value) if exact else value), stop
+
+
+def _count_mismatch(vt: int, count: int, position: int, present: int) -> ProtocolError:
+    return _broken(
+        f"{count} x {type_name(vt)} at offset {position} does not agree with its {present} bytes of data",
+        f"オフセット {position} の {type_name(vt)} {count} 個はデータ {present} バイトと一致しません",
+    )
+
+
+class _Reader:
+    """Reads one argument's data, bounded by where the argument ends."""
+
+    __slots__ = ("data", "end", "exact", "left", "limits")
+
+    def __init__(self, data: bytes, end: int, limits: Limits, exact: bool) -> None:
+        self.data, self.end, self.limits, self.exact = data, end, limits, exact
+        self.left = limits.variants
+
+    def read(self, vt: int, count: int, position: int, depth: int) -> tuple[Any, int]:
+        base = vt & ~ARRAY
+        array = bool(vt & ARRAY)
+        if not array and count != 1:
+            raise _count_mismatch(vt, count, position, self.end - position)
+        size = SIZES.get(base)
+        if size is not None:
+            after = position + size * count
+            if after > self.end:
+                raise _count_mismatch(vt, count, position, self.end - position)
+            return self._fixed(base, array, count, position), after
+        if base == VarType.BSTR:
+            return self._strings(array, count, position)
+        if base == VarType.VARIANT and array:
+            return self._variants(count, position, depth)
+        if base in (VarType.EMPTY, VarType.NULL) and not array:
+            return None, position
+        raise _broken(
+            f"unknown type {type_name(vt)} at offset {position}",
+            f"オフセット {position} の型 {type_name(vt)} は未対応です",
+            hresult.E_INVALIDARGTYPE,
+        )
+
+    def _fixed(self, base: int, array: bool, count: int, position: int) -> Any:
+        if array and base == VarType.UI1:
+            return self.data[position : position + count]
+        items: Iterable[Any] = struct.unpack_from(f"<{count}{FORMATS[base]}", self.data, position)
+        if base == VarType.BOOL:
+            items = [item != 0 for item in items]
+        elif base == VarType.CY:
+            items = [Decimal(item).scaleb(-4) for item in items]
+        elif base == VarType.DATE:
+            convert = exact_date if self.exact else plain_date
+            items = [convert(item) for item in items]
+        if array:
+            return list(items)
+        (item,) = items
+        return item
+
+    def _spend(self, count: int) -> None:
+        self.left -= count
+        if self.left < 0:
+            raise LimitExceeded(
+                pick(
+                    f"more than {self.limits.variants} elements in one argument",
+                    f"1 つの引数の要素数が上限 {self.limits.variants} を超えています",
+                ),
+                hresult.E_ARGSIZEOVER,
+            )
+
+    def _strings(self, array: bool, count: int, position: int) -> tuple[Any, int]:
+        self._spend(count)
+        texts = []
+        for _ in range(count):
+            if position + 4 > self.end:
+                raise _count_mismatch(VarType.BSTR, count, position, self.end - position)
+            (length,) = _LENGTH.unpack_from(self.data, position)
+            after = position + 4 + length
+            if after > self.end or length % 2:
+                raise _broken(
+                    f"string of {length} bytes at offset {position}, {self.end - position - 4} are present",
+                    f"オフセット {position} の文字列長 {length} バイトが残り {self.end - position - 4} バイトと合いません",
+                )
+            texts.append(self.data[position + 4 : after].decode("utf-16-le", "surrogatepass"))
+            position = after
+        return (texts if array else texts[0]), position
+
+    def _variants(self, count: int, position: int, depth: int) -> tuple[Any, int]:
+        if depth >= self.limits.depth:
+            raise LimitExceeded(
+                pick(
+                    f"VARIANT arrays nested deeper than {self.limits.depth}",
+                    f"VARIANT 配列の入れ子が上限 {self.limits.depth} を超えています",
+                ),
+                hresult.E_INVALIDARGTYPE,
+            )
+        self._spend(count)
+        items = []
+        for _ in range(count):
+            if position + 6 > self.end:
+                raise _count_mismatch(VARIANT_ARRAY, count, position, self.end - position)
+            vt, inner = _HEAD.unpack_from(self.data, position)
+            value, position = self.read(vt, inner, position + 6, depth + 1)
+            items.append(trusted(vt, value) if self.exact else value)
+        return items, position
