@@ -13,11 +13,11 @@ import sys
 from pathlib import Path
 
 CLIENT = Path(__file__).parent.parent / "src" / "orinkit" / "client"
-SOURCE, TARGET = CLIENT / "_async.py", CLIENT / "_sync.py"
+PAIRS = (("_async_client.py", "_sync_client.py"), ("_async.py", "_sync.py"))
 
 HEADER = '''"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
 
-Made from ``_async.py`` by ``tools/make_sync.py``: do not edit.
+Made from ``{source}`` by ``tools/make_sync.py``: do not edit.
 """
 '''
 
@@ -30,6 +30,7 @@ REPLACEMENTS = (
     (r"__aexit__", "__exit__"),
     (r"import asyncio\n", "import threading\n"),
     (r"asyncio\.Lock\(\)", "threading.RLock()"),
+    (r"_async_client\b", "_sync_client"),
     (r"\barun\b", "run"),
     (r"transport\.aio_tcp", "transport.tcp"),
     (r"AsyncTcpLink\.connect\(", "TcpLink("),
@@ -63,43 +64,50 @@ def properties(class_node: ast.ClassDef) -> str:
     return "\n".join(made)
 
 
-def make() -> str:
-    """Return the synchronous module's text."""
-    source = SOURCE.read_text(encoding="utf-8")
-    tree = ast.parse(source)
-    lines = source.split("\n")
+def make(source: Path, used: set[str]) -> str:
+    """Return the synchronous module's text; notes in ``used`` which replacements occurred."""
+    original = source.read_text(encoding="utf-8")
+    tree = ast.parse(original)
+    lines = original.split("\n")
     for node in reversed([n for n in tree.body if isinstance(n, ast.ClassDef)]):
         extra = properties(node)
         if extra:
             assert node.end_lineno is not None
             lines[node.end_lineno : node.end_lineno] = ["", *extra.rstrip().split("\n")]
-    text = "\n".join(lines)
     docstring = tree.body[0].end_lineno
     assert docstring is not None
-    text = HEADER + text.split("\n", docstring)[-1]
+    text = "\n".join(lines[docstring:])
     for pattern, replacement in REPLACEMENTS:
         text, count = re.subn(pattern, replacement, text)
-        if not count:
-            raise SystemExit(f"make_sync: {pattern!r} no longer occurs; take it out of the table")
-    return _formatted(text)
+        if count:
+            used.add(pattern)
+    return _formatted(HEADER.format(source=source.name) + text, source)
 
 
-def _formatted(text: str) -> str:
+def _formatted(text: str, path: Path) -> str:
     for command in (["check", "--fix", "--quiet", "--select", "I"], ["format", "--quiet"]):
-        ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", str(TARGET), "-"]
+        ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", str(path), "-"]
         text = subprocess.run(ruff, input=text, capture_output=True, text=True, check=True).stdout
     return text
 
 
 def main() -> int:
-    """Write the file, or with --check say whether it is current."""
-    text = make()
-    if "--check" in sys.argv[1:]:
-        if not TARGET.exists() or TARGET.read_text(encoding="utf-8") != text:
-            print(f"{TARGET.name} is not current: run python tools/make_sync.py", file=sys.stderr)
-            return 1
-        return 0
-    TARGET.write_text(text, encoding="utf-8")
+    """Write the files, or with --check say whether they are current."""
+    used: set[str] = set()
+    stale = []
+    for source, target in ((CLIENT / a, CLIENT / b) for a, b in PAIRS):
+        text = make(source, used)
+        if not target.exists() or target.read_text(encoding="utf-8") != text:
+            stale.append(target.name)
+            if "--check" not in sys.argv[1:]:
+                target.write_text(text, encoding="utf-8")
+    unused = [pattern for pattern, _ in REPLACEMENTS if pattern not in used]
+    if unused:
+        print(f"make_sync: {unused} no longer occur; take them out of the table", file=sys.stderr)
+        return 1
+    if stale and "--check" in sys.argv[1:]:
+        print(f"{', '.join(stale)}: not current; run python tools/make_sync.py", file=sys.stderr)
+        return 1
     return 0
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from orinkit.cao import functions
 from orinkit.cao.provider import Provider
 from orinkit.client._sync import (
-    Client,
     Command,
     Controller,
     Extension,
@@ -21,6 +20,8 @@ from orinkit.client._sync import (
     Variable,
 )
 from orinkit.client._sync import open_controller as connect
+from orinkit.client._sync_client import Client
+from orinkit.device import Device, Part, command, variable
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
 from orinkit.server.background import Server, serve
 from orinkit.variant import Variant, VarType
@@ -36,10 +37,12 @@ __all__ = [
     "Command",
     "ConnectionLost",
     "Controller",
+    "Device",
     "Extension",
     "File",
     "Message",
     "OrinError",
+    "Part",
     "Provider",
     "Robot",
     "Server",
@@ -47,8 +50,10 @@ __all__ = [
     "VarType",
     "Variable",
     "Variant",
+    "command",
     "connect",
     "functions",
     "open_client",
     "serve",
+    "variable",
 ]

@@ -126,7 +126,7 @@ def _write_moment(moment: datetime | float) -> str:
 def _whole_kind(vt: int) -> Kind:
     bits = 8 * SIZES[vt]
     low, high = (0, 2**bits - 1) if FORMATS[vt].isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    return Kind(partial(_read_whole, low, high), str, f"a whole number from {low} to {high}", f"{low}～{high} の整数")
+    return Kind(partial(_read_whole, low, high), str, f"a whole number from {low} to {high}", f" {low}～{high} の整数")
 
 
 _WHOLE_TYPES: Final = (
@@ -142,15 +142,15 @@ KINDS: Final[dict[int, Kind]] = {
     ),
     VarType.DATE: Kind(
         _read_moment, _write_moment,
-        "a date like 2026-11-21 10:00:00 or a number of days", "2026-11-21 10:00:00 のような日時または日数",
+        "a date like 2026-11-21 10:00:00 or a number of days", " 2026-11-21 10:00:00 のような日時または日数",
     ),
     VarType.ERROR: Kind(
         _read_error, lambda code: f"0x{code:08X}",
-        "a 32-bit code, decimal or 0x hexadecimal", "32 ビットのコード (10 進数または 0x で始まる 16 進数)",
+        "a 32-bit code, decimal or 0x hexadecimal", " 32 ビットのコード (10 進数または 0x で始まる 16 進数)",
     ),
     VarType.BOOL: Kind(
         lambda text: FLAGS.get(text.lower()), lambda flag: "-1" if flag else "0",
-        "-1, 1 or True, 0 or False", "-1, 1, True または 0, False",
+        "-1, 1 or True, 0 or False", " -1, 1, True (真) または 0, False (偽) ",
     ),
     **{int(vt): _whole_kind(vt) for vt in _WHOLE_TYPES},
 }  # fmt: skip

@@ -15,7 +15,6 @@ from types import TracebackType
 from typing import Any, Generic, ParamSpec, TypeVar
 
 from orinkit.client._async import (
-    AsyncClient,
     AsyncCommand,
     AsyncController,
     AsyncExtension,
@@ -26,6 +25,7 @@ from orinkit.client._async import (
     AsyncVariable,
     open_controller,
 )
+from orinkit.client._async_client import AsyncClient
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [

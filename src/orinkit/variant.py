@@ -24,11 +24,13 @@ nothing is lost: :class:`Variant` objects with their types.
 
 from __future__ import annotations
 
+import math
+import operator
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from decimal import Decimal
+from decimal import Context, Decimal
 from enum import IntEnum
 from typing import Any, Final, Protocol, TypeAlias
 
@@ -64,14 +66,19 @@ class ArrayLike(Protocol):
     """What is used of a numpy array or scalar; numpy itself is never imported."""
 
     @property
-    def dtype(self) -> Any: ...
+    def dtype(self) -> Any:
+        """What the elements are."""
+
     @property
-    def ndim(self) -> int: ...
-    def tolist(self) -> Any: ...
+    def ndim(self) -> int:
+        """How many dimensions: 0 for a scalar."""
+
+    def tolist(self) -> Any:
+        """The same as plain Python."""
 
 
 Value: TypeAlias = (
-    "None | bool | int | float | str | bytes | bytearray | datetime | Decimal | Variant | ArrayLike | Sequence[Value]"
+    "bool | int | float | str | bytes | bytearray | datetime | Decimal | Variant | ArrayLike | Sequence[Value] | None"
 )
 """What can be sent as a VARIANT; the table in this module's docstring says as which."""
 
@@ -91,6 +98,9 @@ _RANGES: Final = {
     for vt, code in FORMATS.items() if code not in "fd" and vt not in (VarType.CY, VarType.BOOL)
 }  # fmt: skip
 
+CY_CONTEXT: Final = Context(prec=40, traps=[])
+"""For VT_CY: the caller's own decimal context may round or raise."""
+_CY_STEP: Final = Decimal("0.0001")
 _EPOCH: Final = datetime(1899, 12, 30)
 _DAY_US: Final = 86_400_000_000
 
@@ -121,7 +131,10 @@ class Variant:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "type", int(self.type))
-        object.__setattr__(self, "value", _conform(self.type, self.value))
+        try:
+            object.__setattr__(self, "value", _conform(self.type, self.value))
+        except RecursionError:
+            raise nested_too_deep() from None
 
     def __repr__(self) -> str:
         return f"Variant({type_name(self.type)}, {self.value!r})"
@@ -146,8 +159,11 @@ def variant(value: Value) -> Variant:
     """
     if isinstance(value, Variant):
         return value
-    vt, content = _infer(value)
-    return trusted(vt, _conform(vt, content))
+    try:
+        vt, content = _infer(value)
+        return trusted(vt, _conform(vt, content))
+    except RecursionError:
+        raise nested_too_deep() from None
 
 
 def plain(value: Any) -> Any:
@@ -156,6 +172,7 @@ def plain(value: Any) -> Any:
 
 
 def trusted(vt: int, value: Any) -> Variant:
+    """Return a :class:`Variant` of a value that is known to fit its type."""
     new = Variant.__new__(Variant)
     object.__setattr__(new, "type", vt)
     object.__setattr__(new, "value", value)
@@ -168,6 +185,7 @@ _INFERRED: Final[dict[type, int]] = {
     type(None): VarType.EMPTY, bool: VarType.BOOL, int: VarType.I4, float: VarType.R8, str: VarType.BSTR,
     datetime: VarType.DATE, Decimal: VarType.CY,
 }  # fmt: skip
+_SCALARS: Final = (bool, int, float, str, datetime, Decimal)
 _DTYPES: Final[dict[str, int]] = {
     "b1": VarType.BOOL, "i1": VarType.I1, "i2": VarType.I2, "i4": VarType.I4, "i8": VarType.I4, "u1": VarType.UI1,
     "u2": VarType.UI2, "u4": VarType.UI4, "u8": VarType.I4, "f4": VarType.R4, "f8": VarType.R8, "U": VarType.BSTR,
@@ -178,13 +196,13 @@ def _infer(value: Any) -> tuple[int, Any]:
     kind = type(value)
     if kind in _INFERRED:
         return _INFERRED[kind], value
-    if hasattr(value, "dtype") and hasattr(value, "tolist"):
+    if hasattr(value, "dtype") and hasattr(value, "tolist") and not isinstance(value, type):
         return _infer_numpy(value)
     if isinstance(value, bytes | bytearray | memoryview):
         return VarType.UI1 | ARRAY, value
     if isinstance(value, list | tuple):
         return _infer_list(value), value
-    for base in (bool, int, float, str, datetime, Decimal):  # subclasses: IntEnum, numpy.float64, ...
+    for base in _SCALARS:  # subclasses: IntEnum, StrEnum, ...
         if isinstance(value, base):
             return _INFERRED[base], value
     if isinstance(value, Sequence):
@@ -192,9 +210,9 @@ def _infer(value: Any) -> tuple[int, Any]:
         return _infer_list(items), items
     raise InvalidValue(
         pick(
-            f"no VARIANT can hold a {kind.__name__} ({value!r:.60}); give None, bool, int, float, str, bytes, datetime, "
+            f"no VARIANT can hold a {kind.__name__} ({_shown(value)}); give None, bool, int, float, str, bytes, datetime, "
             "Decimal, a list of these, or an explicit Variant(VarType...., value)",
-            f"{kind.__name__} 型の値 ({value!r:.60}) は VARIANT にできません。None, bool, int, float, str, bytes, datetime, "
+            f"{kind.__name__} 型の値 ({_shown(value)}) は VARIANT にできません。None, bool, int, float, str, bytes, datetime, "
             "Decimal, それらのリスト、または Variant(VarType...., 値) を指定してください",
         )
     )
@@ -202,16 +220,24 @@ def _infer(value: Any) -> tuple[int, Any]:
 
 def _infer_list(items: Sequence[Any]) -> int:
     kinds = set(map(type, items))
-    if len(kinds) == 1:
-        vt = _INFERRED.get(kinds.pop(), VarType.EMPTY)
-        if vt != VarType.EMPTY:
-            return vt | ARRAY
-    return VARIANT_ARRAY
+    examples = dict.fromkeys(kinds) if kinds <= _INFERRED.keys() else {type(item): item for item in items}
+    types = {_scalar_type(kind, item) for kind, item in examples.items()}
+    vt = types.pop() if len(types) == 1 else VarType.EMPTY
+    return VARIANT_ARRAY if vt == VarType.EMPTY else vt | ARRAY
+
+
+def _scalar_type(kind: type, example: Any) -> int:
+    """The type of all scalars of a kind (numpy.float64 and float are both VT_R8), VT_EMPTY for anything else."""
+    if kind in _INFERRED:
+        return _INFERRED[kind]
+    if issubclass(kind, _SCALARS) or (getattr(example, "ndim", None) == 0 and not hasattr(kind, "__setitem__")):
+        return _infer(example)[0]
+    return VarType.EMPTY
 
 
 def _infer_numpy(value: Any) -> tuple[int, Any]:
-    kind = value.dtype.kind
-    vt = _DTYPES.get(kind if kind == "U" else f"{kind}{value.dtype.itemsize}")
+    kind = getattr(value.dtype, "kind", "")  # other libraries' arrays have a dtype too
+    vt = _DTYPES.get(kind if kind in ("U", "") else f"{kind}{value.dtype.itemsize}")
     if vt is None or value.ndim > 1:
         raise InvalidValue(
             pick(
@@ -251,8 +277,9 @@ def _conform(vt: int, value: Any) -> Any:
 
 
 def misfit(vt: int, value: object) -> InvalidValue:
-    shown = f"{value!r:.60}"
-    bounds = _RANGES.get(vt & ~ARRAY)
+    """Return the exception for a value that does not fit a type."""
+    shown = _shown(value)
+    bounds = _RANGES.get(vt)
     if bounds and isinstance(value, int):
         wider = pick("; Variant(VarType.I8, ...) holds 64 bits", "。64 ビットなら Variant(VarType.I8, ...)")
         return InvalidValue(
@@ -260,10 +287,28 @@ def misfit(vt: int, value: object) -> InvalidValue:
                 f"{shown} does not fit {type_name(vt)} ({bounds[0]} to {bounds[1]})",
                 f"{shown} は {type_name(vt)} の範囲 ({bounds[0]}～{bounds[1]}) を超えています",
             )
-            + (wider if vt & ~ARRAY == VarType.I4 else "")
+            + (wider if vt == VarType.I4 else "")
         )
     return InvalidValue(
         pick(f"{shown} is no value for {type_name(vt)}", f"{shown} は {type_name(vt)} の値になりません")
+    )
+
+
+def _shown(value: object) -> str:
+    """The value for a message: short, and whatever the value is."""
+    try:
+        return f"{value!r:.60}"
+    except Exception:  # noqa: BLE001 - an int of 4300 digits, a list nested too deep, somebody's __repr__
+        return f"<{type(value).__name__}>"
+
+
+def nested_too_deep() -> InvalidValue:
+    """Return the exception for a list in a list in a list ..., or one that contains itself."""
+    return InvalidValue(
+        pick(
+            "the value is nested too deep for a VARIANT, or contains itself",
+            "値の入れ子が VARIANT には深すぎるか、値が自分自身を含んでいます",
+        )
     )
 
 
@@ -274,8 +319,8 @@ def _nothing(vt: int, value: Any) -> None:
 
 def _integer(vt: int, value: Any) -> int:
     try:
-        number = value.__index__()
-    except AttributeError:
+        number = operator.index(value)
+    except TypeError:
         if not isinstance(value, float) or not value.is_integer():
             raise misfit(vt, value) from None
         number = int(value)
@@ -284,11 +329,11 @@ def _integer(vt: int, value: Any) -> int:
         number += 2**32 if number >= -(2**31) else 0
     if not low <= number <= high:
         raise misfit(vt, number)
-    return int(number)
+    return number
 
 
 def _real(vt: int, value: Any) -> float:
-    if isinstance(value, bool | str | bytes):
+    if isinstance(value, bool | str | bytes | bytearray | memoryview):
         raise misfit(vt, value)
     try:
         number = float(value)
@@ -296,39 +341,45 @@ def _real(vt: int, value: Any) -> float:
             struct.pack("<f", number)
     except (TypeError, ValueError, OverflowError):
         raise misfit(vt, value) from None
+    if math.isinf(number) and number != value:  # float(Decimal("1E+999")) is inf, no error
+        raise misfit(vt, value)
     return number
 
 
 def _boolean(vt: int, value: Any) -> bool:
-    if isinstance(value, str | bytes | list | tuple | None):
-        raise misfit(vt, value)
-    return bool(value)
+    if isinstance(value, int | float) or (getattr(value, "ndim", None) == 0 and not isinstance(value, str)):
+        return bool(value)
+    raise misfit(vt, value)
 
 
 def _string(vt: int, value: Any) -> str:
     if not isinstance(value, str):
         raise misfit(vt, value)
-    return str(value)
+    return str.__str__(value)  # the text itself, also of an Enum whose own str() is its name
 
 
 def _currency(vt: int, value: Any) -> Decimal:
     if isinstance(value, bool | float | str | bytes) or not isinstance(value, Decimal | int):
         raise misfit(vt, value)
     amount = Decimal(value)
-    scaled = amount.scaleb(4) if amount.is_finite() else None
-    if scaled is None or scaled != scaled.to_integral_value() or not -(2**63) <= scaled < 2**63:
-        raise InvalidValue(
-            pick(
-                f"{value} does not fit VT_CY: at most four decimals, -922337203685477.5808 to 922337203685477.5807",
-                f"{value} は VT_CY に入りません (小数 4 桁まで、-922337203685477.5808～922337203685477.5807)",
-            )
+    if amount.is_finite() and (not amount or amount.adjusted() < 15):
+        rounded = amount.quantize(_CY_STEP, context=CY_CONTEXT)
+        if rounded == amount and -(2**63) <= rounded.scaleb(4, CY_CONTEXT) < 2**63:
+            return amount
+    raise InvalidValue(
+        pick(
+            f"{_shown(value)} does not fit VT_CY: at most four decimals, -922337203685477.5808 to 922337203685477.5807",
+            f"{_shown(value)} は VT_CY に入りません (小数 4 桁まで、-922337203685477.5808～922337203685477.5807)",
         )
-    return amount
+    )
 
 
 def _date(vt: int, value: Any) -> datetime | float:
     if isinstance(value, datetime):
-        return value if value.tzinfo is None else value.astimezone().replace(tzinfo=None)
+        try:
+            return value if value.tzinfo is None else value.astimezone().replace(tzinfo=None)
+        except (OverflowError, ValueError, OSError):  # in local time it is before the year 1 or after 9999
+            raise misfit(vt, value) from None
     return _real(vt, value)
 
 
@@ -370,6 +421,7 @@ def ole_datetime(days: float) -> datetime:
 
 
 def plain_date(value: datetime | float) -> datetime | float:
+    """Return a VT_DATE's content as ``datetime``, as it is where none can hold it."""
     if isinstance(value, datetime):
         return value
     try:
@@ -379,6 +431,7 @@ def plain_date(value: datetime | float) -> datetime | float:
 
 
 def exact_date(days: float) -> datetime | float:
+    """Return OLE days as ``datetime`` where it gives the very same bytes again, else as they are."""
     moment = plain_date(days)
     return (
         moment

@@ -7,11 +7,11 @@ VARIANT array is the same without the length. Every read is bounded by the bytes
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Final
 
 from orinkit import hresult
@@ -19,6 +19,7 @@ from orinkit.errors import LimitExceeded, ProtocolError
 from orinkit.language import pick
 from orinkit.variant import (
     ARRAY,
+    CY_CONTEXT,
     FORMATS,
     R8_ARRAY,
     SIZES,
@@ -28,6 +29,7 @@ from orinkit.variant import (
     VarType,
     exact_date,
     misfit,
+    nested_too_deep,
     ole_days,
     plain_date,
     trusted,
@@ -47,7 +49,8 @@ class Limits:
     Attributes:
         packet: bytes of a whole packet and of one argument (VE026A table 3-5: 16 MBytes).
         depth: how deep VARIANT arrays may be nested.
-        variants: how many elements all VARIANT and BSTR arrays of one argument may have together.
+        variants: how many elements all VARIANT, BSTR, DATE and CY arrays of one argument may have together: each of them
+            costs far more to read than its bytes.
     """
 
     packet: int = 16 * 1024 * 1024
@@ -61,16 +64,74 @@ DEFAULT_LIMITS: Final = Limits()
 # --- to bytes ---------------------------------------------------------------------------------------------------------
 
 
+# Plain numbers instead of the enum's members: these three are on the way of every set-point of a robot.
+_BSTR: Final = int(VarType.BSTR)
+_SHORT: Final = 64
+
+
 @lru_cache(maxsize=1024)
 def _packer(vt: int, count: int) -> struct.Struct:
     """Pack a whole argument: length, type, count, then the elements."""
     return struct.Struct(f"<IHI{count}{FORMATS[vt & ~ARRAY]}")
 
 
+@lru_cache(maxsize=256)
+def _real_packer(count: int) -> Callable[..., bytes]:
+    return partial(_packer(R8_ARRAY, count).pack, 6 + 8 * count, R8_ARRAY, count)
+
+
+@lru_cache(maxsize=256)
+def _real_unpacker(count: int) -> Callable[..., tuple[Any, ...]]:
+    return struct.Struct(f"<{count}d").unpack_from
+
+
 @lru_cache(maxsize=4096)
-def _packed_string(text: str) -> bytes:
+def _short_string(text: str) -> bytes:
+    return _long_string(text)
+
+
+def _long_string(text: str) -> bytes:
     data = text.encode("utf-16-le", "surrogatepass")
-    return b"%b%b%b" % (_ARGUMENT.pack(len(data) + 10, VarType.BSTR, 1), _LENGTH.pack(len(data)), data)
+    return b"%b%b%b" % (_ARGUMENT.pack(len(data) + 10, _BSTR, 1), _LENGTH.pack(len(data)), data)
+
+
+def encode_string(text: str) -> bytes:
+    """Return a text as one packet argument; short ones, such as names of commands, are kept ready.
+
+    Raises:
+        InvalidValue: it is no text.
+    """
+    if type(text) is not str and not isinstance(text, str):
+        raise misfit(VarType.BSTR, text)
+    return _short_string(text) if len(text) < _SHORT else _long_string(text)
+
+
+def encode_integer(number: int) -> bytes:
+    """Return a VT_I4 as one packet argument.
+
+    Raises:
+        InvalidValue: it is no whole number, or does not fit.
+    """
+    try:
+        return _I4_PACK(10, 3, 1, number)
+    except struct.error:
+        raise misfit(VarType.I4, number) from None
+
+
+encode_handle: Final = lru_cache(maxsize=4096, typed=True)(encode_integer)
+"""Like :func:`encode_integer`, for numbers that come again and again."""
+
+
+def encode_single(number: float) -> bytes:
+    """Return a VT_R4 as one packet argument.
+
+    Raises:
+        InvalidValue: it is no number, or does not fit.
+    """
+    try:
+        return _R4_PACK(10, 4, 1, number)
+    except (struct.error, OverflowError):
+        raise misfit(VarType.R4, number) from None
 
 
 def encode(value: Value) -> bytes:
@@ -80,27 +141,37 @@ def encode(value: Value) -> bytes:
         InvalidValue: no VARIANT can hold it.
     """
     kind = type(value)
-    if kind is str:
-        return _packed_string(value) if len(value) < 256 else _packed_string.__wrapped__(value)  # type: ignore[arg-type]
-    if kind is int:
-        try:
-            return _I4_PACK(10, 3, 1, value)
-        except struct.error:
-            raise misfit(VarType.I4, value) from None
-    if (kind is list or kind is tuple) and value and set(map(type, value)) == _ONLY_FLOAT:  # type: ignore[arg-type]
-        count = len(value)  # type: ignore[arg-type]
-        return _packer(R8_ARRAY, count).pack(6 + 8 * count, R8_ARRAY, count, *value)  # type: ignore[misc]
+    if kind is list or kind is tuple:
+        items: Sequence[Any] = value  # type: ignore[assignment]
+        count = len(items)
+        if count and list(map(type, items)).count(float) == count:
+            return (
+                _real_packer(count)(*items)
+                if count <= _SHORT
+                else _packer(R8_ARRAY, count).pack(6 + 8 * count, R8_ARRAY, count, *items)
+            )
+    elif kind is str:
+        return encode_string(value)  # type: ignore[arg-type]
+    elif kind is int:
+        return encode_integer(value)  # type: ignore[arg-type]
     return encode_variant(variant(value))
 
 
-_ONLY_FLOAT: Final = {float}
 _I4_PACK: Final = struct.Struct("<IHIi").pack
+_R4_PACK: Final = struct.Struct("<IHIf").pack
 
 
 def encode_variant(item: Variant) -> bytes:
-    """Return a :class:`Variant` as one packet argument."""
+    """Return a :class:`Variant` as one packet argument.
+
+    Raises:
+        InvalidValue: its arrays are nested too deep.
+    """
     parts = [b""]
-    _append(item.type, item.value, parts)
+    try:
+        _append(item.type, item.value, parts)
+    except RecursionError:
+        raise nested_too_deep() from None
     parts[0] = _LENGTH.pack(sum(map(len, parts)))
     return b"".join(parts)
 
@@ -127,7 +198,7 @@ def _append(vt: int, value: Any, parts: list[bytes]) -> None:
 
 _TO_WIRE: Final[dict[int, Callable[[Any], Any]]] = {
     VarType.BOOL: lambda flag: -1 if flag else 0,
-    VarType.CY: lambda amount: int(amount.scaleb(4)),
+    VarType.CY: lambda amount: int(amount.scaleb(4, CY_CONTEXT)),
     VarType.DATE: lambda day: ole_days(day) if isinstance(day, datetime) else day,
 }
 
@@ -177,7 +248,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
     if vt == R8_ARRAY and not exact:  # the commonest by far while a robot is streamed to
         if length != 6 + 8 * count:
             raise _count_mismatch(vt, count, position, length - 6)
-        return list(_packer(R8_ARRAY, count).unpack_from(data, position)[3:]), stop
+        return list(_real_unpacker(count)(data, position + 10)), stop
     value, after = _Reader(data, stop, limits, exact).read(vt, count, position + 10, 0)
     if after != stop:
         raise _count_mismatch(vt, count, position, length - 6)
@@ -189,6 +260,9 @@ def _count_mismatch(vt: int, count: int, position: int, present: int) -> Protoco
         f"{count} x {type_name(vt)} at offset {position} does not agree with its {present} bytes of data",
         f"オフセット {position} の {type_name(vt)} {count} 個はデータ {present} バイトと一致しません",
     )
+
+
+_COSTLY: Final = (VarType.CY, VarType.DATE)
 
 
 class _Reader:
@@ -210,6 +284,8 @@ class _Reader:
             after = position + size * count
             if after > self.end:
                 raise _count_mismatch(vt, count, position, self.end - position)
+            if base in _COSTLY:
+                self._spend(count)
             return self._fixed(base, array, count, position), after
         if base == VarType.BSTR:
             return self._strings(array, count, position)
@@ -230,7 +306,7 @@ class _Reader:
         if base == VarType.BOOL:
             items = [item != 0 for item in items]
         elif base == VarType.CY:
-            items = [Decimal(item).scaleb(-4) for item in items]
+            items = [Decimal(item).scaleb(-4, CY_CONTEXT) for item in items]
         elif base == VarType.DATE:
             convert = exact_date if self.exact else plain_date
             items = [convert(item) for item in items]

@@ -3,13 +3,14 @@
 :meth:`Conversation.call` is a generator. It yields ``(data, seconds)``: send these bytes (if any), then wait for bytes
 until that many seconds have passed; ``None`` for the seconds means that the wait in force goes on. What comes back from
 the ``yield`` are the bytes received, ``b""`` when the other side has closed, ``None`` when the time is up. It returns
-the :class:`Reply`. The two drivers in :mod:`orinkit.transport` do the waiting.
+the return code and the result. The two drivers in :mod:`orinkit.transport` do the waiting.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Generator
+from operator import call as _apply
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from orinkit import hresult, variant_bytes
@@ -17,11 +18,11 @@ from orinkit.bcap import packet
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallTimeout, ConnectionLost, InvalidValue, ProtocolError, error_for
 from orinkit.language import pick
-from orinkit.variant import Variant, VarType, misfit
+from orinkit.variant import Variant, VarType
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 Exchange: TypeAlias = tuple[bytes, float | None]
-Operation: TypeAlias = Generator[Exchange, bytes | None, "Reply"]
+Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
 Trace: TypeAlias = Callable[[str, bytes], None]
 """Is told every packet: ``">"`` and a request, or ``"<"`` and what came back."""
 
@@ -38,10 +39,10 @@ class Reply(NamedTuple):
     value: Any
 
 
-_SERIAL_AND_CODE: Final = struct.Struct("<HHIH")  # serial, reserved, code, argument count: at offset 5
-_I4: Final = struct.Struct("<IHIi").pack
-_R4: Final = struct.Struct("<IHIf").pack
+_SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # serial, reserved, code, argument count: at offset 5
+_HEADER: Final = packet.HEADER.pack
 _FAILED: Final = 0x8000_0000
+_EXECUTING: Final = hresult.S_EXECUTING
 
 
 class Conversation:
@@ -85,52 +86,73 @@ class Conversation:
         serial = self._serial
         self._serial = serial % 0xFFFF + 1
         request = encode_request(function, arguments, serial)
-        if self.trace:
+        if len(request) > self._limits.packet:
+            raise _too_long(function, len(request), self._limits)
+        if self.trace is not None:
             self.trace(">", request)
         received = yield request, seconds
         framer = self._framer
         while True:
             if not received:
-                if received is None:
-                    raise CallTimeout(function.name, seconds)
-                raise ConnectionLost(
-                    pick(
-                        f"{function.name}: the other side closed the connection before it answered",
-                        f"{function.name}: 応答の前に相手が接続を閉じました",
-                    )
-                )
+                raise _no_answer(function, received, seconds)
             wait: float | None = None
             frame = framer.take(received)
             while frame is not None:
-                if self.trace:
+                if self.trace is not None:
                     self.trace("<", frame)
-                answered, _, code, count = _SERIAL_AND_CODE.unpack_from(frame, 5)
+                answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
                 if answered != serial:
                     self.dropped += 1
-                elif code == hresult.S_EXECUTING:
+                elif code == _EXECUTING:
                     wait = seconds
                 elif code >= _FAILED:
                     raise error_for(code, "", function.name, arguments)
                 else:
-                    return Reply(code, self._result(function, frame, count, exact=exact))
+                    return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
             received = yield b"", wait
 
-    def _result(self, function: Function[..., Any], frame: bytes, count: int, *, exact: bool) -> Any:
-        if not count or function.result is None:
-            if function.creates:
-                raise _wrong_result(function, "nothing")
-            return Variant(VarType.EMPTY) if exact and function.result else None
-        value, _ = variant_bytes.decode(frame, packet.HEADER.size, len(frame) - 1, self._limits, exact=exact)
-        expected = _RESULT_TYPES.get(function.result)
-        if expected is not None and type(value.value if exact else value) is not expected:
-            if function.result is VarType.BSTR and (value.value if exact else value) is None:
+    def _result(self, function: Function[..., Any], frame: bytes, count: int, exact: bool) -> Any:
+        if function.result is None:
+            return None
+        if count:
+            value, _ = variant_bytes.decode(frame, 15, len(frame) - 1, self._limits, exact=exact)
+        else:  # a VE026A answers nothing where an RC8 answers VT_EMPTY
+            value = Variant(VarType.EMPTY) if exact else None
+        if function.result is not VarType.VARIANT:
+            self._check_result(function, value.value if exact else value)
+            if value is None or (exact and value.value is None):  # an empty string may come as VT_EMPTY
                 return Variant(VarType.BSTR, "") if exact else ""
-            raise _wrong_result(function, repr(value))
         return value
 
+    @staticmethod
+    def _check_result(function: Function[..., Any], value: Any) -> None:
+        expected = _RESULT_TYPES[function.result]
+        if type(value) is not expected and not (value is None and expected is str):
+            raise _wrong_result(function, repr(value))
 
-_RESULT_TYPES: Final[dict[VarType, type]] = {VarType.I4: int, VarType.BSTR: str}
+
+_RESULT_TYPES: Final[dict[VarType | None, type]] = {VarType.I4: int, VarType.BSTR: str}
+
+
+def _no_answer(function: Function[..., Any], received: bytes | None, seconds: float) -> CallTimeout | ConnectionLost:
+    if received is None:
+        return CallTimeout(function.name, seconds)
+    return ConnectionLost(
+        pick(
+            f"{function.name}: the other side closed the connection before it answered",
+            f"{function.name}: 応答の前に相手が接続を閉じました",
+        )
+    )
+
+
+def _too_long(function: Function[..., Any], length: int, limits: Limits) -> InvalidValue:
+    return InvalidValue(
+        pick(
+            f"{function.name}: the arguments make a packet of {length} bytes, at most {limits.packet} can be sent",
+            f"{function.name}: 引数を含むパケットが {length} バイトになり、上限 {limits.packet} バイトを超えます",
+        )
+    )
 
 
 def _wrong_result(function: Function[..., Any], got: str) -> ProtocolError:
@@ -151,42 +173,29 @@ def encode_request(function: Function[..., Any], arguments: tuple[Any, ...], ser
     """
     encoders = _ENCODERS.get(function.id) or _learn(function)
     try:
-        body = b"".join([encode(value) for encode, value in zip(encoders, arguments)])  # noqa: B905 - optional ones may be missing
-    except (InvalidValue, struct.error) as error:
+        body = b"".join(map(_apply, encoders, arguments))  # stops at the last one given: optional ones may be missing
+    except (InvalidValue, TypeError) as error:
         raise _explain(function, arguments, error) from None
-    head = packet.HEADER.pack(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
-    return b"%b%b\x04" % (head, body)
-
-
-def _encode_i4(value: int) -> bytes:
-    return _I4(10, VarType.I4, 1, value)
-
-
-def _encode_r4(value: float) -> bytes:
-    try:
-        return _R4(10, VarType.R4, 1, value)
-    except OverflowError:
-        raise misfit(VarType.R4, value) from None
-
-
-def _encode_bstr(value: str) -> bytes:
-    if not isinstance(value, str):
-        raise misfit(VarType.BSTR, value)
-    return variant_bytes.encode(value)
+    head = _HEADER(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
+    return head + body + b"\x04"
 
 
 _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
-    VarType.I4: _encode_i4,
-    VarType.R4: _encode_r4,
-    VarType.BSTR: _encode_bstr,
+    VarType.I4: variant_bytes.encode_integer,
+    VarType.R4: variant_bytes.encode_single,
+    VarType.BSTR: variant_bytes.encode_string,
     VarType.VARIANT: variant_bytes.encode,
 }
 _ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
 
 
 def _learn(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
-    encoders = _ENCODERS[function.id] = tuple(_BY_TYPE[argument.vt] for argument in function.arguments)
+    encoders = _ENCODERS[function.id] = tuple(map(_encoder, function.arguments))
     return encoders
+
+
+def _encoder(argument: Argument) -> Callable[[Any], bytes]:
+    return variant_bytes.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
 
 
 def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:
@@ -196,8 +205,6 @@ def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Ex
             _BY_TYPE[argument.vt](value)
         except InvalidValue as reason:
             return InvalidValue(_where(function, number, argument) + str(reason))
-        except struct.error:
-            return InvalidValue(_where(function, number, argument) + str(misfit(argument.vt, value)))
     return InvalidValue(f"{function.name}: {error}")
 
 

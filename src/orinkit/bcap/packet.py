@@ -23,6 +23,7 @@ OVERHEAD: Final = 16
 
 HEADER: Final = struct.Struct("<BIHHIH")
 LENGTH: Final = struct.Struct("<I")
+_START: Final = struct.Struct("<BI").unpack_from
 _CRC: Final = struct.Struct("<H")
 _EOT: Final = bytes([EOT])
 
@@ -166,17 +167,12 @@ class Framer:
         Raises:
             ProtocolError: as :meth:`next_frame`.
         """
-        length = len(data)
-        if (  # nearly always one whole packet arrives: nothing to keep, nothing to copy
-            not self._buffer
-            and self.limits.packet >= length >= OVERHEAD
-            and data[0] == SOH
-            and data[-1] == EOT
-            and LENGTH.unpack_from(data, 1)[0] == length
-            and self._error is None
-        ):
-            return data
-        self._buffer += data
+        if not self._buffer and self._error is None and len(data) >= OVERHEAD:
+            soh, length = _START(data)
+            if soh == SOH and length == len(data) and data[-1] == EOT and length <= self.limits.packet:
+                return data  # nearly always one whole packet arrives: nothing to keep, nothing to copy
+        if self._error is None:
+            self._buffer += data
         return self.next_frame()
 
     def next_frame(self) -> bytes | None:

@@ -8,6 +8,7 @@ time; another one meanwhile is answered with E_BUSY_PROC (reference behaviour: d
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -21,6 +22,9 @@ from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _SERVICE_START: Final = 1
 _LEAST_MS: Final = 80
+_MOST_MS: Final = 0x7FFF_FFFF
+
+logger = logging.getLogger("orinkit.bcap.server")
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +126,9 @@ class ServerConversation:
             timeout = options.number("InvokeTimeout")
         except ValueError:
             return False
-        if (wdt is not None and wdt <= _LEAST_MS) or (timeout is not None and timeout < _LEAST_MS):
+        if wdt is not None and not _LEAST_MS < wdt <= _MOST_MS:
+            return False
+        if timeout is not None and not _LEAST_MS <= timeout <= _MOST_MS:
             return False
         self.wdt = None if wdt is None else wdt / 1000
         self.invoke_timeout = self._default_timeout if timeout is None else timeout / 1000
@@ -137,7 +143,11 @@ class ServerConversation:
             return b""
         if result is None:
             return packet.pack(call.serial, code, 0, b"")
-        body = variant_bytes.encode_variant(result)
+        try:
+            body = variant_bytes.encode_variant(result)
+        except Exception:
+            logger.exception("the result of function %d cannot be sent", call.function_id)
+            return packet.pack(call.serial, hresult.E_FAIL, 0, b"")
         if len(body) + packet.OVERHEAD > self._limits.packet:
             return packet.pack(call.serial, hresult.E_TOO_MUCH_DATA, 0, b"")
         return packet.pack(call.serial, code, 1, body)

@@ -56,10 +56,10 @@ def to_integer(given: Variant) -> int:
         CallError: E_INVALIDARGTYPE for another type, E_INVALIDARG for a fraction or one out of range.
     """
     number = to_number(given)
-    if number != number or number in (float("inf"), float("-inf")) or number != int(number):  # noqa: PLR0124 - NaN
+    if number != number or number in (float("inf"), float("-inf")) or number != int(number):
         raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no whole number", f"{number} は整数ではありません"))
     if not -(2**31) <= number < 2**31:
-        raise error_for(hresult.E_INVALIDARG, pick(f"{number:.0f} is out of range", f"{number:.0f} は範囲外です"))
+        raise error_for(hresult.E_INVALIDARG, pick(f"{number!s:.40} is out of range", f"{number!s:.40} は範囲外です"))
     return int(number)
 
 
@@ -72,8 +72,11 @@ def to_handle(given: Variant) -> int:
 
 def to_real(given: Variant) -> float:
     """Return a number as ``float``; NaN and infinity are refused (E_INVALIDARG)."""
-    number = float(to_number(given))
-    if number != number or number in (float("inf"), float("-inf")):  # noqa: PLR0124 - NaN
+    try:
+        number = float(to_number(given))
+    except OverflowError:  # a text of hundreds of digits
+        number = float("inf")
+    if number != number or number in (float("inf"), float("-inf")):
         raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no usable number", f"{number} は使えない値です"))
     return number
 

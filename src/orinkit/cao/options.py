@@ -45,9 +45,10 @@ class Options:
 
 
 def _split(text: str) -> list[str]:
-    parts = [""]
+    parts: list[str] = []
     closing: list[str] = []
-    for sign in text:
+    start = 0
+    for index, sign in enumerate(text):
         if closing:
             if sign == closing[-1]:
                 closing.pop()
@@ -58,10 +59,9 @@ def _split(text: str) -> list[str]:
         elif sign in _OPENING:
             closing.append(_OPENING[sign])
         elif sign == ",":
-            parts.append("")
-            continue
-        parts[-1] += sign
-    return parts
+            parts.append(text[start:index])
+            start = index + 1
+    return [*parts, text[start:]]
 
 
 def _unquoted(value: str) -> str:

@@ -12,13 +12,14 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from inspect import isawaitable
+from traceback import format_exception_only
 from typing import Any, Final, TypeAlias
 
 from orinkit import hresult
 from orinkit.cao import coerce
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, CaoObject, Coded, ClientInfo, Provider
+from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Provider
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, InvalidValue, error_for
 from orinkit.language import pick
@@ -153,7 +154,7 @@ class Session:
         label = ""
         if function.creates:
             label = values[1] if len(values) > 1 else ""
-            existing = self._existing(function, handle, values)
+            existing = self._existing(function.creates, handle, label, values[-1])
             if existing is not None:
                 return existing
         result = getattr(entry.served, function.method)(*values[1:])
@@ -161,31 +162,36 @@ class Session:
             return Pending(function, handle, label, result)
         return self._reply(function, handle, label, result)
 
-    def _existing(self, function: Function[..., Any], parent: int, values: list[Any]) -> Reply | None:
-        """The object of that name if the client has it and says @IfNotMember; also the place of the object limit."""
-        label = values[1] if len(values) > 1 else ""
-        if label and "@IfNotMember" in Options(values[-1]):
-            for entry in self._entries.values():
-                if (
-                    entry.parent == parent
-                    and entry.interface == function.creates
-                    and entry.label.lower() == label.lower()
-                ):
-                    return Reply(result=Variant(VarType.I4, entry.handle))
+    def _existing(self, interface: str, parent: int, label: str, option: str) -> Reply | None:
+        """The object of that name if the client has it and says @IfNotMember; else there must be room for one more."""
+        if label and Options(option).flag("@IfNotMember"):
+            found = self._named(interface, parent, label)
+            if found is not None:
+                return Reply(result=Variant(VarType.I4, found.handle))
         self._check_room()
         return None
 
+    def _named(self, interface: str, parent: int, label: str) -> _Entry | None:
+        wanted = label.lower()
+        for entry in self._entries.values():
+            if entry.parent == parent and entry.interface == interface and entry.label.lower() == wanted:
+                return entry
+        return None
+
     def _reply(self, function: Function[..., Any], parent: int, label: str, result: Any) -> Reply:
-        if function.creates:
-            return Reply(result=Variant(VarType.I4, self._add(function.creates, result, parent, label)))
         code = hresult.S_OK
         if type(result) is Coded:
-            code, result = result.code, result.value
+            code, result = hresult.unsigned(result.code), result.value
+        if function.creates:
+            result = self._add(function.creates, result, parent, label)
         if function.result is None:
             return Reply(code)
-        if function.result is VarType.VARIANT:
-            return Reply(code, variant(result))
-        return Reply(code, Variant(function.result, result))
+        try:
+            return Reply(
+                code, variant(result) if function.result is VarType.VARIANT else Variant(function.result, result)
+            )
+        except InvalidValue as error:  # the device's fault, not the client's
+            raise TypeError(f"{function.name} cannot return {type(result).__name__}: {error}") from error
 
     def _failed(self, function: Function[..., Any], error: Exception) -> Reply:
         if isinstance(error, CallError):
@@ -193,7 +199,7 @@ class Session:
             return Reply(error.code, detail=error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error)
         code = hresult.E_INVALIDARG if isinstance(error, InvalidValue) else hresult.E_FAIL
-        return Reply(code, detail=f"{type(error).__name__}: {error}")
+        return Reply(code, detail="".join(format_exception_only(error)).strip())
 
     @staticmethod
     def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
@@ -214,23 +220,27 @@ class Session:
             )
 
     def _add(self, interface: str, served: CaoObject, parent: int, label: str) -> int:
+        if not isinstance(served, CaoObject):
+            raise TypeError(f"the device gave {type(served).__name__} for a {interface}")
         if self._closed or (parent and parent not in self._entries):  # the client left while the device was at work
             served.release()
             raise error_for(hresult.E_ABORT, label)
         while self._next in self._entries:
-            self._next = self._next % _LAST_HANDLE + 1
+            self._next = _following(self._next)
         handle = self._next
-        self._next = self._next % _LAST_HANDLE + 1
+        self._next = _following(handle)
         self._entries[handle] = _Entry(handle, interface, served, parent, label)
         return handle
 
     def _remove(self, handle: int) -> None:
-        """Release an object, those below it first, newest first."""
-        for child in [entry.handle for entry in reversed(self._entries.values()) if entry.parent == handle]:
-            self._remove(child)
-        entry = self._entries.pop(handle, None)
-        if entry is None:
-            return
+        """Release an object and all below it, newest first; what is below an object is always newer."""
+        doomed = {handle}
+        doomed.update(entry.handle for entry in self._entries.values() if entry.parent in doomed)
+        for each in [each for each in reversed(self._entries) if each in doomed]:
+            self._let_go(each)
+
+    def _let_go(self, handle: int) -> None:
+        entry = self._entries.pop(handle)
         try:
             entry.served.release()
         except Exception:
@@ -243,7 +253,7 @@ class Session:
 
     def _release_all(self) -> None:
         while self._entries:
-            self._remove(next(reversed(self._entries)))
+            self._let_go(next(reversed(self._entries)))
 
     # --- functions that are about the session itself ------------------------------------------------------------
 
@@ -258,10 +268,10 @@ class Session:
         name, provider_name, machine, option = values
         provider = self.host.find(provider_name)
         if name:
-            existing = self._existing(function, 0, values)
+            existing = self._existing("Controller", 0, name, option)
             if existing is not None:
                 return existing
-            if any(e.label.lower() == name.lower() for e in self._entries.values() if e.interface == "Controller"):
+            if self._named("Controller", 0, name) is not None:
                 raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
         else:
             self._check_room()
@@ -275,6 +285,10 @@ class Session:
             raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
         self._remove(handle)
         return Reply()
+
+
+def _following(handle: int) -> int:
+    return handle + 1 if handle < _LAST_HANDLE else _FIRST_HANDLE
 
 
 _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Outcome]]] = {

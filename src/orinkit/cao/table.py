@@ -92,7 +92,8 @@ class Function(Generic[P, R]):
             TypeError: too many, too few, or one that the function does not have.
         """
         if not named and len(arguments) == len(self.arguments):
-            return arguments
+            left_out = bool(arguments) and arguments[-1] is None and self.arguments[-1].unsent
+            return arguments[:-1] if left_out else arguments
         if len(arguments) > len(self.arguments):
             raise TypeError(
                 pick(

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from typing import Final
 
 from orinkit.language import pick
 from orinkit.transport.address import Address
 from orinkit.transport.tcp import CHUNK, closed, connect_failed, lost
+
+_UNSENT: Final = 16 * 1024 * 1024
+"""How many bytes of earlier calls may wait to be sent; more, and the link is given up."""
 
 
 class AsyncTcpLink(asyncio.Protocol):
@@ -65,12 +69,15 @@ class AsyncTcpLink(asyncio.Protocol):
 
         Raises:
             ConnectionClosed: the link was closed before.
-            ConnectionLost: the other side has closed it.
+            ConnectionLost: the other side has closed it, or has not taken what was queued for it long ago.
         """
         if self._transport is None:
             raise closed()
         if self._ended:
             raise lost(self._error or pick("the other side closed it", "相手が閉じました"))
+        if self._transport.get_write_buffer_size() > _UNSENT:
+            self.close()
+            raise lost(pick("the other side does not read", "相手が受信しません"))
         self._transport.write(data)
 
     async def receive(self, seconds: float) -> bytes | None:
@@ -90,6 +97,8 @@ class AsyncTcpLink(asyncio.Protocol):
             finally:
                 alarm.cancel()
                 self._waiter = None
+            if self._transport is None:
+                raise closed()
         if self._received:
             data = bytes(self._received)
             self._received.clear()
@@ -102,7 +111,10 @@ class AsyncTcpLink(asyncio.Protocol):
     def close(self) -> None:
         """Close; a receive that is waiting ends at once."""
         if self._transport is not None:
-            self._transport.close()
+            if self._transport.get_write_buffer_size():
+                self._transport.abort()  # close() would wait for the other side to read
+            else:
+                self._transport.close()
             self._transport = None
             self._ended = True
             self._wake()

@@ -57,6 +57,8 @@ class TcpLink:
             raise connect_failed(address, error) from error
         self._open = True
         self._seconds = -1.0
+        self._sendall = self._socket.sendall
+        self._recv = self._socket.recv
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         if _KERNEL_TIMEOUT:
@@ -70,11 +72,11 @@ class TcpLink:
             ConnectionLost: the link broke, or the other side takes nothing any more.
             ConnectionClosed: the link was closed before.
         """
-        if not self._open:
-            raise closed()
         try:
-            self._socket.sendall(data)
+            self._sendall(data)
         except BaseException as error:
+            if not self._open:
+                raise closed() from error
             self.close()
             if isinstance(error, OSError):
                 raise lost(error) from error
@@ -90,11 +92,14 @@ class TcpLink:
         if seconds != self._seconds:
             self._set_timeout(seconds)
         try:
-            return self._socket.recv(CHUNK)
+            data = self._recv(CHUNK)
         except (BlockingIOError, TimeoutError):
             return None
         except OSError as error:
             raise self._end(error) from error
+        if not data and not self._open:  # the end of the stream is another thread's close()
+            raise closed()
+        return data
 
     def _set_timeout(self, seconds: float) -> None:
         try:

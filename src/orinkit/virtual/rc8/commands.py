@@ -1,0 +1,151 @@
+"""The extended commands of Controller_Execute: THE TABLE of names, what each does, and whether it changes anything.
+
+A parameter is taken as clients send it: a scalar, a one-element array, a number as text. A command without parameters
+takes any and ignores it, as clients send VT_EMPTY, 0 or "". What a command does not return is ``None``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from orinkit import hresult
+from orinkit.errors import error_for
+from orinkit.language import pick
+from orinkit.variant import Value, Variant
+from orinkit.virtual.rc8 import conversion
+from orinkit.virtual.rc8.caller import Caller
+from orinkit.virtual.rc8.pendant import Mode
+from orinkit.virtual.rc8.state import State
+
+_SERIAL_NUMBER: Final = 0
+_BATTERY_DATE: Final = 15
+_BATTERY_PASSED: Final = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command.
+
+    Attributes:
+        name: as documented; clients write it in any case.
+        run: does it.
+        writes: whether it needs the right to write; else it needs that to read.
+    """
+
+    name: str
+    run: Callable[[Caller, Variant], Value]
+    writes: bool = False
+
+
+def execute(caller: Caller, name: str, parameter: Variant) -> Value:
+    """Execute a command for a client.
+
+    Raises:
+        CallError: E_INVALID_CMD_NAME; NO_READ_RIGHT, NO_WRITE_RIGHT; what the command itself refuses.
+    """
+    command = COMMANDS.get(name.strip().lower())
+    if command is None:
+        raise error_for(hresult.E_INVALID_CMD_NAME, name)
+    if command.writes:
+        caller.require_write()
+    else:
+        caller.require_read()
+    return command.run(caller, parameter)
+
+
+def _clear_error(caller: Caller, _: Variant) -> Value:
+    caller.state.clear_errors(caller.origin)
+    return None
+
+
+def _error_description(caller: Caller, parameter: Variant) -> Value:
+    code = conversion.whole(parameter)
+    if not -(2**31) <= code < 2**32:
+        raise error_for(
+            hresult.E_INVALIDARG, pick(f"{code} has more than 32 bits", f"{code} は 32 ビットを超えています")
+        )
+    return caller.state.faults.describe(code)
+
+
+def _current_error_count(caller: Caller, _: Variant) -> Value:
+    return len(caller.state.faults.current)
+
+
+def _current_error(caller: Caller, parameter: Variant) -> Value:
+    return caller.state.faults.current.at(conversion.whole(parameter)).as_current()
+
+
+def _error_log_count(caller: Caller, _: Variant) -> Value:
+    return len(caller.state.faults.log)
+
+
+def _error_log(caller: Caller, parameter: Variant) -> Value:
+    return caller.state.faults.log.at(conversion.whole(parameter)).as_logged()
+
+
+def _operation_log_count(caller: Caller, _: Variant) -> Value:
+    return len(caller.state.operations)
+
+
+def _operation_log(caller: Caller, parameter: Variant) -> Value:
+    return caller.state.operations.at(conversion.whole(parameter)).as_logged()
+
+
+def _system_info(caller: Caller, parameter: Variant) -> Value:
+    state, item = caller.state, conversion.whole(parameter)
+    if item == _SERIAL_NUMBER:
+        return state.identity.serial_no
+    if item == _BATTERY_DATE:
+        return _BATTERY_PASSED if state.battery_passed else state.battery_due
+    raise error_for(
+        hresult.E_INVALIDARG,
+        pick(
+            f"no item {item}; 0 serial number, 15 battery date",
+            f"項目 {item} はありません (0 シリアル番号、15 電池交換日)",
+        ),
+    )
+
+
+def system_state(state: State) -> int:
+    """Return the 32 bits of SysState; a bit of what this controller does not have yet is 0."""
+    pendant = state.pendant
+    bits = {
+        0: state.programs_running > 0,
+        1: state.faults.code != 0,
+        3: True,  # initialised: a client that asks is past the start
+        4: pendant.mode is Mode.AUTOMATIC,
+        6: state.battery_passed,
+        10: pendant.emergency_stop,
+        11: pendant.auto_enable,
+        12: pendant.protective_stop,
+        18: pendant.mode is Mode.MANUAL,
+    }
+    return sum(1 << bit for bit, on in bits.items() if on)
+
+
+def _system_state(caller: Caller, _: Variant) -> Value:
+    return system_state(caller.state)
+
+
+def _torque_off(caller: Caller, _: Variant) -> Value:
+    return caller.state.pendant.torque_off
+
+
+COMMANDS: Final[dict[str, Command]] = {
+    command.name.lower(): command
+    for command in (
+        Command("ClearError", _clear_error, writes=True),
+        Command("GetErrorDescription", _error_description),
+        Command("GetCurErrorCount", _current_error_count),
+        Command("GetCurErrorInfo", _current_error),
+        Command("GetErrorLogCount", _error_log_count),
+        Command("GetErrorLog", _error_log),
+        Command("GetOprLogCount", _operation_log_count),
+        Command("GetOprLog", _operation_log),
+        Command("SysInfo", _system_info),
+        Command("SysState", _system_state),
+        Command("StoState", _torque_off),
+    )
+}

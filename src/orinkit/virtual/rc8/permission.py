@@ -1,0 +1,114 @@
+"""Communication permission: which client may read, and which may also write (RC8 2.1).
+
+The RC8 sets it per device on the pendant; here it is set per client address, alone or as a network. The most specific
+entry that holds the address decides. It applies to every transport; a client without an IP address (a serial line, an
+in-process client) has the default.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Mapping
+from enum import IntFlag
+from typing import Final, TypeAlias
+
+from orinkit.language import pick
+
+
+class Access(IntFlag):
+    """What a client may do; also the attribute bits of a variable: 1 readable, 2 writable."""
+
+    NONE = 0
+    READ = 1
+    WRITE = 2
+    READ_WRITE = 3
+
+
+_Network: TypeAlias = "ipaddress.IPv4Network | ipaddress.IPv6Network"
+_NAMES: Final = {"none": Access.NONE, "r": Access.READ, "rw": Access.READ_WRITE}
+_EVERYONE: Final = "*"
+
+
+class Permission:
+    """Who may do what.
+
+    Args:
+        default: ``"rw"``, ``"r"`` or ``"none"``, for every address not listed.
+        by_address: the same by IPv4 or IPv6 address, or network such as ``"10.0.0.0/8"``.
+
+    Raises:
+        ValueError: an address, a network or a right that cannot be read, or an address given twice.
+    """
+
+    def __init__(self, default: str = "rw", by_address: Mapping[str, str] | None = None) -> None:
+        self.default = _access(default)
+        networks: dict[_Network, Access] = {}
+        for text, right in (by_address or {}).items():
+            network = _network(text)
+            if network in networks:
+                raise _twice(text)
+            networks[network] = _access(right)
+        self._networks = dict(sorted(networks.items(), key=lambda entry: entry[0].prefixlen, reverse=True))
+
+    @classmethod
+    def parse(cls, text: str) -> Permission:
+        """Return the permission written as ``"192.168.0.7=r,10.0.0.0/8=rw,*=none"``; ``*`` is everyone else.
+
+        Raises:
+            ValueError: it cannot be read; the message quotes the part.
+        """
+        rights: dict[str, str] = {}
+        for part in filter(None, map(str.strip, text.split(","))):
+            address, equals, right = map(str.strip, part.partition("="))
+            if not equals:
+                raise ValueError(
+                    pick(
+                        f"{part!r} is no ADDRESS=RIGHT; for example 192.168.0.7=r,*=rw",
+                        f"{part!r} は アドレス=権限 の形ではありません (例: 192.168.0.7=r,*=rw)",
+                    )
+                )
+            if address in rights:
+                raise _twice(address)
+            rights[address] = right
+        return cls(rights.pop(_EVERYONE, "rw"), rights)
+
+    def of(self, address: str) -> Access:
+        """Return what a client at this address may do."""
+        try:
+            host = ipaddress.ip_address(address)
+        except ValueError:
+            return self.default
+        if isinstance(host, ipaddress.IPv6Address) and host.ipv4_mapped:
+            host = host.ipv4_mapped  # an IPv4 client of a server that listens on IPv6
+        for network, access in self._networks.items():
+            if host in network:
+                return access
+        return self.default
+
+
+def _access(name: str) -> Access:
+    access = _NAMES.get(name.strip().lower())
+    if access is None:
+        raise ValueError(
+            pick(
+                f'{name!r} is no right; "rw" reads and writes, "r" only reads, "none" does neither',
+                f'{name!r} という権限はありません ("rw" 読み書き、"r" 読み出しのみ、"none" 不可)',
+            )
+        )
+    return access
+
+
+def _network(text: str) -> _Network:
+    try:
+        return ipaddress.ip_network(text.strip())
+    except ValueError as error:
+        raise ValueError(
+            pick(
+                f"{text!r} is no IP address or network ({error})",
+                f"{text!r} は IP アドレスでもネットワークでもありません ({error})",
+            )
+        ) from None
+
+
+def _twice(address: str) -> ValueError:
+    return ValueError(pick(f"{address} is given twice", f"{address} が二重に指定されています"))

@@ -1,0 +1,662 @@
+"""Clients against a server that misbehaves: the right error each time, never a wrong answer, never out of step."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import random
+import threading
+import time
+from typing import Any
+
+import pytest
+from both import Both
+from peers import BadPeer, Line, executing, reply
+
+from orinkit import functions as f
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.errors import (
+    CallError,
+    CallTimeout,
+    ConnectFailed,
+    ConnectionClosed,
+    ConnectionLost,
+    LimitExceeded,
+    OrinError,
+    ProtocolError,
+    TransportError,
+)
+from orinkit.variant import Variant, VarType
+
+PATIENT = 20.0  # a time-out that no test may reach
+SHORT = 0.15  # a time-out that is meant to pass
+
+
+def echo(request: Packet) -> bytes:
+    """The right answer: the last argument comes back."""
+    return reply(request, request.arguments[-1])
+
+
+def ask(both: Both, client: Any, token: object, **options: Any) -> Any:
+    """Make a call whose right answer is the token."""
+    return both.run(client.request(f.controller_execute, 1, "Echo", token, **options)).value
+
+
+# --- serial numbers: late, twice, foreign ---------------------------------------------------------------------------
+
+
+def test_a_late_answer_does_not_answer_the_next_call(both: Both) -> None:
+    def script(line: Line) -> None:
+        first, second = line.request(), line.request()
+        line.send(echo(first))
+        line.send(echo(second))
+        line.serve(echo)
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallTimeout) as caught:
+            ask(both, client, "first", timeout=SHORT)
+        assert (caught.value.function, caught.value.seconds) == ("Controller_Execute", SHORT)
+        assert ask(both, client, "second") == "second"
+        assert client.dropped == 1
+        assert ask(both, client, "third") == "third"
+        assert client.dropped == 1
+        both.run(client.close())
+
+
+def test_many_late_answers_are_all_dropped(both: Both) -> None:
+    def script(line: Line) -> None:
+        requests = [line.request() for _ in range(6)]
+        line.send(b"".join(map(echo, requests)))
+        line.serve(echo)
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        for number in range(5):
+            with pytest.raises(CallTimeout):
+                ask(both, client, number, timeout=SHORT)
+        assert ask(both, client, 5) == 5
+        assert client.dropped == 5
+        both.run(client.close())
+
+
+def test_an_answer_that_comes_twice_counts_once(both: Both) -> None:
+    with BadPeer(lambda line: line.serve(lambda request: echo(request) * 2)) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        for number in range(20):
+            assert ask(both, client, number) == number
+        assert client.dropped == 19  # the copy of the last has not been looked at
+        both.run(client.close())
+
+
+def test_an_answer_with_another_serial_is_not_the_answer(both: Both) -> None:
+    def script(line: Line) -> None:
+        request = line.request()
+        for serial in (0, request.serial + 1, request.serial - 1 & 0xFFFF, 0xFFFF):
+            line.send(reply(request, "foreign", serial=serial))
+            line.send(reply(request, code=hresult.E_FAIL, serial=serial))
+        line.send(echo(request))
+        line.serve(lambda request: reply(request, "foreign", serial=request.serial ^ 0x0100))
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        assert ask(both, client, "mine") == "mine"
+        assert client.dropped == 8
+        with pytest.raises(CallTimeout):
+            ask(both, client, "nobody answers this", timeout=SHORT)
+        assert client.dropped == 9
+        both.run(client.close())
+
+
+def test_a_flood_of_foreign_answers_neither_answers_nor_prolongs_a_call(both: Both) -> None:
+    with BadPeer() as peer:
+
+        def flood(line: Line) -> None:
+            request = line.request()
+            swarm = (executing(request, serial=7777) + reply(request, "foreign", serial=8888)) * 500
+            while not peer.stopping.is_set():
+                line.send(swarm)
+
+        peer._scripts = (flood,)
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallTimeout):
+            ask(both, client, "mine", timeout=0.5)
+        assert client.dropped > 0
+        both.run(client.close())
+
+
+def test_serials_wrap_without_a_crossed_answer(both: Both) -> None:
+    serials: list[int] = []
+
+    def script(line: Line) -> None:
+        while True:
+            request = line.request()
+            serials.append(request.serial)
+            line.send(echo(request))
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        client._conversation._serial = 0xFFF0
+        for number in range(40):
+            assert ask(both, client, number) == number
+        both.run(client.close())
+    assert serials == [*range(0xFFF0, 0x10000), *range(1, 25)]
+
+
+# --- pieces ---------------------------------------------------------------------------------------------------------
+
+
+def test_answers_byte_by_byte(both: Both) -> None:
+    def script(line: Line) -> None:
+        while True:
+            line.send_in_pieces(*(bytes([byte]) for byte in echo(line.request())))
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        for token in ("ab", [1.5, 2.5], None, True):
+            assert ask(both, client, token) == token
+        assert client.dropped == 0
+        both.run(client.close())
+
+
+def test_answers_split_at_every_point(both: Both) -> None:
+    whole = echo(Packet(1, 17, [[1, 2, 3]]))
+
+    def script(line: Line) -> None:
+        for cut in itertools.count(1):
+            answer = echo(line.request())
+            line.send_in_pieces(answer[:cut], answer[cut:])
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        for number in range(1, len(whole)):
+            assert ask(both, client, [number, 2, 3]) == [number, 2, 3]
+        both.run(client.close())
+
+
+def test_an_answer_split_across_other_packets(both: Both) -> None:
+    """The end of one packet and the beginning of the next come in one piece."""
+
+    def script(line: Line) -> None:
+        while True:
+            request = line.request()
+            stream = reply(request, "foreign", serial=999) + executing(request) + echo(request) + echo(request)
+            third = len(stream) // 3
+            line.send_in_pieces(stream[:third], stream[third : 2 * third], stream[2 * third :])
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        for number in range(20):
+            assert ask(both, client, number) == number
+        both.run(client.close())
+
+
+def test_a_large_answer(both: Both) -> None:
+    content = bytes(range(256)) * 4 * 1024 * 8
+    with BadPeer(lambda line: line.serve(echo)) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        assert ask(both, client, content) == content
+        both.run(client.close())
+
+
+# --- the connection ends --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sent", ["nothing", "one byte", "half a header", "header", "all but EOT", "executing", "foreign"])
+@pytest.mark.parametrize("how", ["close", "reset"])
+def test_the_peer_goes_in_the_middle(both: Both, sent: str, how: str) -> None:
+    def script(line: Line) -> None:
+        request = line.request()
+        answer = echo(request)
+        line.send(
+            {
+                "nothing": b"",
+                "one byte": answer[:1],
+                "half a header": answer[:7],
+                "header": answer[:15],
+                "all but EOT": answer[:-1],
+                "executing": executing(request),
+                "foreign": reply(request, "foreign", serial=99),
+            }[sent]
+        )
+        if how == "close":
+            line.close()
+        else:
+            line.reset()
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(ConnectionLost):
+            ask(both, client, "token")
+        with pytest.raises(ConnectionClosed):  # known at once, nothing is sent
+            ask(both, client, "token")
+        both.run(client.close())
+        assert peer.connections == 1
+
+
+def test_the_peer_closes_between_two_calls(both: Both) -> None:
+    with BadPeer(lambda line: line.send(echo(line.request()))) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        assert ask(both, client, 1) == 1
+        assert peer.ended.acquire(timeout=PATIENT)
+        with pytest.raises(ConnectionLost):
+            ask(both, client, 2)
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, 3)
+        both.run(client.close())
+
+
+def test_an_answer_before_the_end_is_still_taken(both: Both) -> None:
+    """The answer and the end of the stream arrive together: the call has succeeded."""
+    with BadPeer(lambda line: line.send(echo(line.request()))) as peer:
+        for number in range(20):
+            client = both.client(peer.url, timeout=PATIENT)
+            assert ask(both, client, number) == number
+            both.run(client.close())
+
+
+def test_nobody_listens(both: Both) -> None:
+    with BadPeer() as peer:
+        url = peer.url
+    with pytest.raises(ConnectFailed, match="127.0.0.1") as caught:
+        both.client(url)
+    assert isinstance(caught.value, ConnectionError)
+    with pytest.raises(ConnectFailed):
+        both.connect(url)
+
+
+def test_connect_to_a_peer_that_hangs_up(both: Both) -> None:
+    with BadPeer(lambda line: line.close()) as peer, pytest.raises(TransportError):
+        both.connect(peer.url, timeout=PATIENT)
+
+
+@pytest.mark.parametrize("refused", [f.service_start, f.controller_connect])
+def test_a_refused_connect_closes_the_connection(both: Both, refused: Any) -> None:
+    def script(line: Line) -> None:
+        while (request := line.request()).code != refused.id:
+            line.send(reply(request))
+        line.send(reply(request, code=hresult.E_MAX_CONNECT))
+        line.wait_for_end()
+
+    with BadPeer(script) as peer:
+        with pytest.raises(CallError) as caught:
+            both.connect(peer.url, timeout=PATIENT)
+        assert (caught.value.code, caught.value.function) == (hresult.E_MAX_CONNECT, refused.name)
+        both.run(asyncio.sleep(0) if both.kind == "async" else None)
+        assert peer.ended.acquire(timeout=PATIENT)  # it has seen the end of the stream
+
+
+def test_closing_from_elsewhere_ends_a_call() -> None:
+    at_work = threading.Event()
+
+    def script(line: Line) -> None:
+        line.request()
+        at_work.set()
+        line.wait_for_end()
+
+    both = Both("sync")
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        closer = threading.Thread(target=lambda: (at_work.wait(PATIENT), client.close()))
+        closer.start()
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, "token")
+        closer.join()
+
+
+def test_closing_from_another_task_ends_a_call() -> None:
+    both = Both("async")
+    with BadPeer(lambda line: line.wait_for_end()) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+
+        async def body() -> None:
+            call = asyncio.ensure_future(client.call(f.controller_execute, 1, "Echo", 1))
+            await asyncio.sleep(0)
+            await client.close()
+            with pytest.raises(ConnectionClosed):
+                await call
+
+        both.run(body())
+        both.close()
+
+
+# --- not b-CAP ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("begin", [b"\x01", b"\x01\x10\x20\x00\x00", b"\x00\x01\x00\x01\x00"])
+def test_garbage_that_looks_like_a_long_packet_is_given_up_in_the_end(both: Both, begin: bytes) -> None:
+    """It swallows answers until its length is reached: calls time out, none is answered wrongly, then it is closed."""
+
+    def script(line: Line) -> None:
+        line.send(begin)
+        line.serve(echo)
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallTimeout):
+            ask(both, client, "first", timeout=SHORT)
+        with pytest.raises(ProtocolError):
+            ask(both, client, bytes(70_000))
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, "third")
+
+
+@pytest.mark.parametrize("garbage", [b"\x00", b"\x04\x04\x04", b"HTTP/1.1 400 Bad Request\r\n\r\n", bytes(range(2, 256)) * 40])
+def test_garbage_before_the_answer_is_passed_over(both: Both, garbage: bytes) -> None:
+    with BadPeer(lambda line: line.serve(lambda request: garbage + echo(request))) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        for number in range(3):
+            assert ask(both, client, number) == number
+        both.run(client.close())
+
+
+def corrupt(answer: bytes, *, length: int | None = None, end: int | None = None) -> bytes:
+    """Return a packet with a wrong length field or a wrong last byte."""
+    if length is not None:
+        answer = answer[:1] + packet.LENGTH.pack(length) + answer[5:]
+    return answer if end is None else answer[:-1] + bytes([end])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "error"),
+    [
+        (lambda answer: corrupt(answer, length=0), ProtocolError),
+        (lambda answer: corrupt(answer, length=15), ProtocolError),
+        (lambda answer: corrupt(answer, length=len(answer) - 1), ProtocolError),
+        (lambda answer: corrupt(answer, length=16 * 1024 * 1024 + 1), LimitExceeded),
+        (lambda answer: corrupt(answer, length=0xFFFFFFFF), LimitExceeded),
+        (lambda answer: corrupt(answer, end=0x00), ProtocolError),
+        (lambda answer: corrupt(answer, end=0x01), ProtocolError),
+        (lambda answer: b"\x01\x02\x03\x04\x05" + answer, LimitExceeded),
+        (lambda answer: b"\x01\x14\x00\x00\x00" + answer, ProtocolError),  # swallows the answer's beginning
+    ],
+    ids=["no length", "length 15", "short by 1", "17 MiB", "4 GiB", "EOT 00", "EOT 01", "SOH before", "swallow"],
+)
+def test_a_stream_that_has_lost_its_place_is_closed(both: Both, spoil: Any, error: type[ProtocolError]) -> None:
+    def script(line: Line) -> None:
+        line.send(spoil(echo(line.request())))
+        line.wait_for_end()
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(ProtocolError) as caught:
+            ask(both, client, "token")
+        assert type(caught.value) is error
+        assert caught.value.fatal
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, "token")
+        both.run(asyncio.sleep(0) if both.kind == "async" else None)
+        assert peer.ended.acquire(timeout=PATIENT)  # the client has hung up by itself
+
+
+def test_a_length_longer_than_the_packet_ends_with_a_timeout_or_an_error(both: Both) -> None:
+    """The client waits for bytes that belong to the next answer; it must not take either for an answer."""
+    with BadPeer(lambda line: line.serve(lambda request: corrupt(echo(request), length=len(echo(request)) + 4))) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallTimeout):
+            ask(both, client, "first", timeout=SHORT)
+        with pytest.raises(ProtocolError):
+            ask(both, client, "second")
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, "third")
+
+
+def frame(request: Packet, count: int, body: bytes) -> bytes:
+    return packet.pack(request.serial, 0, count, body)
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "answer"),
+    [
+        (f.variable_get_attribute, (1,), lambda r: reply(r, "text")),
+        (f.variable_get_attribute, (1,), lambda r: reply(r, 1.5)),
+        (f.variable_get_attribute, (1,), lambda r: reply(r, True)),
+        (f.variable_get_attribute, (1,), lambda r: reply(r, [1])),
+        (f.variable_get_name, (1,), lambda r: reply(r, 5)),
+        (f.controller_get_variable, (1, "IO150"), lambda r: reply(r, "two")),
+        (f.controller_get_variable, (1, "IO150"), lambda r: reply(r)),
+        (f.controller_get_variable, (1, "IO150"), lambda r: reply(r, None)),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, b"")),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, bytes.fromhex("0a000000030001000000050000"))),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, bytes.fromhex("ffffff7f03000100000005000000"))),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, bytes.fromhex("0a0000000300ffffffff05000000"))),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, bytes.fromhex("0a00000063000100000005000000"))),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, bytes.fromhex("0a000000080001000000ffffff7f"))),
+        (f.variable_get_value, (1,), lambda r: frame(r, 1, bytes.fromhex("06000000ffff05000000"))),
+    ],
+    ids=[
+        "text for VT_I4", "VT_R8 for VT_I4", "VT_BOOL for VT_I4", "array for VT_I4", "VT_I4 for text",
+        "text for a handle", "nothing for a handle", "VT_EMPTY for a handle", "count without bytes",
+        "VT_I4 of 3 bytes", "argument of 2 GiB", "4 G elements", "unknown type", "text of 2 GiB", "nonsense",
+    ],
+)  # fmt: skip
+def test_a_wrong_result_is_refused_and_the_connection_goes_on(
+    both: Both, function: Any, arguments: tuple[Any, ...], answer: Any
+) -> None:
+    def script(line: Line) -> None:
+        line.send(answer(line.request()))
+        line.serve(echo)
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(ProtocolError) as caught:
+            both.run(client.call(function, *arguments))
+        assert not caught.value.fatal
+        assert str(caught.value)
+        assert ask(both, client, "next") == "next"
+        both.run(client.close())
+
+
+def test_other_integer_types_and_a_missing_result_are_tolerated(both: Both) -> None:
+    answers = iter([[Variant(VarType.UI4, 7)], [Variant(VarType.I2, 8)], [], [1, "more", "than", "asked"]])
+    with BadPeer(lambda line: line.serve(lambda request: reply(request, *next(answers)))) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        assert both.run(client.call(f.variable_get_attribute, 1)) == 7
+        assert both.run(client.call(f.variable_get_attribute, 1)) == 8
+        assert both.run(client.call(f.variable_get_value, 1)) is None
+        assert both.run(client.call(f.variable_get_value, 1)) == 1
+        both.run(client.close())
+
+
+def test_an_error_code_with_a_result_is_an_error(both: Both) -> None:
+    with BadPeer(lambda line: line.serve(lambda request: reply(request, "ignored", code=0x83500121))) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallError) as caught:
+            ask(both, client, "token")
+        assert caught.value.code == 0x83500121
+        both.run(client.close())
+
+
+# --- S_EXECUTING ----------------------------------------------------------------------------------------------------
+
+
+def test_executing_prolongs_the_wait(both: Both) -> None:
+    """Six notices 0.25 s apart are 1.5 s, more than the time-out of 1 s: each starts it anew."""
+    with BadPeer() as peer:
+
+        def script(line: Line) -> None:
+            request = line.request()
+            for _ in range(6):
+                peer.stopping.wait(0.25)
+                line.send(executing(request))
+            line.send(echo(request))
+            line.wait_for_end()
+
+        peer._scripts = (script,)
+        client = both.client(peer.url, timeout=1.0)
+        assert ask(both, client, "long") == "long"
+        assert client.dropped == 0
+        both.run(client.close())
+
+
+def test_executing_and_then_silence_is_a_timeout(both: Both) -> None:
+    def script(line: Line) -> None:
+        request = line.request()
+        line.send(executing(request) * 3)
+        line.serve(echo)
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallTimeout):
+            ask(both, client, "token", timeout=SHORT)
+        assert ask(both, client, "next") == "next"
+        both.run(client.close())
+
+
+def test_executing_for_another_call_does_not_prolong_the_wait(both: Both) -> None:
+    with BadPeer() as peer:
+
+        def script(line: Line) -> None:
+            request = line.request()
+            while not peer.stopping.wait(0.02):
+                line.send(executing(request, serial=request.serial + 1))
+
+        peer._scripts = (script,)
+        client = both.client(peer.url, timeout=PATIENT)
+        with pytest.raises(CallTimeout):
+            ask(both, client, "token", timeout=0.3)
+        both.run(client.close())
+
+
+def executing_for_ever(peer: BadPeer, started: threading.Event) -> Any:
+    def script(line: Line) -> None:
+        request = line.request()
+        while not peer.stopping.wait(0.01):
+            line.send(executing(request))
+            started.set()
+
+    return script
+
+
+def test_executing_for_ever_can_be_ended_by_closing() -> None:
+    both, started = Both("sync"), threading.Event()
+    with BadPeer() as peer:
+        peer._scripts = (executing_for_ever(peer, started),)
+        client = both.client(peer.url, timeout=1.0)
+        closer = threading.Thread(target=lambda: (started.wait(PATIENT), client.close()))
+        closer.start()
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, "token")
+        closer.join()
+
+
+def test_executing_for_ever_can_be_cancelled() -> None:
+    both, started = Both("async"), threading.Event()
+    with BadPeer() as peer:
+        peer._scripts = (executing_for_ever(peer, started),)
+        client = both.client(peer.url, timeout=1.0)
+
+        async def body() -> None:
+            call = asyncio.ensure_future(client.call(f.controller_execute, 1, "Echo", 1))
+            while not started.is_set():
+                await asyncio.sleep(0.01)
+            call.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await call
+            await client.close()
+
+        both.run(body())
+        both.close()
+
+
+# --- a peer that never reads ----------------------------------------------------------------------------------------
+
+
+def test_a_peer_that_never_reads(both: Both) -> None:
+    """The client does not hang, and does not keep request after request in memory."""
+    with BadPeer() as peer:
+        peer._scripts = (lambda line: peer.stopping.wait(PATIENT) and None,)
+        client = both.client(peer.url, timeout=0.3)
+        content = bytes(4 * 1024 * 1024)
+        errors: list[type[Exception]] = []
+        for _ in range(12):
+            try:
+                ask(both, client, content)
+            except OrinError as error:
+                errors.append(type(error))
+        assert len(errors) == 12
+        assert set(errors) <= {CallTimeout, ConnectionLost, ConnectionClosed}
+        assert errors[-1] is ConnectionClosed  # it has been given up
+        both.run(client.close())
+
+
+# --- everything at random -------------------------------------------------------------------------------------------
+
+
+class Chaos:
+    """Misbehaves at random, but never lies: an answer with a call's serial is that call's answer."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = random.Random(seed)
+        self.late: list[bytes] = []
+
+    def script(self, line: Line) -> None:
+        self.late.clear()  # another connection
+        while True:
+            request = line.request()
+            answer = echo(request)
+            trick = self.random.randrange(14)
+            foreign = reply(request, "foreign", serial=self.random.choice([0, request.serial ^ 0x8000, 65535]))
+            if trick == 0:
+                self.late.append(answer)
+            elif trick == 1:
+                line.send(answer * self.random.randrange(2, 4))
+            elif trick == 2:
+                line.send(foreign * self.random.randrange(1, 50) + answer + foreign)
+            elif trick == 3:
+                line.send(executing(request) * self.random.randrange(1, 4) + answer)
+            elif trick == 4:
+                cut = self.random.randrange(1, len(answer))
+                line.send_in_pieces(answer[:cut], answer[cut:])
+            elif trick == 5:
+                line.send(answer[: self.random.randrange(len(answer))])
+                return
+            elif trick == 6:
+                line.send(self.random.randbytes(self.random.randrange(1, 40)) + answer)
+            elif trick == 7:
+                line.send(corrupt(answer, length=self.random.choice([0, 9, len(answer) - 3, len(answer) + 3, 2**32 - 1])))
+            elif trick == 8:
+                line.send(corrupt(answer, end=self.random.choice([0, 1, 5])))
+            elif trick == 9:
+                line.send(reply(request, code=hresult.E_FAIL))
+            elif trick == 10:
+                line.send(b"".join(self.late) + answer)
+                self.late.clear()
+            else:
+                line.send(answer)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_the_peer_does_no_answer_is_wrong(both: Both, seed: int) -> None:
+    chaos = Chaos(seed)
+    right = 0
+    with BadPeer(chaos.script) as peer:
+        client = both.client(peer.url, timeout=0.1)
+        for number in range(400):
+            token = f"{number}:{chaos.random.random()}"
+            try:
+                assert ask(both, client, token) == token
+                right += 1
+            except CallTimeout:
+                pass
+            except CallError as error:
+                assert error.code == hresult.E_FAIL
+            except (TransportError, ProtocolError):
+                both.run(client.close())
+                client = both.client(peer.url, timeout=0.1)
+        both.run(client.close())
+    assert right > 150
+
+
+def test_time_is_not_wasted_on_a_closed_client(both: Both) -> None:
+    """A call on a closed client fails at once, not after its time-out."""
+    with BadPeer(lambda line: line.serve(echo)) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        both.run(client.close())
+        both.run(client.close())
+        before = time.monotonic()
+        with pytest.raises(ConnectionClosed):
+            ask(both, client, 1)
+        assert time.monotonic() - before < PATIENT

@@ -1,0 +1,33 @@
+"""What all tests share. This file being here puts ``tests`` on the path: ``import peers``, ``import devices``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+from both import Both
+from hypothesis import settings
+
+from orinkit import language
+
+# The same examples on every run in CI, new ones elsewhere; no deadline, as other people's machines are slow.
+settings.register_profile("orinkit", deadline=None, max_examples=100, derandomize="CI" in os.environ)
+settings.load_profile("orinkit")
+
+
+@pytest.fixture(autouse=True)
+def _english() -> Iterator[None]:
+    """Texts are in English unless a test says otherwise, whatever the machine's language is."""
+    before = language.current()
+    language.use("en")
+    yield
+    language.use(before)
+
+
+@pytest.fixture(params=["sync", "async"])
+def both(request: pytest.FixtureRequest) -> Iterator[Both]:
+    """Either client, one after the other."""
+    client = Both(request.param)
+    yield client
+    client.close()

@@ -1,0 +1,305 @@
+"""A device by decorators, served over a real socket and driven by the client."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from datetime import datetime
+
+import pytest
+
+import orinkit
+from orinkit import Device, Part, VarType, command, hresult, variable
+from orinkit.cao.provider import CommandObject, RobotObject
+from orinkit.device import command_object, extension, file, robot, task
+from orinkit.errors import CallError, InvalidArgument, ObjectNotFound, error_for
+
+
+class Finger(Part):
+    """A finger."""
+
+    @variable("POS", quick=True)
+    def position(self) -> float:
+        return 1.5
+
+    @command("Bend", quick=True)
+    def bend(self, degrees: float) -> float:
+        return degrees * 2
+
+
+class Arm(RobotObject):
+    def get_variable_names(self, option: str) -> list[str]:
+        return [f"names with {option!r}"]
+
+
+class Homing(CommandObject):
+    def get_state(self) -> int:
+        return 7
+
+
+class Gripper(Device):
+    """A gripper."""
+
+    provider_names = ("CaoProv.Example.Gripper",)
+
+    def __init__(self) -> None:
+        self.mm = 30.0
+        self.count = 0
+        self.gate = threading.Event()
+        self.finger = Finger()
+
+    @variable("WIDTH", help="Opening in mm", type=VarType.R4)
+    def width(self) -> float:
+        return self.mm
+
+    @width.setter
+    def set_width(self, mm: float) -> None:
+        self.mm = mm
+
+    @variable("COUNT", quick=True)
+    def counter(self) -> int:
+        """How often it closed."""
+        return self.count
+
+    @counter.setter
+    def set_counter(self, count: int) -> None:
+        self.count = count
+
+    @variable("NAME")
+    async def label(self) -> str:
+        await asyncio.sleep(0)
+        return "G1"
+
+    @label.setter
+    async def set_label(self, label: str) -> None:
+        await asyncio.sleep(0)
+        self.seen = label
+
+    @variable("ANY", quick=True)
+    def anything(self) -> object:
+        return orinkit.Variant(VarType.I2, 5)
+
+    @anything.setter
+    def set_anything(self, value: object) -> None:
+        self.any = value
+
+    @variable("POSE", type=VarType.R4 | VarType.ARRAY, quick=True)
+    def pose(self) -> list[float]:
+        return [1, 2, 3]
+
+    @pose.setter
+    def set_pose(self, pose: list[float]) -> None:
+        self.seen_pose = pose
+
+    @command("Close")
+    def close_fingers(self, force: float = 10.0, times: int = 1) -> str:
+        self.count += times
+        return f"closed with {force}"
+
+    @command("Sum", quick=True)
+    def total(self, *values: float) -> float:
+        return sum(values)
+
+    @command("Take", quick=True)
+    def take(self, pose: list[float]) -> int:
+        return len(pose) if isinstance(pose, list) else -1
+
+    @command("Wait")
+    def wait(self) -> bool:
+        return self.gate.wait(30)
+
+    @command("Boom", quick=True)
+    def boom(self) -> None:
+        raise RuntimeError("bang")
+
+    @command("Refuse", quick=True)
+    def refuse(self) -> None:
+        raise error_for(hresult.E_ACCESSDENIED)
+
+    @extension("Finger0", help="The only finger")
+    def finger0(self) -> Part:
+        return self.finger
+
+    @robot("Arm")
+    def arm(self) -> RobotObject:
+        return Arm("Arm")
+
+    @task("T1")
+    def first_task(self) -> Part:
+        return self.finger
+
+    @file("F1")
+    def folder(self) -> Part:
+        return Folder()
+
+    @command_object("Homing")
+    def homing(self) -> CommandObject:
+        return Homing("Homing")
+
+    @command_object("Wrong")
+    def wrong(self) -> Part:
+        return self.finger
+
+
+class Folder(Part):
+    @file("Inner")
+    def inner(self) -> Part:
+        return Folder()
+
+
+@pytest.fixture
+def gripper():
+    device = Gripper()
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        device.url = server.url
+        yield device
+        device.gate.set()
+
+
+@pytest.fixture
+def client(gripper):
+    with orinkit.connect(gripper.url, provider="caoprov.example.gripper", timeout=10) as controller:
+        yield controller
+
+
+def test_a_variable_has_the_declared_type_both_ways(gripper, client):
+    width = client.variable("width")
+    assert width.value == 30.0
+    reply = client.client.request(orinkit.functions.variable_get_value, width.handle, exact=True)
+    assert reply.value == orinkit.Variant(VarType.R4, 30.0)
+    for given in (12.5, "12.5", [12.5], orinkit.Variant(VarType.R4, 12.5)):
+        gripper.mm = 0.0
+        width.value = given
+        assert gripper.mm == 12.5
+    width.value = True
+    assert gripper.mm == -1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("WIDTH", "wide"), ("COUNT", 1.5), ("NAME", 3), ("POSE", "x"), ("COUNT", None)]
+)
+def test_a_value_of_the_wrong_type_is_a_type_mismatch(client, name, value):
+    with pytest.raises(InvalidArgument) as caught:
+        client.variable(name).value = value
+    assert caught.value.code == hresult.DISP_E_TYPEMISMATCH
+
+
+def test_types_come_from_the_annotation_of_the_getter(gripper, client):
+    assert client.variable("COUNT").value == 0
+    client.variable("COUNT").value = 4.0
+    assert gripper.count == 4
+    assert client.variable("NAME").value == "G1"
+    client.variable("NAME").value = "G2"
+    assert gripper.seen == "G2"
+    assert client.variable("ANY").value == 5
+    client.variable("ANY").value = [1, 2.5]
+    assert gripper.any == [1, 2.5]
+    assert client.variable("POSE").value == [1.0, 2.0, 3.0]
+    client.variable("POSE").value = [4, 5, 6]
+    assert gripper.seen_pose == [4.0, 5.0, 6.0]
+
+
+def test_names_help_attribute_tag_id_and_time(client):
+    width = client.variable("WIDTH")
+    assert (width.name, width.help, width.attribute) == ("WIDTH", "Opening in mm", 3)
+    count = client.variable("COUNT")
+    assert count.help == "How often it closed."
+    assert client.extension("finger0").variable("POS").attribute == 1
+    width.tag, width.id = ["mine", 1], 5
+    assert (width.tag, width.id) == (["mine", 1], 5)
+    assert client.variable("WIDTH").tag is None
+    before = datetime.now().replace(microsecond=0)
+    assert width.value is not None
+    assert before <= width.date_time <= datetime.now()
+    assert 0 <= width.microsecond < 1_000_000
+    assert client.help == "A gripper."
+    assert client.variable_names() == ["WIDTH", "COUNT", "NAME", "ANY", "POSE"]
+    assert client.extension_names() == ["Finger0"]
+    assert client.robot_names() == ["Arm"]
+    assert client.task_names() == ["T1"]
+    assert client.file_names() == ["F1"]
+    assert client.command_names() == ["Homing", "Wrong"]
+
+
+def test_a_variable_without_setter_is_not_writable(client):
+    with pytest.raises(CallError) as caught:
+        client.extension("Finger0").variable("POS").value = 2.0
+    assert caught.value.code == hresult.E_CAO_NOT_WRITABLE
+
+
+def test_a_parameter_is_spread_over_the_arguments(client):
+    assert client.execute("CLOSE") == "closed with 10.0"
+    assert client.execute("close", 5.0) == "closed with 5.0"
+    assert client.execute("close", [5.0, 2]) == "closed with 5.0"
+    assert client.variable("COUNT").value == 4
+    assert client.execute("Sum", [1.0, 2.0, 3.0]) == 6.0
+    assert client.execute("Take", [1.0, 2.0]) == 2
+    assert client.execute("Take", 1.0) == -1
+
+
+@pytest.mark.parametrize(("name", "parameter", "code"), [
+    ("Close", [1.0, 2.0, 3.0], hresult.E_INVALIDARG), ("Take", None, hresult.E_INVALIDARG),
+    ("Nothing", None, hresult.E_INVALID_CMD_NAME), ("Refuse", None, hresult.E_ACCESSDENIED),
+])  # fmt: skip
+def test_refusals_have_their_codes(client, name, parameter, code):
+    with pytest.raises(CallError) as caught:
+        client.execute(name, parameter)
+    assert caught.value.code == code
+
+
+def test_an_exception_in_a_handler_is_e_fail_and_nothing_else_breaks(client, caplog):
+    with pytest.raises(CallError) as caught:
+        client.execute("Boom")
+    assert caught.value.code == hresult.E_FAIL
+    assert "bang" in caplog.text
+    assert client.execute("Sum", [1.0]) == 1.0
+
+
+def test_objects_below_are_parts_or_objects_of_their_own(client):
+    finger = client.extension("Finger0")
+    assert finger.help == "The only finger"
+    assert finger.execute("Bend", 10.0) == 20.0
+    assert client.robot("arm").variable_names("o") == ["names with 'o'"]
+    assert client.task("T1").variable("pos").value == 1.5
+    assert client.file("F1").file("Inner").file_names() == ["Inner"]
+    assert client.command("Homing").state == 7
+    with pytest.raises(CallError) as caught:
+        client.command("Wrong")
+    assert caught.value.code == hresult.E_FAIL
+
+
+@pytest.mark.parametrize("kind", ["variable", "extension", "robot", "task", "file", "command"])
+def test_unknown_names_are_not_found(client, kind):
+    with pytest.raises(ObjectNotFound):
+        getattr(client, kind)("Nobody")
+
+
+def test_a_waiting_handler_holds_up_nobody_else(gripper, client):
+    result = []
+    waiting = threading.Thread(target=lambda: result.append(client.execute("Wait")))
+    waiting.start()
+    with orinkit.connect(gripper.url, provider="CaoProv.Example.Gripper") as other:
+        assert other.variable("WIDTH").value == 30.0
+        gripper.gate.set()
+    waiting.join(30)
+    assert result == [True]
+
+
+def test_a_subclass_inherits_and_overrides_what_is_declared():
+    class Better(Gripper):
+        @variable("WIDTH", quick=True)
+        def width(self) -> float:
+            return 99.0
+
+        @variable("EXTRA", quick=True)
+        def extra(self) -> int:
+            return 1
+
+    device = Better()
+    assert device.names("Variable") == ["WIDTH", "COUNT", "NAME", "ANY", "POSE", "EXTRA"]
+    with (
+        orinkit.serve(device, "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider=Gripper.provider_names[0]) as c,
+    ):
+        assert c.variable("WIDTH").value == 99.0
+    assert Gripper.names("Variable") == ["WIDTH", "COUNT", "NAME", "ANY", "POSE"]

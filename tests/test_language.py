@@ -1,0 +1,63 @@
+"""The language of texts: from the environment at first, by hand at any time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from orinkit import language
+
+NAMES = ("ORINKIT_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
+
+
+def at_start(**environment: str) -> str:
+    clean = {name: value for name, value in os.environ.items() if name not in NAMES}
+    program = "from orinkit import language; print(language.current())"
+    done = subprocess.run(
+        [sys.executable, "-c", program], env={**clean, **environment}, capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+def test_a_new_process_takes_the_language_of_its_environment():
+    assert at_start(LANG="ja_JP.UTF-8") == "ja"
+    assert at_start() == "en"
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({}, "en"),
+        ({"LANG": "ja_JP.UTF-8"}, "ja"),
+        ({"LANG": "JA"}, "ja"),
+        ({"LANG": "en_US.UTF-8"}, "en"),
+        ({"LANG": "C"}, "en"),
+        ({"LANG": "de_DE.UTF-8"}, "en"),
+        ({"LANG": "en_US.UTF-8", "LC_MESSAGES": "ja_JP.UTF-8"}, "ja"),
+        ({"LC_MESSAGES": "ja_JP.UTF-8", "LC_ALL": "C.UTF-8"}, "en"),
+        ({"LC_ALL": "en_GB.UTF-8", "ORINKIT_LANG": "ja"}, "ja"),
+        ({"ORINKIT_LANG": "", "LANG": "ja_JP"}, "ja"),
+    ],
+)
+def test_the_first_variable_that_is_set_decides(monkeypatch, environment, expected):
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert language._from_environment() == expected
+
+
+def test_use_changes_every_text_from_then_on():
+    language.use("ja")
+    assert (language.current(), language.pick("cat", "猫")) == ("ja", "猫")
+    language.use("en")
+    assert (language.current(), language.pick("cat", "猫")) == ("en", "cat")
+
+
+def test_another_language_is_refused_and_changes_nothing():
+    with pytest.raises(ValueError, match="not 'fr'"):
+        language.use("fr")
+    assert language.current() == "en"
