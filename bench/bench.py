@@ -11,10 +11,10 @@ import argparse
 import asyncio
 import multiprocessing
 import multiprocessing.connection
+import os
 import socket
 import statistics
 import struct
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -31,13 +31,21 @@ ARGUMENTS = (3, "slvMove", POSE)
 REQUEST = encode_request(functions.robot_execute, ARGUMENTS, 1)
 REPLY = packet.pack(1, 0, 1, variant_bytes.encode(POSE))
 ROUNDS = 9
+CORES = range(os.cpu_count() or 1)
 
 
 # --- the far sides ----------------------------------------------------------------------------------------------------
 
 
+def on_core(number: int) -> None:
+    """Stay on one core, where the system lets us: whether two processes share one decides more than all else."""
+    if hasattr(os, "sched_setaffinity") and len(CORES) > 1:
+        os.sched_setaffinity(0, {CORES[number]})
+
+
 def echo_peer(pipe: multiprocessing.connection.Connection) -> None:
     """Answer every request of one size with a reply of the other, its serial copied: as little as a peer can do."""
+    on_core(-1)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         pipe.send(listener.getsockname()[1])
         while True:
@@ -83,6 +91,7 @@ class BenchProvider(Provider):
 
 def server_peer(pipe: multiprocessing.connection.Connection) -> None:
     """Serve until the parent goes."""
+    on_core(-1)
     with orinkit.serve(BenchProvider(), "tcp://127.0.0.1:0") as server:
         pipe.send(server.url)
         pipe.recv()
@@ -90,7 +99,7 @@ def server_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 @contextmanager
 def process(target: Callable[[multiprocessing.connection.Connection], None]) -> Iterator[object]:
-    """Run one far side in a process of its own; yields what it sends first."""
+    """Run one far side in a process of its own, on another core; yields what it sends first."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     child = context.Process(target=target, args=(theirs,), daemon=True)
@@ -103,17 +112,6 @@ def process(target: Callable[[multiprocessing.connection.Connection], None]) -> 
 
 
 # --- measuring --------------------------------------------------------------------------------------------------------
-
-
-def median_us(action: Callable[[], object], count: int) -> float:
-    """Return the median time of one action, in microseconds."""
-    times = []
-    clock = time.perf_counter
-    for _ in range(count):
-        begin = clock()
-        action()
-        times.append(clock() - begin)
-    return statistics.median(times) * 1e6
 
 
 def each_us(action: Callable[[], object], count: int) -> float:
@@ -134,6 +132,12 @@ def alternate(ours: Callable[[], float], bare: Callable[[], float], rounds: int 
     )
 
 
+def middle(results: list[tuple[float, float, float]]) -> tuple[float, float, float]:
+    """Return the median of each column."""
+    ours, bare, ratio = (statistics.median(column) for column in zip(*results, strict=True))
+    return ours, bare, ratio
+
+
 def line(what: str, ours: float, bare: float, ratio: float, unit: str, aim: str = "") -> None:
     """Print one result."""
     print(f"{what:<58} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")
@@ -142,47 +146,58 @@ def line(what: str, ours: float, bare: float, ratio: float, unit: str, aim: str 
 # --- the benchmarks ---------------------------------------------------------------------------------------------------
 
 
+def in_turn(ours: Callable[[], object], bare: Callable[[], object], count: int) -> tuple[float, float, float]:
+    """Do two things by turns, one of each, so that both meet the same machine; returns both medians and their ratio."""
+    clock = time.perf_counter
+    times: tuple[list[float], list[float]] = ([], [])
+    for number in range(count + count // 10):
+        for action, kept in zip((ours, bare), times, strict=True):
+            begin = clock()
+            action()
+            end = clock()
+            if number >= count // 10:
+                kept.append(end - begin)
+    mine, other = (statistics.median(kept) * 1e6 for kept in times)
+    return mine, other, mine / other
+
+
+@contextmanager
+def bare_round_trip() -> Iterator[Callable[[], object]]:
+    """A plain socket and its peer; yields one exchange of the same sizes."""
+    with process(echo_peer) as port, socket.create_connection(("127.0.0.1", port)) as peer:  # type: ignore[arg-type]
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+        def exchange() -> None:
+            peer.sendall(REQUEST)
+            peer.recv(65536)
+
+        yield exchange
+
+
 def round_trip(count: int) -> None:
     """Robot_Execute with 8 doubles each way, client against a bare socket of the same sizes."""
-    with process(echo_peer) as port:
-        assert isinstance(port, int)
-        url = f"tcp://127.0.0.1:{port}"
+    execute = functions.robot_execute
+    with process(echo_peer) as port, bare_round_trip() as bare:
+        with orinkit.open_client(f"tcp://127.0.0.1:{port}") as client:
+            call = client.call
+            results = [in_turn(lambda: call(execute, *ARGUMENTS), bare, count) for _ in range(ROUNDS)]
+        line("round trip, 8 doubles each way, sync client", *middle(results), "us", "aim <= 1.1")
 
-        def bare() -> float:
-            with socket.create_connection(("127.0.0.1", port)) as peer:
-                peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        async def by_turns() -> tuple[float, float, float]:
+            async with aio.open_client(f"tcp://127.0.0.1:{port}") as client:
+                mine, other = [], []
+                for _ in range(count):
+                    begin = time.perf_counter()
+                    await client.call(execute, *ARGUMENTS)
+                    middle_time = time.perf_counter()
+                    bare()
+                    mine.append(middle_time - begin)
+                    other.append(time.perf_counter() - middle_time)
+                ours, reference = statistics.median(mine) * 1e6, statistics.median(other) * 1e6
+                return ours, reference, ours / reference
 
-                def action() -> None:
-                    peer.sendall(REQUEST)
-                    peer.recv(65536)
-
-                median_us(action, count // 10)
-                return median_us(action, count)
-
-        def ours() -> float:
-            with orinkit.open_client(url) as client:
-                call = client.call
-
-                def action() -> None:
-                    call(functions.robot_execute, *ARGUMENTS)
-
-                median_us(action, count // 10)
-                return median_us(action, count)
-
-        def ours_async() -> float:
-            async def measure() -> float:
-                async with aio.open_client(url) as client:
-                    times = []
-                    for _ in range(count):
-                        begin = time.perf_counter()
-                        await client.call(functions.robot_execute, *ARGUMENTS)
-                        times.append(time.perf_counter() - begin)
-                    return statistics.median(times[count // 10 :]) * 1e6
-
-            return asyncio.run(measure())
-
-        line("round trip, 8 doubles each way, sync client", *alternate(ours, bare), "us", "aim <= 1.1")
-        line("round trip, 8 doubles each way, async client", *alternate(ours_async, bare), "us")
+        results = [asyncio.run(by_turns()) for _ in range(ROUNDS)]
+        line("round trip, 8 doubles each way, async client", *middle(results), "us")
 
 
 def codec(count: int) -> None:
@@ -195,8 +210,13 @@ def codec(count: int) -> None:
     def pack() -> bytes:
         return bare_pack(1, 124, 1, 0, 64, 3, 10, 3, 1, 3, 24, 8, 1, 14, name, 70, 0x2005, 8, *POSE, 4)
 
-    def decode() -> object:
-        return packet.decode(REPLY)
+    framer = packet.Framer()
+
+    def decode() -> object:  # what the client does with a reply: cut it out, look at its head, read its result
+        frame = framer.take(REPLY)
+        assert frame is not None
+        packet.HEADER.unpack_from(frame)
+        return variant_bytes.decode(frame, packet.HEADER.size, len(frame) - 1)
 
     conversation = Conversation()
 
@@ -277,7 +297,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the work, to see that it runs")
     scale = 10 if parser.parse_args().quick else 1
-    threading.current_thread().name = "bench"
+    on_core(0)
     print("Ratios against a bare reference in the same run; single figures differ from machine to machine.")
     round_trip(3000 // scale)
     codec(20_000 // scale)

@@ -39,6 +39,7 @@ from orinkit.variant import (
 
 _HEAD: Final = struct.Struct("<HI")  # type, count
 _ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
+_ARGUMENT_AT: Final = _ARGUMENT.unpack_from
 _LENGTH: Final = struct.Struct("<I")
 
 
@@ -230,8 +231,10 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
             f"an argument needs 10 bytes or more, {end - position} are left at offset {position}",
             f"引数には 10 バイト以上必要ですが、オフセット {position} の残りは {end - position} バイトです",
         )
-    length, vt, count = _ARGUMENT.unpack_from(data, position)
+    length, vt, count = _ARGUMENT_AT(data, position)
     stop = position + 4 + length
+    if vt == R8_ARRAY and not exact and length == 6 + 8 * count and stop <= end and length <= limits.packet:
+        return list(_real_unpacker(count)(data, position + 10)), stop  # the commonest by far: a robot's set-points
     if length > limits.packet:
         raise LimitExceeded(
             pick(
@@ -245,10 +248,6 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
             f"argument length {length} at offset {position} does not fit the {end - position - 4} bytes present",
             f"オフセット {position} の引数長 {length} が残り {end - position - 4} バイトと合いません",
         )
-    if vt == R8_ARRAY and not exact:  # the commonest by far while a robot is streamed to
-        if length != 6 + 8 * count:
-            raise _count_mismatch(vt, count, position, length - 6)
-        return list(_real_unpacker(count)(data, position + 10)), stop
     value, after = _Reader(data, stop, limits, exact).read(vt, count, position + 10, 0)
     if after != stop:
         raise _count_mismatch(vt, count, position, length - 6)

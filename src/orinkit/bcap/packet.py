@@ -22,6 +22,7 @@ OVERHEAD: Final = 16
 """Bytes of a packet without arguments and CRC."""
 
 HEADER: Final = struct.Struct("<BIHHIH")
+_BODY: Final = HEADER.size
 LENGTH: Final = struct.Struct("<I")
 _START: Final = struct.Struct("<BI").unpack_from
 _CRC: Final = struct.Struct("<H")
@@ -91,15 +92,15 @@ def decode_arguments(
     Raises:
         ProtocolError: they are not what count and lengths say.
     """
-    if count * 10 > end - HEADER.size:
+    if count * 10 > end - _BODY:
         raise ProtocolError(
             pick(
-                f"{count} arguments cannot be in the {end - HEADER.size} bytes present",
-                f"引数 {count} 個は {end - HEADER.size} バイトに収まりません",
+                f"{count} arguments cannot be in the {end - _BODY} bytes present",
+                f"引数 {count} 個は {end - _BODY} バイトに収まりません",
             )
         )
     arguments = []
-    position = HEADER.size
+    position = _BODY
     for _ in range(count):
         value, position = variant_bytes.decode(frame, position, end, limits, exact=exact)
         arguments.append(value)
@@ -112,8 +113,9 @@ def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = Fa
     Raises:
         ProtocolError: one of them is wrong.
     """
-    smallest = OVERHEAD + (2 if crc else 0)
-    if len(frame) < smallest or frame[0] != SOH or frame[-1] != EOT or LENGTH.unpack_from(frame, 1)[0] != len(frame):
+    length = len(frame)
+    smallest = OVERHEAD + 2 if crc else OVERHEAD
+    if length < smallest or frame[-1] != EOT or _START(frame) != (SOH, length):
         raise ProtocolError(
             pick(
                 f"{len(frame)} bytes {frame[:8].hex(' ')}... are no packet: SOH 01, the length, and EOT 04 at its end are needed",
@@ -121,8 +123,8 @@ def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = Fa
             ),
             fatal=True,
         )
-    if len(frame) > limits.packet:
-        raise _too_long(len(frame), limits)
+    if length > limits.packet:
+        raise _too_long(length, limits)
     if crc and _CRC.unpack_from(frame, len(frame) - 3)[0] != checksum(frame[1:-3]):
         raise ProtocolError(
             pick(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,10 +11,7 @@ from orinkit.language import pick
 DEFAULT_PORT: Final = 5007
 """The port of b-CAP (List 3-1)."""
 
-_LATER: Final = {"udp", "serial", "com", "http", "https", "can"}
-_FORM: Final = re.compile(
-    r"(?:(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*):(?://)?)?(?P<host>\[[^\]]*\]|[^:/?#\[\]]*)(?::(?P<port>[^:/]*))?/?"
-)
+_LATER: Final = ("udp", "serial", "com", "http", "https", "can")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,28 +39,47 @@ def parse_address(text: str) -> Address:
     Raises:
         InvalidAddress: it is none, or its transport is not there.
     """
-    match = _FORM.fullmatch(text.strip())
-    bare = match and match["scheme"] and not match["host"] and match["port"] is None
-    if match is None or bare or not (match["host"] or "").strip("[]"):
-        # "robot:5007" reads as a scheme and a host: it is a host and a port
-        raise _bad(text, pick("no host is named", "ホストがありません"))
-    scheme, host, port = (match["scheme"] or "tcp").lower(), match["host"].strip("[]"), match["port"]
-    if match["scheme"] and "//" not in text and port is None and host.isdecimal() and scheme not in _LATER | {"tcp"}:
-        scheme, host, port = "tcp", match["scheme"], host
+    scheme, rest = _split_scheme(text.strip())
     if scheme in _LATER:
         raise _bad(text, pick(f"{scheme} is not there yet; tcp is", f"{scheme} は未対応です (tcp のみ)"))
     if scheme != "tcp":
         raise _bad(text, pick(f"unknown transport {scheme!r}", f"トランスポート {scheme!r} は不明です"))
-    number = DEFAULT_PORT if not port else int(port) if port.isdecimal() else -1
+    host, port = _split_port(text, rest.removesuffix("/"))
+    return Address(scheme, host, port)
+
+
+def _split_scheme(place: str) -> tuple[str, str]:
+    scheme, mark, rest = place.partition("://")
+    if mark:
+        return scheme.lower(), rest
+    scheme, mark, rest = place.partition(":")
+    if mark and scheme.lower() in ("tcp", *_LATER):
+        return scheme.lower(), rest
+    return "tcp", place
+
+
+def _split_port(text: str, place: str) -> tuple[str, int]:
+    if place.startswith("["):
+        host, closing, rest = place[1:].partition("]")
+        colon, port = rest[:1], rest[1:]
+        whole = bool(closing) and colon in ("", ":")
+    else:
+        host, colon, port = place.partition(":")
+        whole = ":" not in port
+    if not whole or not host or any(sign in host for sign in " /?@#\0\t\r\n"):
+        raise _bad(text, pick("a host and perhaps a port are needed", "ホストと、必要ならポートを指定してください"))
+    if not colon:
+        return host, DEFAULT_PORT
+    number = int(port) if port.isascii() and port.isdecimal() and len(port) < 9 else -1
     if not 0 <= number <= 65535:
-        raise _bad(text, pick(f"port {port} is not 0 to 65535", f"ポート {port} は 0～65535 ではありません"))
-    return Address(scheme, host, number)
+        raise _bad(text, pick(f"port {port!r} is not 0 to 65535", f"ポート {port!r} は 0～65535 ではありません"))
+    return host, number
 
 
 def _bad(text: str, reason: str) -> InvalidAddress:
     return InvalidAddress(
         pick(
-            f"{text!r} is no address: {reason}. Example: tcp://192.168.0.1:5007",
-            f"アドレス {text!r} が不正です: {reason}。例: tcp://192.168.0.1:5007",
+            f"{text!r:.200} is no address: {reason}. Example: tcp://192.168.0.1:5007",
+            f"アドレス {text!r:.200} が不正です: {reason}。例: tcp://192.168.0.1:5007",
         )
     )
