@@ -15,6 +15,8 @@ import os
 import socket
 import statistics
 import struct
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -292,6 +294,32 @@ def server(seconds: float) -> None:
         line("server, requests/s on 50 connections", many, echo, ratio, "/s")
 
 
+def start_up(runs: int) -> None:
+    """How long it takes to import the package and to show the command line's help, against a bare interpreter."""
+
+    def milliseconds(*arguments: str) -> Callable[[], float]:
+        def run() -> float:
+            begin = time.perf_counter()
+            subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL)
+            return (time.perf_counter() - begin) * 1e3
+
+        return run
+
+    bare = milliseconds("-c", "pass")
+    line(
+        "import orinkit, whole process",
+        *alternate(milliseconds("-c", "import orinkit"), bare, runs),
+        "ms",
+        "aim < 60 ms",
+    )
+    line(
+        "orinkit --help, whole process",
+        *alternate(milliseconds("-m", "orinkit", "--help"), bare, runs),
+        "ms",
+        "aim < 250 ms",
+    )
+
+
 def main() -> None:
     """Run everything."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -302,6 +330,7 @@ def main() -> None:
     round_trip(3000 // scale)
     codec(20_000 // scale)
     server(2.0 / scale)
+    start_up(15 // scale or 1)
 
 
 if __name__ == "__main__":

@@ -574,7 +574,9 @@ def test_any_decimal_fits_exactly_or_is_refused(value):
     try:
         kept = Variant(VarType.CY, value).value
     except InvalidValue:
-        assert not value.is_finite() or value * 10000 % 1 != 0 or not -(2**63) <= value * 10000 < 2**63
+        if value.is_finite():
+            units = Fraction(value) * 10000
+            assert units.denominator != 1 or not -(2**63) <= units < 2**63
     else:
         assert kept == value
 
@@ -612,7 +614,7 @@ def test_the_day_before_the_first_has_two_spellings_of_noon():
     assert exact_date(0.0) == datetime(1899, 12, 30)
 
 
-@given(st.datetimes(datetime(1700, 1, 1), datetime(2079, 6, 5)))
+@given(st.datetimes(datetime(1721, 1, 1), datetime(2079, 6, 5)))
 @example(datetime(1899, 12, 29, 23, 59, 59, 999999))
 @example(datetime(2026, 11, 21, 23, 59, 59, 999999))
 def test_a_microsecond_survives_until_2079(moment):

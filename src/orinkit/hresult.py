@@ -20,7 +20,6 @@ Where one meaning has several numbers, the later names end in ``_2``, ``_3`` ...
 
 from __future__ import annotations
 
-import difflib
 import enum
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -416,7 +415,9 @@ def by_name(name: str) -> Code:
     found = _BY_NAME.get(wanted)
     if found is not None:
         return found
-    near = ", ".join(difflib.get_close_matches(wanted, _BY_NAME, n=3))
+    from difflib import get_close_matches  # only when something is wrong already
+
+    near = ", ".join(get_close_matches(wanted, _BY_NAME, n=3))
     if near:
         raise ValueError(
             pick(

@@ -131,10 +131,7 @@ class Variant:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "type", int(self.type))
-        try:
-            object.__setattr__(self, "value", _conform(self.type, self.value))
-        except RecursionError:
-            raise nested_too_deep() from None
+        object.__setattr__(self, "value", _conform(self.type, self.value))
 
     def __repr__(self) -> str:
         return f"Variant({type_name(self.type)}, {self.value!r})"
@@ -267,7 +264,7 @@ def _conform(vt: int, value: Any) -> Any:
         return _CONFORM[base](base, value)
     if base == VarType.UI1 and isinstance(value, bytes | bytearray | memoryview):
         return bytes(value)
-    if hasattr(value, "tolist"):
+    if hasattr(value, "tolist") and not isinstance(value, type):
         value = value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         raise misfit(vt, value)

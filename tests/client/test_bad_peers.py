@@ -325,7 +325,7 @@ def test_closing_from_another_task_ends_a_call() -> None:
 # --- not b-CAP ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("begin", [b"\x01", b"\x01\x10\x20\x00\x00", b"\x00\x01\x00\x01\x00"])
+@pytest.mark.parametrize("begin", [b"\x01", b"\x01\x10\x20\x00\x00", b"\x00\x01\x00\x01\x00\x00"])
 def test_garbage_that_looks_like_a_long_packet_is_given_up_in_the_end(both: Both, begin: bytes) -> None:
     """It swallows answers until its length is reached: calls time out, none is answered wrongly, then it is closed."""
 
@@ -628,13 +628,13 @@ class Chaos:
                 line.send(answer)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_whatever_the_peer_does_no_answer_is_wrong(both: Both, seed: int) -> None:
     chaos = Chaos(seed)
     right = 0
     with BadPeer(chaos.script) as peer:
         client = both.client(peer.url, timeout=0.1)
-        for number in range(400):
+        for number in range(200):
             token = f"{number}:{chaos.random.random()}"
             try:
                 assert ask(both, client, token) == token
@@ -647,7 +647,7 @@ def test_whatever_the_peer_does_no_answer_is_wrong(both: Both, seed: int) -> Non
                 both.run(client.close())
                 client = both.client(peer.url, timeout=0.1)
         both.run(client.close())
-    assert right > 150
+    assert right > 70
 
 
 def test_time_is_not_wasted_on_a_closed_client(both: Both) -> None:

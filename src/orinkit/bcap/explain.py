@@ -154,6 +154,8 @@ def _show(value: Any) -> str:
         return f"[{', '.join(map(_show, value))}]"
     if isinstance(value, datetime):
         return value.isoformat(" ")
+    if type(value) is int and -(2**31) <= value < 0 and hresult.unsigned(value) in hresult.CODES:
+        return f"{value} (0x{hresult.unsigned(value):08X})"
     return str(value)
 
 
@@ -223,7 +225,8 @@ class _Walk:
             return
         stop = self._stop()
         count = self._header()
-        end = stop - 1 if frame[stop - 1] == packet.EOT and stop > packet.HEADER.size else stop
+        closed = stop > packet.HEADER.size and frame[stop - 1] == packet.EOT
+        end = stop - 1 if closed or packet.LENGTH.unpack_from(frame, 1)[0] == stop > packet.HEADER.size else stop
         self._arguments(count, end)
         self._tail(end)
         self._end(end, stop)
@@ -362,7 +365,7 @@ class _Walk:
     def _before_crc(self, end: int) -> int:
         """Return where the CRC begins, ``end`` if there is none."""
         start = end - _CRC_SIZE
-        if end == len(self.frame) or start < packet.HEADER.size:
+        if end == len(self.frame) or start < self.at:  # what an argument has taken is no CRC, whatever it adds up to
             return end
         return start if _U16.unpack_from(self.frame, start)[0] == packet.checksum(self.frame[1:start]) else end
 
@@ -382,7 +385,7 @@ class _Walk:
 
     def _end(self, end: int, stop: int) -> None:
         name = pick("end (EOT)", "終端 (EOT)")
-        if end < stop:
+        if end < stop and self.frame[end] == packet.EOT:
             self.take(1, name, "")
         else:
             self.wrong(stop, name, pick("EOT 04 is missing at the end", "末尾に EOT 04 がありません"))

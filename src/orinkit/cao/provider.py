@@ -15,8 +15,7 @@ with E_FAIL. For a device of your own, :class:`orinkit.Device` is the comfortabl
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
@@ -25,15 +24,13 @@ from orinkit.variant import Value, Variant, VarType
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class Blocking:
+class Blocking(NamedTuple):
     """The rest of a call, to be run in a worker thread because it may wait."""
 
     run: Callable[[], Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Coded:
+class Coded(NamedTuple):
     """A result together with a success code that is not S_OK, such as S_BUF_FULL."""
 
     code: int
@@ -44,8 +41,7 @@ Result: TypeAlias = T | Coded | Awaitable[T] | Blocking
 """What a method returns: the result, alone or with a success code, something to await, or work for a thread."""
 
 
-@dataclass(frozen=True, slots=True)
-class ClientInfo:
+class ClientInfo(NamedTuple):
     """Who is calling.
 
     Attributes:

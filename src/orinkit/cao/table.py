@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Generic, ParamSpec, TypeVar
+from typing import Annotated, Any, Final, Generic, NamedTuple, ParamSpec, TypeVar
 
 from orinkit.language import pick
 from orinkit.variant import Value, VarType
@@ -21,8 +21,7 @@ AnyValue = Annotated[Any, VarType.VARIANT]
 INTERFACES: Final = ("Service", "Controller", "Extension", "File", "Robot", "Task", "Variable", "Command", "Message")
 
 
-@dataclass(frozen=True, slots=True)
-class Argument:
+class Argument(NamedTuple):
     """One argument of a function.
 
     Attributes:

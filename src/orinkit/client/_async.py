@@ -7,7 +7,6 @@ become a property ``x`` as well.
 
 from __future__ import annotations
 
-import logging
 from types import TracebackType
 from typing import Any, ClassVar, Self, TypeVar
 from weakref import WeakValueDictionary
@@ -31,8 +30,6 @@ from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 N = TypeVar("N", bound="AsyncNode")
-
-logger = logging.getLogger("orinkit.client")
 
 
 class AsyncNode:
@@ -64,8 +61,8 @@ class AsyncNode:
         while (dropped := self.client.garbage.take()) is not None:
             try:
                 await self.client.call(*dropped)
-            except CallError as error:
-                logger.debug("release of a dropped object: %s", error)
+            except CallError:  # the controller had let go of it already
+                pass
         handle = await self.client.call(function, self.handle, name, option)
         child = kind(self.client, handle, name, self)
         self._children[handle] = child
@@ -83,8 +80,8 @@ class AsyncNode:
         self._open = False
         try:
             await self.client.call(self.functions.release, self.handle)
-        except OrinError as error:
-            logger.debug("release of %r: %s", self, error)
+        except OrinError:  # it went with its parent or with the connection: it is released either way
+            pass
 
     async def __aenter__(self) -> Self:
         return self
@@ -500,8 +497,8 @@ class AsyncController(AsyncOwner):
         await super().close()
         try:
             await self.client.call(f.service_stop)
-        except OrinError as error:
-            logger.debug("Service_Stop: %s", error)
+        except OrinError:  # closing the connection says the same
+            pass
         await self.client.close()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from orinkit import hresult
@@ -17,10 +16,10 @@ RC8: Final = "CaoProv.DENSO.VRC"
 DEFAULT_TIMEOUT: Final = 3.0
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
+_MOST_SECONDS: Final = 1e9
 
 
-@dataclass(frozen=True, slots=True)
-class NodeFunctions:
+class NodeFunctions(NamedTuple):
     """The functions that every kind of object has under its own ids; ``None`` where a kind has none."""
 
     release: Function[[int], None]
@@ -74,13 +73,13 @@ def check_timeout(seconds: float) -> float:
     """Return a time-out in seconds.
 
     Raises:
-        InvalidValue: it is not a positive number.
+        InvalidValue: it is not a positive number, or more than a clock of the system can count.
     """
-    if not 0 < seconds < float("inf"):
+    if not 0 < seconds <= _MOST_SECONDS:
         raise InvalidValue(
             pick(
-                f"timeout must be a positive number of seconds, not {seconds!r}",
-                f"timeout は正の秒数でなければなりません ({seconds!r})",
+                f"timeout must be a positive number of seconds up to {_MOST_SECONDS:.0e}, not {seconds!r}",
+                f"timeout は正の秒数 ({_MOST_SECONDS:.0e} 以下) でなければなりません ({seconds!r})",
             )
         )
     return float(seconds)

@@ -5,7 +5,6 @@ Made from ``_async.py`` by ``tools/make_sync.py``: do not edit.
 
 from __future__ import annotations
 
-import logging
 from types import TracebackType
 from typing import Any, ClassVar, Self, TypeVar
 from weakref import WeakValueDictionary
@@ -29,8 +28,6 @@ from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 N = TypeVar("N", bound="Node")
-
-logger = logging.getLogger("orinkit.client")
 
 
 class Node:
@@ -62,8 +59,8 @@ class Node:
         while (dropped := self.client.garbage.take()) is not None:
             try:
                 self.client.call(*dropped)
-            except CallError as error:
-                logger.debug("release of a dropped object: %s", error)
+            except CallError:  # the controller had let go of it already
+                pass
         handle = self.client.call(function, self.handle, name, option)
         child = kind(self.client, handle, name, self)
         self._children[handle] = child
@@ -81,8 +78,8 @@ class Node:
         self._open = False
         try:
             self.client.call(self.functions.release, self.handle)
-        except OrinError as error:
-            logger.debug("release of %r: %s", self, error)
+        except OrinError:  # it went with its parent or with the connection: it is released either way
+            pass
 
     def __enter__(self) -> Self:
         return self
@@ -657,8 +654,8 @@ class Controller(Owner):
         super().close()
         try:
             self.client.call(f.service_stop)
-        except OrinError as error:
-            logger.debug("Service_Stop: %s", error)
+        except OrinError:  # closing the connection says the same
+            pass
         self.client.close()
 
 

@@ -29,6 +29,11 @@ class Connections:
         clients: how many clients at a time; one more is answered with E_MAX_CONNECT and closed.
         invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
         workers: where handlers run that may wait.
+
+    Attributes:
+        open: the clients' connections.
+        all: these, and the ones that are only about to be opened or are being refused.
+        tasks: handlers at work, also those whose client has gone.
     """
 
     def __init__(self, host: Host, limits: Limits, clients: int, invoke_timeout: float, workers: Executor) -> None:
@@ -38,12 +43,16 @@ class Connections:
         self.invoke_timeout = invoke_timeout
         self.workers = workers
         self.open: set[TcpConnection] = set()
+        self.all: set[TcpConnection] = set()
+        self.tasks: set[asyncio.Task[None]] = set()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
 
     def make(self) -> TcpConnection:
         """Return the protocol for a new connection."""
-        return TcpConnection(self)
+        connection = TcpConnection(self)
+        self.all.add(connection)
+        return connection
 
 
 class TcpConnection(asyncio.BufferedProtocol):
@@ -58,6 +67,7 @@ class TcpConnection(asyncio.BufferedProtocol):
         self._conversation = ServerConversation(shared.limits, shared.invoke_timeout)
         self._session: Session | None = None  # None: one client too many
         self._task: asyncio.Task[None] | None = None
+        self._cancellable = False
         self._alarm: asyncio.TimerHandle | None = None
         self._waiting: Iterator[Action] | None = None
         self._slow = False
@@ -103,11 +113,15 @@ class TcpConnection(asyncio.BufferedProtocol):
             self._act(waiting)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client has gone: whatever it held is released."""
+        """The client has gone: whatever it held is released.
+
+        Work in a thread goes on, as a thread cannot be cancelled; an object that it makes is released then.
+        """
         self._set_alarm(None)
         self._waiting = None
         self._shared.open.discard(self)
-        if self._task is not None:
+        self._shared.all.discard(self)
+        if self._task is not None and self._cancellable:
             self._task.cancel()
         if self._session is not None:
             logger.info(
@@ -123,7 +137,11 @@ class TcpConnection(asyncio.BufferedProtocol):
     def _act(self, actions: Iterator[Action]) -> None:
         for action in actions:
             if type(action) is Execute:
-                self._execute(action)
+                if self._session is None:
+                    self._answer(action, Reply(hresult.E_MAX_CONNECT))
+                    self._transport.close()
+                    return
+                self._execute(self._session, action)
             elif type(action) is Send:
                 self._transport.write(action.data)
             elif type(action) is Close:
@@ -134,16 +152,15 @@ class TcpConnection(asyncio.BufferedProtocol):
                 self._waiting = actions
                 return
 
-    def _execute(self, call: Execute) -> None:
-        if self._session is None:
-            self._answer(call, Reply(hresult.E_MAX_CONNECT))
-            self._transport.close()
-            return
-        outcome = self._session.invoke(call.function_id, call.arguments)
+    def _execute(self, session: Session, call: Execute) -> None:
+        outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is Reply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
-            self._task = self._loop.create_task(self._finish(self._session, call, outcome))
+            self._task = self._loop.create_task(self._finish(session, call, outcome))
+            self._cancellable = type(outcome.work) is not Blocking
+            self._shared.tasks.add(self._task)
+            self._task.add_done_callback(self._shared.tasks.discard)
             self._set_alarm(self._conversation.deadline())
 
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
@@ -158,8 +175,9 @@ class TcpConnection(asyncio.BufferedProtocol):
         else:
             reply = session.complete(pending, result)
         self._task = None
-        self._set_alarm(None)
-        self._answer(call, reply)
+        if not self._transport.is_closing():
+            self._set_alarm(None)
+            self._answer(call, reply)
 
     def _answer(self, call: Execute, reply: Reply) -> None:
         data = self._conversation.finish(call, reply.code, reply.result)
@@ -179,8 +197,10 @@ class TcpConnection(asyncio.BufferedProtocol):
 
     def close(self) -> None:
         """Close the connection from this side, once what was written has been sent."""
-        self._transport.close()
+        if self._transport is not None:
+            self._transport.close()
 
     def abort(self) -> None:
         """Close the connection at once, whatever was to be sent."""
-        self._transport.abort()
+        if self._transport is not None:
+            self._transport.abort()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from orinkit.errors import InvalidAddress
 from orinkit.language import pick
@@ -14,8 +13,7 @@ DEFAULT_PORT: Final = 5007
 _LATER: Final = ("udp", "serial", "com", "http", "https", "can")
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(NamedTuple):
     """A host and a port.
 
     Attributes:

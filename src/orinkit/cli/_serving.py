@@ -1,0 +1,114 @@
+"""What every ``orinkit serve`` command does with its device: listen, say so, and stop when told to."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import logging
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.cao.provider import Provider
+from orinkit.cli._errors import unusable
+from orinkit.language import pick
+from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
+from orinkit.transport.address import parse_address
+
+LISTENING: Final = Group(pick("Network", "ネットワーク"), sort_key=8)
+
+
+@Parameter(name="*", group=LISTENING)
+@dataclass(frozen=True)
+class Listening:
+    """Where to listen, and how much to take."""
+
+    tcp: Annotated[
+        tuple[str, ...],
+        Parameter(
+            show_default=lambda urls: " ".join(urls),
+            help=pick(
+                "HOST:PORT to listen on; may be given again. Port 0 takes a free one.",
+                "待ち受ける HOST:PORT。複数指定可。ポート 0 は空きポート。",
+            ),
+        ),
+    ] = (DEFAULT_URL.removeprefix("tcp://"),)
+    clients: Annotated[int, Parameter(help=pick("Most clients at a time.", "同時に接続できるクライアント数。"))] = 256
+    objects: Annotated[
+        int, Parameter(help=pick("Most objects of one client.", "1 クライアントのオブジェクト数の上限。"))
+    ] = 1000
+    verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=pick("Log more.", "詳細なログを出力する。"))] = (
+        False
+    )
+
+
+def check(listening: Listening) -> None:
+    """Refuse numbers that cannot be, before anything is opened.
+
+    Raises:
+        Failure: one of them is less than 1.
+    """
+    for option, number in (("--clients", listening.clients), ("--objects", listening.objects)):
+        if number < 1:
+            raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
+
+
+def run(provider: Provider, listening: Listening) -> int:
+    """Serve a device until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener."""
+    logging.basicConfig(
+        stream=sys.stderr,
+        level=logging.DEBUG if listening.verbose else logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+    )
+    for url in listening.tcp:
+        if not _is_loopback(parse_address(url).host):
+            print(_warning(url), file=sys.stderr)
+    asyncio.run(_serve(provider, listening.tcp, listening))
+    return 0
+
+
+async def _serve(provider: Provider, urls: Sequence[str], listening: Listening) -> None:
+    stop = asyncio.Event()
+    with _set_by_signals(stop):
+        async with AsyncServer(provider, *urls, clients=listening.clients, objects=listening.objects) as server:
+            for url in server.urls:
+                print(f"ready {url}", flush=True)
+            await stop.wait()
+
+
+@contextmanager
+def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
+    """Set the event on SIGINT or SIGTERM; the same signal a second time ends the process at once."""
+    loop = asyncio.get_running_loop()
+
+    def handle(number: int, _frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        loop.call_soon_threadsafe(stop.set)
+
+    # signal.signal, not loop.add_signal_handler: Windows has no such thing
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _warning(url: str) -> str:
+    return pick(
+        f"orinkit: warning: {url} can be reached from other machines, and b-CAP knows no passwords: whoever reaches it "
+        "can use the device",
+        f"orinkit: 警告: {url} は他のマシンからも接続できます。b-CAP にはパスワードがないため、接続できる人は誰でも操作できます",
+    )

@@ -1,0 +1,130 @@
+"""The frame of the command line: which commands there are, and what becomes of errors."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from cyclopts import App, CycloptsError, Group, Parameter
+
+import orinkit
+from orinkit.cli._errors import Failure, usage_text
+from orinkit.cli._help import HelpFormatter
+from orinkit.errors import InvalidAddress, InvalidValue, NotationError, OrinError
+from orinkit.language import pick
+
+DONE: Final = 0
+FAILED: Final = 1
+USAGE: Final = 2
+INTERRUPTED: Final = 130
+
+_UNUSABLE: Final = (InvalidAddress, InvalidValue, NotationError)
+
+
+def build() -> App:
+    """Return the command line in the language in force; a command's module is imported when it is used."""
+    app = App(
+        name="orinkit",
+        help=pick(
+            "Drive and serve DENSO robot controllers over b-CAP. Begin with: orinkit demo\n\n"
+            "Texts are English or Japanese as LANG says; ORINKIT_LANG=en or ORINKIT_LANG=ja decides.",
+            "DENSO ロボットコントローラを b-CAP で操作・サーブします。まず orinkit demo をお試しください。\n\n"
+            "表示言語は LANG に従います (ORINKIT_LANG=en または ORINKIT_LANG=ja で指定)。",
+        ),
+        version=orinkit.__version__,
+        help_format="plaintext",
+        help_formatter=HelpFormatter(),
+        group_commands=Group(pick("Commands", "コマンド")),
+        group_arguments=Group(pick("Arguments", "引数"), sort_key=1),
+        group_parameters=Group(pick("Options", "オプション"), sort_key=9),
+        default_parameter=Parameter(negative=()),
+        suppress_keyboard_interrupt=False,
+        exit_on_error=False,
+        print_error=False,
+        result_action="return_value",
+    )
+    serve = App(
+        name="serve",
+        help=pick("Serve a virtual controller on the network.", "仮想コントローラをネットワークでサーブする。"),
+        sort_key=2,
+    )
+    serve.command(
+        "orinkit.cli.serve_rc8:serve_rc8",
+        name="rc8",
+        help=pick("Serve a virtual RC8 robot controller.", "仮想 RC8 ロボットコントローラをサーブする。"),
+    )
+    app.command(_command_of("demo"), name="demo", sort_key=1, help=pick(
+        "Watch a client and a virtual RC8 talk, every packet explained.",
+        "クライアントと仮想 RC8 の通信を、全パケットの説明付きで見る。"))  # fmt: skip
+    app.command(serve)
+    app.command(_command_of("get"), name="get", sort_key=3, help=pick(
+        "Read a variable of a controller.", "コントローラの変数を読み出す。"))  # fmt: skip
+    app.command(_command_of("put"), name="put", sort_key=4, help=pick(
+        "Write a variable of a controller.", "コントローラの変数に書き込む。"))  # fmt: skip
+    app.command(_command_of("call"), name="call", sort_key=5, help=pick(
+        "Call any of the 137 functions.", "137 関数のいずれかを呼び出す。"))  # fmt: skip
+    app.command(_command_of("info"), name="info", sort_key=6, help=pick(
+        "Tell what a controller is and how it is.", "コントローラの情報と状態を表示する。"))  # fmt: skip
+    app.command(_command_of("decode"), name="decode", sort_key=7, help=pick(
+        "Explain b-CAP packets given in hex, field by field.",
+        "16 進で与えた b-CAP パケットを項目ごとに説明する。"))  # fmt: skip
+    app.command(_command_of("functions"), name="functions", sort_key=8, help=pick(
+        "List the 137 functions.", "137 関数の一覧を表示する。"))  # fmt: skip
+    _translate_flags(app)
+    _translate_flags(serve)
+    return app
+
+
+def _command_of(name: str) -> str:
+    return f"orinkit.cli.{name}:{name}"
+
+
+def _translate_flags(app: App) -> None:
+    app["--help"].help = pick("Show this help.", "このヘルプを表示する。")
+    app["--version"].help = pick("Show the version.", "バージョンを表示する。")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Args:
+        argv: the arguments without the program's name; those of the process by default.
+    """
+    _show_what_cannot_be_encoded()
+    return _guarded(lambda: build()(list(sys.argv[1:] if argv is None else argv)))
+
+
+def _guarded(run: Callable[[], int | None]) -> int:
+    """Run a command; whatever goes wrong becomes one line on stderr and an exit code."""
+    try:
+        code = run() or DONE
+        sys.stdout.flush()
+    except CycloptsError as error:
+        return _say(usage_text(error), USAGE)
+    except Failure as error:
+        return _say(str(error), error.code)
+    except _UNUSABLE as error:
+        return _say(str(error), USAGE)
+    except OrinError as error:
+        return _say(str(error), FAILED)
+    except KeyboardInterrupt:
+        return _say(pick("interrupted", "中断しました"), INTERRUPTED)
+    except BrokenPipeError:  # the reader has seen enough, as in "orinkit functions | head"
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    return code
+
+
+def _say(text: str, code: int) -> int:
+    print(f"orinkit: {' '.join(text.split())}", file=sys.stderr)
+    return code
+
+
+def _show_what_cannot_be_encoded() -> None:
+    """Let a terminal that has no Japanese show escapes instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")

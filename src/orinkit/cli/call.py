@@ -1,0 +1,191 @@
+"""``orinkit call``: call any function.
+
+The connection, Service_Start and Controller_Connect are made first, so ARGS never begin with a handle: it is that of the
+controller, or of the object that an option names. Handles hold for one connection only, so there is no other to give;
+``--handle`` sends one all the same, to see what a controller says.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from cyclopts import Parameter
+
+import orinkit
+from orinkit import functions
+from orinkit.cao.table import Argument, Function
+from orinkit.cli._connection import OBJECT, Connection, Json, Owning, Url
+from orinkit.cli._errors import Failure, unusable
+from orinkit.cli._signature import signature, type_text
+from orinkit.client._sync import Node
+from orinkit.errors import NotationError
+from orinkit.hresult import lookup, signed
+from orinkit.language import pick
+from orinkit.notation import parse_lenient
+from orinkit.variant import Variant, VarType
+
+_CONNECTION: Final = Connection()
+_OWNING: Final = Owning()
+_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # a return code, as everyone writes them; VT_I4 below zero
+
+
+@Parameter(name="*", group=OBJECT)
+@dataclass(frozen=True)
+class Other:
+    """The object that a function works on, where it is none that has variables."""
+
+    variable: Annotated[
+        str | None,
+        Parameter(help=pick("A variable, by name; of the object above if one is named.", "変数名 (上記オブジェクトの変数も可)。")),
+    ] = None  # fmt: skip
+    command: Annotated[str | None, Parameter(help=pick("A command, by name.", "コマンド名。"))] = None
+    handle: Annotated[
+        int | None, Parameter(help=pick("Send this handle, whatever it is.", "このハンドルをそのまま送る。"))
+    ] = None
+
+
+_OTHER: Final = Other()
+
+
+def call(
+    url: Url,
+    function: Annotated[
+        str,
+        Parameter(help=pick("Id, name or Python name: 17, Controller_Execute, controller_execute.",
+                            "関数 ID、関数名、または Python 名: 17, Controller_Execute, controller_execute。")),
+    ],
+    /,
+    *args: Annotated[
+        str,
+        Parameter(help=pick("Arguments behind the handle: text, 100, 1.5, true, or VARIANT notation 8197,1.5,2.5.",
+                            "ハンドルより後の引数: 文字列, 100, 1.5, true、または VARIANT 表記 8197,1.5,2.5。")),
+    ],
+    owning: Owning = _OWNING,
+    other: Other = _OTHER,
+    connection: Connection = _CONNECTION,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Call a function of the table and print its result."""
+    from orinkit.cli._output import plain, print_json, text, typed
+
+    entry = _find(function)
+    if entry.interface == "Service" or entry is functions.controller_connect:
+        arguments, reply = _call_service(entry, args, url, connection)
+    else:
+        sent = read_arguments(entry, entry.arguments[1:], args)
+        with connection.open(url) as controller:
+            target = _target(entry, controller, owning, other)
+            arguments = (target.handle if other.handle is None else other.handle, *sent)
+            reply = controller.client.request(entry, *arguments, exact=True)
+    name = lookup(reply.code).name
+    if json:
+        result = None if reply.value is None else typed(reply.value)
+        print_json({"function": entry.name, "id": entry.id, "arguments": [plain(argument) for argument in arguments],
+                    "code": reply.code, "code_name": name, "result": result})  # fmt: skip
+    else:
+        print(name if reply.value is None else text(reply.value))
+
+
+def _find(name: str) -> Function[..., Any]:
+    try:
+        return functions.find(name)
+    except KeyError as error:
+        raise Failure(str(error.args[0]), 2) from None
+
+
+def _call_service(
+    entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: Connection
+) -> tuple[tuple[Any, ...], Any]:
+    if entry is functions.controller_connect and not texts:
+        texts = ("", connection.provider, "localhost", "")
+    arguments = read_arguments(entry, entry.arguments, texts)
+    with connection.open_client(url) as client:
+        if entry is not functions.service_start:
+            client.call(functions.service_start)
+        reply = client.request(entry, *arguments, exact=True)
+        if entry is not functions.service_stop:
+            client.call(functions.service_stop)
+    return arguments, reply
+
+
+def _target(entry: Function[..., Any], controller: orinkit.Controller, owning: Owning, other: Other) -> Node:
+    """Return the object that the function works on."""
+    match entry.interface:
+        case "Controller":
+            return controller
+        case "Variable":
+            return owning.of(controller).variable(_named(entry, "variable", other.variable))
+        case "Command":
+            return controller.command(_named(entry, "command", other.command))
+        case "Robot":
+            return controller.robot(owning.robot or "Arm")
+        case "Task":
+            return controller.task(_named(entry, "task", owning.task))
+        case "Extension":
+            return controller.extension(_named(entry, "extension", owning.extension))
+        case "File":
+            return controller.file(_named(entry, "file", owning.file))
+    message = controller.message()
+    if message is None:
+        raise Failure(pick("no message waits on the controller", "コントローラに待機中のメッセージはありません"))
+    return message
+
+
+def _named(entry: Function[..., Any], kind: str, name: str | None) -> str:
+    if name is None:
+        raise unusable(
+            f"{entry.name} works on a {kind}: name it with --{kind} NAME",
+            f"{entry.name} の対象を --{kind} 名前 で指定してください",
+        )
+    return name
+
+
+def read_arguments(
+    entry: Function[..., Any], arguments: tuple[Argument, ...], texts: tuple[str, ...]
+) -> tuple[Any, ...]:
+    """Return the arguments of a call from words of the command line.
+
+    Args:
+        entry: the function.
+        arguments: its arguments, or those behind the handle.
+        texts: the words.
+
+    Raises:
+        Failure: too many, too few, or one that is not of the argument's type.
+        NotationError: a word begins as notation and is not.
+    """
+    required = sum(not argument.optional for argument in arguments)
+    if not required <= len(texts) <= len(arguments):
+        takes = f"{required}" if required == len(arguments) else f"{required}-{len(arguments)}"
+        raise unusable(
+            f"{len(texts)} given, {takes} wanted for {signature(entry)}; the handle is filled in",
+            f"{signature(entry)} の引数は {takes} 個ですが {len(texts)} 個指定されています (ハンドルは自動で補われます)",
+        )
+    return tuple(_read(argument, text) for argument, text in zip(arguments, texts, strict=False))
+
+
+def _read(argument: Argument, text: str) -> Any:
+    if argument.vt is VarType.BSTR:
+        return _read_text(text)
+    value = parse_lenient(text) if not _CODE.fullmatch(text) else Variant(VarType.I4, signed(int(text, 16)))
+    if argument.vt is VarType.VARIANT:
+        return value
+    number = value.plain
+    fits = isinstance(number, int if argument.vt is VarType.I4 else int | float) and not isinstance(number, bool)
+    if not fits:
+        name = f"{argument.name} ({type_text(argument.vt)})"
+        raise unusable(
+            f"{text!r} is no number for the argument {name}", f"引数 {name} に数値でない {text!r} が指定されています"
+        )
+    return number
+
+
+def _read_text(text: str) -> str:
+    """Take a word as it is, unless it says in notation that it is a text: ``8,100``."""
+    try:
+        value = parse_lenient(text)
+    except NotationError:
+        return text
+    return str(value.value) if value.type == VarType.BSTR else text

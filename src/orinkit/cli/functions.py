@@ -1,0 +1,99 @@
+"""``orinkit functions``: the table of the 137 functions."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from orinkit.cao.functions import FUNCTIONS, find
+from orinkit.cao.table import Function
+from orinkit.cli._connection import Json
+from orinkit.cli._errors import Failure
+from orinkit.language import pick
+
+
+def functions(
+    filter: Annotated[  # noqa: A002 - what it is called on the help page
+        str | None,
+        Parameter(
+            help=pick(
+                "An id or a name for everything about one function; any other text for those that contain it.",
+                "ID または関数名で 1 関数の詳細、その他の文字列でそれを含む関数の一覧。",
+            )
+        ),
+    ] = None,
+    /,
+    *,
+    json: Json = False,
+) -> None:
+    """List the functions of b-CAP and e-CAP, with arguments, results and the section of the document."""
+    from orinkit.cli._output import print_json
+
+    exact = _exact(filter)
+    found = [exact] if exact else [entry for entry in FUNCTIONS.values() if _contains(entry, filter or "")]
+    if not found:
+        raise Failure(pick(f"no function contains {filter!r}", f"{filter!r} を含む関数はありません"))
+    if json:
+        print_json([document(entry) for entry in found])
+    elif exact:
+        print("\n".join(card(exact)))
+    else:
+        for entry in found:
+            print(f"{entry.id:3}  {entry.name:32}  {entry.text}")
+
+
+def _exact(text: str | None) -> Function[..., Any] | None:
+    if text is None:
+        return None
+    try:
+        return find(text)
+    except KeyError:
+        return None
+
+
+def _contains(entry: Function[..., Any], text: str) -> bool:
+    wanted = text.lower()
+    return any(
+        wanted in part.lower() for part in (entry.name, f"{entry.interface.lower()}_{entry.method}", entry.en, entry.ja)
+    )
+
+
+def card(entry: Function[..., Any]) -> list[str]:
+    """Return everything about one function."""
+    from orinkit.cli._output import bold, padded, width
+    from orinkit.cli._signature import signature
+
+    rows = [
+        ("id", str(entry.id)),
+        (pick("Python", "Python"), f"orinkit.functions.{entry.interface.lower()}_{entry.method}"),
+        ("CAO", entry.cao or "-"),
+        (pick("section", "仕様書"), entry.section),
+    ]
+    if entry.released_by:
+        rows.append((pick("released by", "解放する関数"), entry.released_by))
+    widest = max(width(label) for label, _ in rows)
+    return [bold(signature(entry)), entry.text, "", *(f"{padded(label, widest)}  {value}" for label, value in rows)]
+
+
+def document(entry: Function[..., Any]) -> dict[str, Any]:
+    """Return a function for JSON."""
+    from orinkit.cli._signature import result, type_text
+
+    return {
+        "id": entry.id,
+        "name": entry.name,
+        "python": f"{entry.interface.lower()}_{entry.method}",
+        "interface": entry.interface,
+        "cao": entry.cao,
+        "arguments": [
+            {"name": argument.name, "type": type_text(argument.vt), "handle": argument.is_handle,
+             "optional": argument.optional, "default": argument.default}
+            for argument in entry.arguments
+        ],
+        "result": result(entry) or None,
+        "released_by": entry.released_by or None,
+        "section": entry.section,
+        "en": entry.en,
+        "ja": entry.ja,
+    }  # fmt: skip

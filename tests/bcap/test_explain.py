@@ -1,0 +1,364 @@
+"""Packets explained: every byte accounted for, every packet of the documents, and what is wrong with wrong ones."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orinkit import hresult, language
+from orinkit.bcap import packet
+from orinkit.bcap.explain import Field, explain, first_error, kind_of, one_line, show, split
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.errors import ProtocolError
+from orinkit.notation import format_variant
+from orinkit.variant import Variant, VarType, type_name, variant
+from strategies import variants
+
+VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+
+
+def ids(vector):
+    return f"{vector['document'][:11]}:{vector['line']}"
+
+
+def joined(fields: list[Field]) -> bytes:
+    return b"".join(field.raw for field in fields)
+
+
+def meanings(frame: bytes, **options) -> dict[str, str]:
+    return {field.name: field.meaning for field in explain(frame, **options)}
+
+
+def request(function_id: int, *arguments, serial: int = 1) -> bytes:
+    return packet.encode(packet.Packet(serial, function_id, list(arguments)))
+
+
+# --- the packets of the documents -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=ids)
+def test_a_packet_of_the_documents_is_explained_as_printed(vector):
+    frame = bytes.fromhex(vector["hex"])
+    fields = explain(frame)
+    assert joined(fields) == frame
+    assert first_error(fields) is None
+    said = {field.name: field.meaning for field in fields}
+    assert said["serial"] == str(vector["serial"])
+    assert said["reserved"].partition(":")[0] == str(vector["reserved"])
+    assert said["arguments"] == str(len(vector["arguments"]))
+    if vector["kind"] == "request":
+        assert said["function id"].startswith(f"{vector['function_id']} {FUNCTIONS[vector['function_id']].name}")
+    else:
+        assert said["return code"].startswith(f"0x{vector['return_code']:08X}")
+    assert ("CRC" in said) == (vector["transport"] == "com")
+    types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": type")]
+    assert [text.partition(" ")[0] for text in types] == [argument["type"] for argument in vector["arguments"]]
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=ids)
+def test_every_value_of_the_documents_is_shown_in_notation(vector):
+    frame = bytes.fromhex(vector["hex"])
+    shown = [field.meaning for field in explain(frame) if field.level >= 1 and ": " not in field.name]
+    for argument in packet.decode(frame, exact=True).arguments:
+        if argument.type in (VarType.BSTR, VarType.I4, VarType.I2, VarType.BOOL) and argument.value != "":
+            assert format_variant(argument) in shown
+
+
+@pytest.mark.parametrize("vector", [vector for vector in VECTORS if "printed" in vector], ids=ids)
+def test_a_packet_printed_with_missing_or_doubled_bytes_is_explained_as_far_as_it_goes(vector):
+    frame = bytes.fromhex(vector["printed"])
+    fields = explain(frame)
+    assert joined(fields) == frame
+    assert first_error(fields) is not None
+    assert one_line(frame).startswith("not a packet")
+
+
+def test_one_line_of_each_kind():
+    frames = {vector["line"]: bytes.fromhex(vector["hex"]) for vector in VECTORS}
+    assert one_line(frames[270]) == 'Controller_GetVariable(2, "IO150", "")'
+    assert one_line(frames[279], frames[270]) == "S_OK -> 3"
+    lines = [one_line(frame) for frame in frames.values()]
+    assert "Variable_PutValue(3, True)" in lines
+    assert "S_OK" in lines
+    assert 'Controller_Execute(2, "ClearError", VT_EMPTY)' in lines
+    assert "S_OK -> VT_EMPTY" in lines
+
+
+# --- fields -----------------------------------------------------------------------------------------------------------
+
+
+def test_arguments_have_the_names_of_the_table():
+    said = meanings(request(72, 3, 1, "P1", "NEXT"))
+    assert said["function id"].startswith("72 Robot_Move: ")
+    assert said["handle"] == "3,3"
+    assert said["interpolation"] == "3,1"
+    assert said["pose"] == "8,P1"
+    assert said["option: string length"] == "8 bytes"
+    assert said["option"] == "8,NEXT"
+
+
+def test_more_arguments_than_the_function_has_are_numbered():
+    said = meanings(request(2, 7, 8))
+    assert said["argument 1"] == "3,7"
+    assert said["argument 2"] == "3,8"
+
+
+def test_an_unknown_function_is_no_wrong_packet():
+    frame = request(200, 1)
+    assert meanings(frame)["function id"] == "200 no such function; a server answers E_NOTIMPL"
+    assert first_error(explain(frame)) is None
+    assert one_line(frame) == "function 200?(1)"
+
+
+def test_a_reply_says_what_its_request_asked_for():
+    asked = request(7, 2, "Arm", "")
+    reply = packet.pack(1, 0, 1, bytes.fromhex("0a000000030001000000") + b"\x05\0\0\0")
+    assert meanings(reply)["result"] == "3,5"
+    assert meanings(reply, request=asked)["Robot handle"] == "3,5"
+    assert meanings(reply, request=b"")["result"] == "3,5"
+
+
+def test_several_results_are_numbered():
+    said = meanings(packet.encode(packet.Packet(1, 0, [1, 2])))
+    assert said["result"] == "3,1"
+    assert said["result 2"] == "3,2"
+
+
+@pytest.mark.parametrize(
+    ("code", "kind"),
+    [(0, "reply"), (1, "request"), (137, "request"), (255, "request"), (256, "reply"), (0x900, "reply"), (0x80004001, "reply")],
+)  # fmt: skip
+def test_a_code_tells_requests_from_replies(code, kind):
+    assert kind_of(code) == kind
+    names = [field.name for field in explain(packet.pack(1, code, 0, b""))]
+    assert ("function id" in names) == (kind == "request")
+
+
+def test_the_kind_can_be_told():
+    frame = packet.pack(1, 1, 0, b"")
+    assert meanings(frame, kind="reply")["return code"].startswith("0x00000001 S_FALSE")
+    assert meanings(packet.pack(1, 0, 0, b""), kind="request")["function id"].startswith("0 no such function")
+    assert one_line(frame, request(2)) == "S_FALSE"
+
+
+def test_an_error_reply_has_name_number_and_text():
+    frame = packet.pack(9, hresult.E_HANDLE, 0, b"")
+    assert one_line(frame) == "0x80070006 E_HANDLE: Invalid handle"
+    assert meanings(frame)["return code"] == "0x80070006 E_HANDLE: Invalid handle"
+    assert one_line(packet.pack(9, 0x8F123456, 0, b"")).startswith("0x8F123456: ")
+
+
+def test_the_elements_of_arrays_are_fields_of_their_own():
+    value = [1, "ab", [True, None], ["x", "y"]]
+    fields = explain(request(64, 3, "Do", value))
+    said = {field.name: (field.meaning, field.level) for field in fields}
+    assert said["parameter: type"] == ("VT_VARIANT|VT_ARRAY (8204)", 1)
+    assert said["parameter: count"] == ("4", 1)
+    assert said["parameter[0]"] == ("3,1", 2)
+    assert said["parameter[1]"] == ("8,ab", 2)
+    assert said["parameter[2][0]"] == ("11,-1", 3)
+    assert said["parameter[2][1]: type"] == ("VT_EMPTY (0)", 3)
+    assert said["parameter[3][1]"] == ("8,y", 3)
+
+
+def test_a_long_value_is_shortened_but_its_bytes_are_whole():
+    frame = request(102, 3, [1.5] * 1000)
+    (value,) = [field for field in explain(frame) if field.name == "value"]
+    assert len(value.meaning) == 400
+    assert value.meaning.startswith("8197,1.5,1.5,")
+    assert len(value.raw) == 8000
+    assert len(one_line(frame)) < 120
+
+
+def test_control_characters_cannot_steer_the_terminal():
+    frame = request(102, 3, "\x1b[2J\r\nP1\ud800")
+    assert meanings(frame)["value"] == r"8,\x1b[2J\r\nP1\ud800"
+    assert one_line(frame) == r'Variable_PutValue(3, "\x1b[2J\r\nP1\ud800")'
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (True, "True"),
+        (-2125459453, "-2125459453 (0x81501003)"),
+        (-1, "-1"),
+        (1.5, "1.5"),
+        (b"\x01\xff", "<01 ff>"),
+        (datetime(2026, 11, 21, 10, 0), "2026-11-21 10:00:00"),
+        ([1, "a", [None]], '[1, "a", [VT_EMPTY]]'),
+        ("x" * 200, '"' + "x" * 78 + "…"),
+    ],
+)
+def test_values_in_short(value, expected):
+    assert show(variant(value)) == expected
+
+
+# --- the reserved area and the CRC ------------------------------------------------------------------------------------
+
+
+def test_the_crc_of_a_serial_line_is_recognised():
+    frame = packet.pack(3, 2, 0, b"", crc=True)
+    last = explain(frame)[-2]
+    assert (last.name, last.raw, last.meaning) == ("CRC", frame[-3:-1], "right (serial line)")
+
+
+def test_two_bytes_that_are_no_crc_are_the_reserved_area_with_what_would_be_right():
+    good = packet.pack(3, 2, 0, b"", crc=True)
+    bad = good[:-3] + b"\xab\xcd\x04"
+    area = explain(bad)[-2]
+    assert (area.name, area.raw) == ("reserved area", b"\xab\xcd")
+    assert area.meaning == f"2 bytes behind the arguments; were it a CRC, {good[-3:-1].hex(' ')} would be right"
+    assert first_error(explain(bad)) is None
+
+
+def test_a_reserved_area_before_a_crc():
+    frame = packet.encode(packet.Packet(3, 2, [], 0, b"xyz"), crc=True)
+    assert [(field.name, field.raw) for field in explain(frame)][-3:-1] == [
+        ("reserved area", b"xyz"),
+        ("CRC", frame[-3:-1]),
+    ]
+
+
+# --- wrong packets ----------------------------------------------------------------------------------------------------
+
+
+def error_of(frame: bytes) -> Field:
+    fields = explain(frame)
+    assert joined(fields) == frame
+    error = first_error(fields)
+    assert error is not None
+    return error
+
+
+GOOD = request(9, 2, "IO150", "")
+
+
+@pytest.mark.parametrize(
+    ("frame", "offset", "name", "said"),
+    [
+        (b"", 0, "no packet", "a packet begins with SOH 01"),
+        (b"\x02" + GOOD[1:], 0, "no packet", "a packet begins with SOH 01"),
+        (GOOD[:9], 1, "header", "the bytes end inside the header of 15 bytes"),
+        (GOOD[:1], 1, "header", "the bytes end inside the header of 15 bytes"),
+        (GOOD[:15], 1, "length", "68 bytes, but 15 are here"),
+        (GOOD[:40], 1, "length", "68 bytes, but 40 are here"),
+        (GOOD[:-1] + b"\x05", 67, "end (EOT)", "EOT 04 is missing at the end"),
+        (GOOD + b"\xff", 1, "length", "68 bytes, but 69 are here"),
+        (GOOD[:1] + b"\xff\xff\xff\x7f" + GOOD[5:], 1, "length", "2147483647 bytes, at most 16777216 are allowed"),
+        (GOOD[:1] + b"\x01\0\0\0" + GOOD[5:], 1, "length", "1 byte, but 68 are here"),
+        (GOOD[:13] + b"\x04\0" + GOOD[15:], 67, "argument 4", "an argument needs 10 bytes or more, 0 are left at offset 67 (1 more by the argument count)"),
+        (GOOD[:15] + b"\x0b" + GOOD[16:], 29, "handle", "1 x VT_I4 at offset 15 does not agree with its 5 bytes of data"),
+        (GOOD[:15] + b"\xff" + GOOD[16:], 15, "handle: length", "argument length 255 at offset 15 does not fit the 48 bytes present"),
+        (GOOD[:15] + b"\x05" + GOOD[16:], 15, "handle: length", "argument length 5 at offset 15 does not fit the 48 bytes present"),
+        (GOOD[:19] + b"\x63" + GOOD[20:], 25, "handle", "unknown type VT_99? at offset 25"),
+        (GOOD[:21] + b"\x02" + GOOD[22:], 25, "handle", "2 x VT_I4 at offset 25 does not agree with its 4 bytes of data"),
+        (GOOD[:39] + b"\x0b" + GOOD[40:], 39, "name", "string of 11 bytes at offset 39, 10 are present"),
+        (GOOD[:39] + b"\x09" + GOOD[40:], 39, "name", "string of 9 bytes at offset 39, 10 are present"),
+    ],
+)  # fmt: skip
+def test_a_wrong_packet_is_told_where_it_is_wrong(frame, offset, name, said):
+    error = error_of(frame)
+    assert (error.offset, error.name, error.meaning) == (offset, name, said)
+
+
+def test_the_arguments_behind_a_wrong_one_are_explained_all_the_same():
+    frame = GOOD[:19] + b"\x63" + GOOD[20:]
+    said = meanings(frame)
+    assert said["name"] == "8,IO150"
+    assert said["end (EOT)"] == ""
+
+
+def test_an_element_deep_inside_is_where_the_error_is():
+    frame = bytearray(request(64, 3, "Do", [1, [2, "ab"]]))
+    at = frame.index("ab".encode("utf-16-le")) - 4
+    frame[at] = 0x7F
+    error = error_of(bytes(frame))
+    assert error.offset == at
+    assert "string of 127 bytes" in error.meaning
+    assert meanings(bytes(frame))["parameter[1][0]"] == "3,2"
+
+
+def test_nesting_deeper_than_allowed_is_an_error_at_that_depth():
+    value = Variant(VarType.I4, 1)
+    for _ in range(17):
+        value = Variant(VarType.VARIANT | VarType.ARRAY, [value])
+    error = error_of(request(102, 3, value))
+    assert error.meaning == "VARIANT arrays nested deeper than 16"
+    assert error.level == 1
+
+
+def test_bytes_behind_a_packet_are_said_to_be_so():
+    last = explain(GOOD + b"\xff\xff")[-1]
+    assert (last.name, last.raw, last.meaning) == ("no packet", b"\xff\xff", "2 bytes behind the end of the packet")
+
+
+def test_a_crc_stays_apart_from_wrong_arguments():
+    frame = packet.pack(3, 9, 1, b"\xff\0\0\0\x03\0\x01\0\0\0\x02\0\0\0", crc=True)
+    names = [field.name for field in explain(frame)]
+    assert names[-2:] == ["CRC", "end (EOT)"]
+    assert joined(explain(frame)) == frame
+
+
+@given(st.binary(max_size=80))
+def test_any_bytes_are_explained_without_losing_one(data):
+    assert joined(explain(data)) == data
+    assert isinstance(one_line(data), str)
+    assert b"".join(split(data)) == data
+
+
+@given(st.lists(variants(), max_size=4), st.booleans(), st.sampled_from([0, 9, 64, 0x80004001]))
+def test_every_packet_that_can_be_made_is_right_and_loses_no_byte(arguments, crc, code):
+    frame = packet.encode(packet.Packet(7, code, list(arguments)), crc=crc)
+    fields = explain(frame)
+    assert joined(fields) == frame
+    assert first_error(fields) is None
+    types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": type")]
+    assert types == [f"{type_name(argument.type)} ({argument.type})" for argument in arguments]
+
+
+@given(st.lists(variants(), max_size=3), st.data())
+def test_a_mutated_packet_has_an_error_exactly_when_the_decoder_refuses_it(arguments, data):
+    frame = bytearray(packet.encode(packet.Packet(7, 64, list(arguments))))
+    for _ in range(data.draw(st.integers(1, 3))):
+        frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))
+    mutated = bytes(frame)
+    fields = explain(mutated)
+    assert joined(fields) == mutated
+    try:
+        packet.decode(mutated)
+    except ProtocolError:
+        assert first_error(fields) is not None
+    else:
+        assert first_error(fields) is None
+
+
+# --- several packets --------------------------------------------------------------------------------------------------
+
+
+def test_packets_in_a_row_are_cut_apart():
+    frames = [bytes.fromhex(vector["hex"]) for vector in VECTORS]
+    assert split(b"".join(frames)) == frames
+
+
+def test_what_lies_between_packets_is_a_piece_of_its_own():
+    assert split(b"\x01\xff" + GOOD + b"\x01noise" + GOOD + b"\x04") == [b"\x01\xff", GOOD, b"\x01noise", GOOD, b"\x04"]
+    assert split(b"") == []
+    assert split(GOOD[:-1]) == [GOOD[:-1]]
+
+
+# --- in Japanese ------------------------------------------------------------------------------------------------------
+
+
+def test_everything_is_there_in_japanese():
+    language.use("ja")
+    said = meanings(GOOD)
+    assert said["関数 ID"].startswith("9 Controller_GetVariable: ")
+    assert said["name: 文字列長"] == "10 バイト"
+    assert error_of(GOOD[:-1] + b"\x05").meaning == "末尾に EOT 04 がありません"
+    assert error_of(GOOD + b"\xff").meaning == "68 バイト (実際は 69 バイト)"
+    assert one_line(b"\x02").startswith("不正なパケット: ")

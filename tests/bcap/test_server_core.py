@@ -1,0 +1,382 @@
+"""The server's conversation, driven by hand with a made-up clock: what it executes, what it answers, and when."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.server import Close, Execute, Send, ServerConversation
+from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
+from orinkit.variant_bytes import Limits, encode
+
+NOW = 1000.0
+
+
+def request(serial, function_id, *arguments, reserved=0):
+    return packet.encode(Packet(serial, function_id, list(arguments), reserved))
+
+
+def executed(server, data, now=NOW):
+    """The only action: a call to execute."""
+    (action,) = list(server.receive(data, now))
+    assert isinstance(action, Execute)
+    return action
+
+
+def answered(server, data, now=NOW):
+    """The only action: an answer."""
+    (action,) = list(server.receive(data, now))
+    assert isinstance(action, Send)
+    return packet.decode(action.data)
+
+
+def start(option=None, now=NOW, **parameters):
+    """A conversation that has been started with an option, and its answer."""
+    server = ServerConversation(**parameters)
+    call = executed(server, request(1, 1) if option is None else request(1, 1, option), now)
+    assert packet.decode(server.finish(call, 0, None)) == Packet(1, 0)
+    return server
+
+
+# --- a call and its answer --------------------------------------------------------------------------------------------
+
+
+def test_a_call_is_executed_and_answered():
+    server = ServerConversation()
+    assert not server.busy
+    call = executed(server, request(7, 101, 3))
+    assert call == Execute(7, 101, [variant(3)])
+    assert server.busy
+    assert packet.decode(server.finish(call, 0, variant(True))) == Packet(7, 0, [True])
+    assert not server.busy
+
+
+def test_the_exchange_of_the_document_byte_by_byte():
+    """RC8 3.1.3: Variable_GetValue of IO150."""
+    server = ServerConversation()
+    call = executed(server, bytes.fromhex("011e0000000400000065000000010 00a00000003000100000003000000 04".replace(" ", "")))
+    assert server.finish(call, 0, Variant(VarType.BOOL, False)).hex() == (
+        "011c00000004000000" + "00000000" + "0100" + "080000000b00010000000000" + "04"
+    )
+
+
+def test_arguments_come_with_their_exact_types():
+    server = ServerConversation()
+    given = [Variant(VarType.UI4, 3), Variant(VarType.R4 | ARRAY, [1.0]), Variant(VARIANT_ARRAY, [Variant(VarType.NULL)])]
+    assert executed(server, request(1, 102, *given)).arguments == given
+
+
+def test_results_of_every_kind():
+    server = ServerConversation()
+    for code, result, arguments in [
+        (0, None, []),
+        (0, Variant(VarType.EMPTY), [None]),
+        (hresult.S_BUF_FULL, variant([1.0]), [[1.0]]),
+        (hresult.E_HANDLE, None, []),
+    ]:
+        call = executed(server, request(9, 64, 3, "x", None))
+        assert packet.decode(server.finish(call, code, result)) == Packet(9, code, arguments)
+
+
+def test_the_serial_is_given_back_and_reserved_is_zero():
+    server = ServerConversation()
+    for serial in (0, 1, 65535):
+        call = executed(server, request(serial, 2, reserved=5))
+        assert packet.decode(server.finish(call, 0, None)) == Packet(serial, 0, [], 0)
+
+
+@pytest.mark.parametrize("function_id", [0, 138, 255, 256, 2**32 - 1])
+def test_unknown_functions_are_for_the_session_to_refuse(function_id):
+    assert executed(ServerConversation(), request(1, function_id)).function_id == function_id
+
+
+def test_a_trailer_is_passed_over():
+    """VE026A 3.1: a reserved area may lie behind the arguments."""
+    data = packet.encode(Packet(1, 101, [3], trailer=b"\1\2\3"))
+    assert executed(ServerConversation(), data).arguments == [variant(3)]
+
+
+def test_one_byte_at_a_time():
+    server = ServerConversation()
+    data = request(7, 101, 3)
+    for position in range(len(data) - 1):
+        assert list(server.receive(data[position : position + 1], NOW)) == []
+    assert executed(server, data[-1:]).serial == 7
+
+
+def test_several_requests_at_once_one_after_the_other():
+    server = ServerConversation()
+    seen = []
+    for action in server.receive(b"\xff" + request(1, 2) + request(2, 2) + request(3, 2), NOW):
+        seen.append(action.serial)
+        assert packet.decode(server.finish(action, 0, None)).serial == action.serial
+    assert seen == [1, 2, 3]
+
+
+def test_a_client_that_stops_listening_loses_no_request():
+    server = ServerConversation()
+    actions = server.receive(request(1, 2) + request(2, 2), NOW)
+    server.finish(next(actions), 0, None)
+    actions.close()
+    assert executed(server, b"").serial == 2
+
+
+# --- busy -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_second_call_meanwhile_is_refused_and_the_first_goes_on():
+    server = ServerConversation()
+    first = executed(server, request(1, 72, 3, 1, "P1", ""))
+    assert answered(server, request(2, 101, 3)) == Packet(2, hresult.E_BUSY_PROC)
+    assert answered(server, request(3, 1, "WDT=400")) == Packet(3, hresult.E_BUSY_PROC)
+    assert server.wdt is None
+    assert server.busy
+    assert packet.decode(server.finish(first, 0, None)) == Packet(1, 0)
+    assert executed(server, request(4, 101, 3)).serial == 4
+
+
+def test_the_rest_of_a_burst_is_busy():
+    server = ServerConversation()
+    execute, *others = list(server.receive(request(1, 2) + request(2, 2) + request(3, 2), NOW))
+    assert isinstance(execute, Execute)
+    assert [packet.decode(each.data) for each in others] == [Packet(n, hresult.E_BUSY_PROC) for n in (2, 3)]
+
+
+# --- Service_Start ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("option", "wdt", "timeout"),
+    [
+        (None, None, 180.0),
+        ("", None, 180.0),
+        ("WDT=400", 0.4, 180.0),
+        ("wdt=81", 0.081, 180.0),
+        (",WDT=400,InvokeTimeout=180000", 0.4, 180.0),
+        ("InvokeTimeout=500", None, 0.5),
+        ("InvokeTimeout=80", None, 0.08),
+        ("WDT=2147483647,InvokeTimeout=2147483647", 2147483.647, 2147483.647),
+        ("Other=1", None, 180.0),
+    ],
+)
+def test_options(option, wdt, timeout):
+    server = start(option)
+    assert (server.wdt, server.invoke_timeout) == (wdt, timeout)
+
+
+@pytest.mark.parametrize(
+    "option",
+    ["WDT=80", "WDT=0", "WDT=-400", "WDT=x", "WDT", "WDT=", "WDT=1.5", "WDT=2147483648", "InvokeTimeout=79",
+     "InvokeTimeout=0", "InvokeTimeout=x", "InvokeTimeout=2147483648", "InvokeTimeout=1" + "0" * 400,
+     "WDT=1" + "0" * 400, "WDT=" + "9" * 5000, "WDT=400,InvokeTimeout=1"],
+)  # fmt: skip
+def test_options_that_are_refused_change_nothing(option):
+    """RC8 table 3-1: more than 80 ms."""
+    server = start("WDT=400,InvokeTimeout=5000")
+    assert answered(server, request(2, 1, option)) == Packet(2, hresult.E_INVALIDARG)
+    assert (server.wdt, server.invoke_timeout, server.busy) == (0.4, 5.0, False)
+
+
+def test_a_new_start_sets_everything_anew():
+    server = start("WDT=400,InvokeTimeout=5000", invoke_timeout=60.0)
+    server.finish(executed(server, request(2, 1, "")), 0, None)
+    assert (server.wdt, server.invoke_timeout) == (None, 60.0)
+
+
+@pytest.mark.parametrize("arguments", [(5,), (None,), (["WDT=400"],)])
+def test_an_option_of_another_type_is_for_the_session(arguments):
+    server = ServerConversation()
+    assert executed(server, request(1, 1, *arguments)).function_id == 1
+    assert server.wdt is None
+
+
+def test_only_service_start_sets_options():
+    server = ServerConversation()
+    executed(server, request(1, 2, "WDT=400"))
+    assert server.wdt is None
+
+
+# --- time -------------------------------------------------------------------------------------------------------------
+
+
+def test_nothing_is_due_while_nothing_is_executed():
+    server = start("WDT=400")
+    assert server.deadline() is None
+    assert server.tick(NOW + 1e6) == b""
+
+
+def test_executing_is_said_every_wdt():
+    server = start("WDT=400")
+    call = executed(server, request(2, 72, 3, 1, "P1", ""))
+    assert server.deadline() == NOW + 0.4
+    assert server.tick(NOW + 0.399) == b""
+    for late in (0.4, 0.85, 1.25):
+        assert packet.decode(server.tick(NOW + late)) == Packet(2, hresult.S_EXECUTING)
+        assert server.tick(NOW + late) == b"", "it is said once"
+        assert server.deadline() == pytest.approx(NOW + late + 0.4)
+    assert packet.decode(server.finish(call, 0, None)) == Packet(2, 0)
+    assert server.deadline() is None
+    assert server.tick(NOW + 100) == b""
+
+
+def test_without_wdt_nothing_is_said_until_the_time_is_up():
+    server = start("InvokeTimeout=500")
+    executed(server, request(2, 101, 3))
+    assert server.deadline() == NOW + 0.5
+    assert server.tick(NOW + 0.499) == b""
+    assert packet.decode(server.tick(NOW + 0.5)) == Packet(2, hresult.E_TIMEOUT)
+
+
+def test_after_e_timeout_calls_are_busy_until_the_device_is_done():
+    server = start("WDT=400,InvokeTimeout=1000")
+    call = executed(server, request(2, 72, 3, 1, "P1", ""))
+    assert packet.decode(server.tick(NOW + 0.9)) == Packet(2, hresult.S_EXECUTING)
+    assert server.deadline() == NOW + 1.0
+    assert packet.decode(server.tick(NOW + 1.0)) == Packet(2, hresult.E_TIMEOUT)
+    assert server.deadline() is None
+    assert server.tick(NOW + 5.0) == b""
+    assert server.busy
+    assert answered(server, request(3, 101, 3), NOW + 5) == Packet(3, hresult.E_BUSY_PROC)
+    assert server.finish(call, 0, variant(5)) == b"", "it has been answered"
+    assert not server.busy
+    after = executed(server, request(4, 101, 3), NOW + 6)
+    assert server.deadline() == NOW + 6.4
+    assert packet.decode(server.finish(after, 0, variant(5))) == Packet(4, 0, [5])
+
+
+def test_both_due_at_once_is_a_time_out():
+    server = start("WDT=400,InvokeTimeout=500")
+    executed(server, request(2, 101, 3))
+    assert packet.decode(server.tick(NOW + 10)) == Packet(2, hresult.E_TIMEOUT)
+
+
+def test_each_call_has_its_own_time():
+    server = start("WDT=400,InvokeTimeout=1000")
+    server.finish(executed(server, request(2, 101, 3), NOW), 0, None)
+    executed(server, request(3, 101, 3), NOW + 50)
+    assert server.deadline() == NOW + 50.4
+    assert server.tick(NOW + 50.3) == b""
+
+
+# --- results that cannot be sent --------------------------------------------------------------------------------------
+
+
+def test_too_big_a_result():
+    server = ServerConversation(Limits(packet=200))
+    fits = variant(bytes(200 - packet.OVERHEAD - 10))
+    assert len(server.finish(executed(server, request(1, 101, 3)), 0, fits)) == 200
+    over = variant(bytes(201 - packet.OVERHEAD - 10))
+    call = executed(server, request(2, 101, 3))
+    assert packet.decode(server.finish(call, 0, over)) == Packet(2, hresult.E_TOO_MUCH_DATA)
+    assert not server.busy
+
+
+def test_a_result_that_cannot_be_written(caplog):
+    deep = Variant(VarType.EMPTY)
+    for _ in range(5000):
+        deep = Variant(VARIANT_ARRAY, [deep])
+    changed = Variant(VarType.I4 | ARRAY, [1])
+    changed.value.append("no number")
+    for result in (deep, changed):
+        server = ServerConversation()
+        call = executed(server, request(1, 101, 3))
+        assert packet.decode(server.finish(call, 0, result)) == Packet(1, hresult.E_FAIL)
+        assert not server.busy
+        assert "the result of function 101 cannot be sent" in caplog.text
+        caplog.clear()
+
+
+# --- bad packets ------------------------------------------------------------------------------------------------------
+
+ARGUMENT = bytes.fromhex("0a000000 0300 01000000 02000000")
+
+
+@pytest.mark.parametrize(
+    ("count", "body", "code"),
+    [
+        (2, ARGUMENT, hresult.E_INVALIDRCVPACKET),
+        (65535, ARGUMENT, hresult.E_INVALIDRCVPACKET),
+        (1, b"\xff" + ARGUMENT[1:], hresult.E_INVALIDRCVPACKET),
+        (1, ARGUMENT[:6] + b"\2" + ARGUMENT[7:], hresult.E_INVALIDRCVPACKET),
+        (1, ARGUMENT[:4] + b"\x63" + ARGUMENT[5:], hresult.E_INVALIDARGTYPE),
+        (1, b"\xff\xff\xff\xff" + ARGUMENT[4:], hresult.E_ARGSIZEOVER),
+        (1, encode([Variant(VARIANT_ARRAY, [None]) for _ in range(3)]), None),
+    ],
+)
+def test_bad_arguments_are_answered_and_the_connection_goes_on(count, body, code):
+    server = ServerConversation()
+    data = packet.pack(5, 101, count, body)
+    if code is None:
+        assert executed(server, data).serial == 5
+        return
+    assert answered(server, data) == Packet(5, code)
+    assert not server.busy
+    assert executed(server, request(6, 101, 3)).serial == 6
+
+
+@pytest.mark.parametrize(
+    ("limits", "value", "code"),
+    [
+        (Limits(depth=2), [[[1, None], None], None], hresult.E_INVALIDARGTYPE),
+        (Limits(variants=2), ["a", "b", "c"], hresult.E_ARGSIZEOVER),
+    ],
+)
+def test_limits_inside_a_packet(limits, value, code):
+    server = ServerConversation(limits)
+    assert answered(server, request(5, 102, 3, value)) == Packet(5, code)
+    assert executed(server, request(6, 101, 3)).serial == 6
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        (b"\1\0\0\0\0", hresult.E_INVALIDRCVPACKET),
+        (b"\1\x0f\0\0\0", hresult.E_INVALIDRCVPACKET),
+        (b"\1\xff\xff\xff\xff", hresult.E_PACKETSIZEOVER),
+        (b"\1" + struct.pack("<I", 2**24 + 1), hresult.E_PACKETSIZEOVER),
+        (request(1, 2)[:-1] + b"\5", hresult.E_INVALIDRCVPACKET),
+    ],
+)
+def test_a_lost_stream_is_answered_and_closed(data, code):
+    """VE026A table 3-5: the robot disconnects from a client that sends such a packet."""
+    server = ServerConversation()
+    send, close = list(server.receive(data, NOW))
+    assert packet.decode(send.data) == Packet(0, code)
+    assert isinstance(close, Close)
+    assert "packet" in close.reason
+    again = list(server.receive(request(1, 2), NOW))
+    assert [type(action) for action in again] == [Send, Close]
+
+
+def test_what_came_before_a_lost_stream_is_executed():
+    server = ServerConversation()
+    execute, send, close = list(server.receive(request(1, 2) + b"\1\0\0\0\0", NOW))
+    assert (type(execute), type(send), type(close)) == (Execute, Send, Close)
+
+
+@given(st.lists(st.binary(max_size=60) | st.sampled_from([request(1, 2), request(2, 1, "WDT=400")]), max_size=8))
+def test_any_stream_gives_actions_only(chunks):
+    server = ServerConversation()
+    for now, chunk in enumerate(chunks):
+        for action in server.receive(chunk, float(now)):
+            assert isinstance(action, Send | Execute | Close)
+            if isinstance(action, Execute) and now % 2:
+                packet.decode(server.finish(action, 0, None))
+        data = server.tick(now + 0.5)
+        assert not data or packet.decode(data).code in (hresult.S_EXECUTING, hresult.E_TIMEOUT)
+
+
+@given(st.text() | st.text(st.sampled_from("WDTwdt=,InvokeTimeout0123456789x()\"' -")))
+def test_any_option_is_taken_or_refused(option):
+    server = ServerConversation()
+    (action,) = list(server.receive(request(1, 1, option), NOW))
+    if isinstance(action, Send):
+        assert packet.decode(action.data) == Packet(1, hresult.E_INVALIDARG)
+    assert server.wdt is None or 0.08 < server.wdt <= 2147483.647
+    assert 0.08 <= server.invoke_timeout <= 2147483.647

@@ -1,0 +1,204 @@
+"""Arguments in all the forms that real clients send, and the codes for those that cannot be meant."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from decimal import Decimal
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+
+from orinkit import hresult, language
+from orinkit.cao.coerce import single, to_handle, to_integer, to_number, to_real, to_text, to_values, wrong_type
+from orinkit.errors import CallError, InvalidArgument, PacketError
+from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
+from strategies import same, variants
+
+WHOLE = [VarType.I1, VarType.I2, VarType.I4, VarType.I8, VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8]
+READERS = [to_number, to_integer, to_real, to_handle, to_text]
+NO_NUMBER = [
+    Variant(VarType.EMPTY), Variant(VarType.NULL), variant("P1"), variant(""), variant("1,2"), variant("0x10"),
+    variant("+-5"), variant(datetime(2026, 1, 1)), Variant(VarType.DATE, 1.0), variant(Decimal(1)), variant([1, 2]),
+    variant([]), variant([1.0, 2.0]), variant(b"ab"), variant(b""), variant([[1]]), variant(["x"]), variant([None]),
+]  # fmt: skip
+
+
+def bstr(text: str) -> Variant:
+    return Variant(VarType.BSTR, text)
+
+
+def refused(read, given: Variant, code: int, match: str) -> CallError:
+    with pytest.raises(CallError, match=match) as caught:
+        read(given)
+    assert caught.value.code == code
+    return caught.value
+
+
+# --- numbers ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("vt", [*WHOLE, VarType.R4, VarType.R8])
+def test_a_number_of_any_type_alone_or_in_an_array(vt):
+    for given in (Variant(vt, 5), Variant(vt | ARRAY, [5]), variant([Variant(vt, 5), None][:1])):
+        assert same(to_integer(given), 5)
+        assert same(to_real(given), 5.0)
+        assert to_number(given) == 5
+
+
+@pytest.mark.parametrize(
+    ("given", "number"),
+    [
+        (variant(True), -1),
+        (variant(False), 0),
+        (variant([True]), -1),
+        (bstr("5"), 5),
+        (bstr(" 5 "), 5),
+        (bstr("-5"), -5),
+        (bstr("+5"), 5),
+        (bstr("1.5"), 1.5),
+        (bstr("1e3"), 1000.0),
+        (bstr("５"), 5),
+        (variant(["7"]), 7),
+        (variant([["7"], None][:1]), None),
+        (Variant(VarType.ERROR, 5), 5),
+        (Variant(VarType.I8, 2**40), 2**40),
+    ],
+)
+def test_numbers(given, number):
+    if number is None:
+        refused(to_number, given, hresult.E_INVALIDARGTYPE, "a number is wanted")
+    else:
+        assert same(to_number(given), number)
+
+
+@pytest.mark.parametrize("read", [to_number, to_integer, to_real])
+@pytest.mark.parametrize("given", NO_NUMBER, ids=repr)
+def test_what_is_no_number(read, given):
+    error = refused(read, given, hresult.E_INVALIDARGTYPE, "is wanted")
+    assert isinstance(error, PacketError)
+    language.use("ja")
+    refused(read, given, hresult.E_INVALIDARGTYPE, "数値.*が必要ですが VT_")
+
+
+def test_the_message_shows_a_text_that_is_no_number():
+    refused(to_integer, bstr("P1"), hresult.E_INVALIDARGTYPE, "VT_BSTR was given, a number, not 'P1', is wanted")
+    assert len(str(refused(to_integer, bstr("x" * 100_000), hresult.E_INVALIDARGTYPE, "not 'xxx"))) < 300
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        (variant(1.5), "1.5 is no whole number"),
+        (variant(nan), "nan is no whole number"),
+        (variant(inf), "inf is no whole number"),
+        (variant(-inf), "-inf is no whole number"),
+        (bstr("nan"), "nan is no whole number"),
+        (bstr("1e999"), "inf is no whole number"),
+        (bstr("0.1"), "0.1 is no whole number"),
+        (variant(2.0**31), "2147483648.0 is out of range"),
+        (variant(1e300), r"1e\+300 is out of range"),
+        (Variant(VarType.UI4, 2**31), "2147483648 is out of range"),
+        (Variant(VarType.I8, -(2**31) - 1), "-2147483649 is out of range"),
+        (bstr("9" * 400), "9999 is out of range"),
+    ],
+)
+def test_what_is_no_vt_i4(given, match):
+    assert isinstance(refused(to_integer, given, hresult.E_INVALIDARG, match), InvalidArgument)
+    language.use("ja")
+    refused(to_integer, given, hresult.E_INVALIDARG, "整数ではありません|範囲外です")
+
+
+def test_vt_i4_to_its_bounds():
+    for number in (-(2**31), 2**31 - 1):
+        assert same(to_integer(variant(float(number))), number)
+        assert same(to_integer(bstr(str(number))), number)
+
+
+def test_a_number_of_thousands_of_digits():
+    refused(to_integer, bstr("9" * 4000), hresult.E_INVALIDARG, "is out of range")
+    refused(to_integer, bstr("9" * 5000), hresult.E_INVALIDARGTYPE, "a number, not '9999")
+
+
+@pytest.mark.parametrize("given", [variant(nan), variant(inf), variant(-inf), bstr("nan"), bstr("inf"), bstr("9" * 400)])
+def test_what_is_no_usable_real_number(given):
+    refused(to_real, given, hresult.E_INVALIDARG, "is no usable number")
+    language.use("ja")
+    refused(to_real, given, hresult.E_INVALIDARG, "使えない値です")
+
+
+# --- handles and texts ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("vt", [VarType.I4, VarType.UI4, VarType.I2, VarType.UI2])
+def test_a_handle_comes_as_a_whole_number(vt):
+    assert same(to_handle(Variant(vt, 2)), 2)
+
+
+@pytest.mark.parametrize("given", [variant("2"), variant(2.0), variant(True), variant(None), variant([2]), variant(b"2")])
+def test_what_is_no_handle(given):
+    refused(to_handle, given, hresult.E_INVALIDARGTYPE, "was given, VT_I4 is wanted")
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (variant("P1"), "P1"),
+        (variant(["P1"]), "P1"),
+        (Variant(VARIANT_ARRAY, ["P1"]), "P1"),
+        (variant(None), ""),
+        (Variant(VarType.NULL), ""),
+        (variant([None]), ""),
+        (variant(""), ""),
+    ],
+)
+def test_texts(given, text):
+    assert same(to_text(given), text)
+
+
+@pytest.mark.parametrize("given", [variant(1), variant(["a", "b"]), variant([]), variant(b"a"), variant([["a"]])])
+def test_what_is_no_text(given):
+    refused(to_text, given, hresult.E_INVALIDARGTYPE, "VT_BSTR is wanted")
+
+
+# --- arrays -----------------------------------------------------------------------------------------------------------
+
+
+def test_single():
+    assert same(single(variant([1.5])), variant(1.5))
+    assert same(single(variant(b"\5")), Variant(VarType.UI1, 5))
+    assert same(single(Variant(VARIANT_ARRAY, [Variant(VarType.I2, 1)])), Variant(VarType.I2, 1))
+    for given in (variant([1, 2]), variant([]), variant(5), variant(None)):
+        assert single(given) is given
+
+
+@pytest.mark.parametrize(
+    ("given", "values"),
+    [
+        (variant(None), []),
+        (Variant(VarType.NULL), []),
+        (variant([]), []),
+        (variant(1), [1]),
+        (variant("ab"), ["ab"]),
+        (variant([1.0, 2.0]), [1.0, 2.0]),
+        (variant([1, [2.0], None]), [1, [2.0], None]),
+        (variant(b"\1\2"), [1, 2]),
+        (Variant(VarType.DATE | ARRAY, [1.0]), [datetime(1899, 12, 31)]),
+    ],
+)
+def test_values(given, values):
+    assert same(to_values(given), values)
+
+
+def test_wrong_type_names_both():
+    assert wrong_type(variant([1.0]), "VT_BSTR").detail == "VT_R8|VT_ARRAY was given, VT_BSTR is wanted"
+
+
+@given(variants())
+def test_any_variant_is_read_or_refused_with_a_code(given):
+    for read in READERS:
+        try:
+            read(given)
+        except CallError as error:
+            assert error.code in (hresult.E_INVALIDARG, hresult.E_INVALIDARGTYPE)
+    assert isinstance(to_values(given), list)

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import pytest
+
+import orinkit
+from orinkit.cli.app import main
+from orinkit.virtual.rc8 import VirtualRC8
+
+
+class Done(NamedTuple):
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+Run = Callable[..., Done]
+
+
+@pytest.fixture
+def run(capsys) -> Run:
+    """Run a command line in this process."""
+
+    def run(*argv: str) -> Done:
+        capsys.readouterr()
+        code = main(argv)
+        out, err = capsys.readouterr()
+        return Done(code, out, err)
+
+    return run
+
+
+@pytest.fixture
+def refused(run) -> Callable[..., str]:
+    """Run a command line that fails as it should: nothing on stdout, one line on stderr, which is returned."""
+
+    def refused(*argv: str, code: int = 1) -> str:
+        done = run(*argv)
+        assert (done.code, done.out) == (code, "")
+        assert done.err.startswith("orinkit: ")
+        assert done.err.count("\n") == 1
+        return done.err.removeprefix("orinkit: ").rstrip("\n")
+
+    return refused
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8(serial_no="SN-42", language="en")
+    yield device
+    device.close()
+
+
+@pytest.fixture
+def url(rc8) -> Iterator[str]:
+    """Where the virtual RC8 is served."""
+    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+        yield server.url
+
+
+@pytest.fixture
+def program() -> list[str]:
+    """How the program is started in a process of its own."""
+    return [sys.executable, "-m", "orinkit"]

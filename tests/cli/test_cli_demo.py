@@ -1,0 +1,111 @@
+"""demo: the document's programs against the virtual RC8, and what happens when an answer is not as documented."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from orinkit import functions, language
+from orinkit.bcap import packet
+from orinkit.cli._demo_steps import LIST_3_1, LISTS, Handle, a_handle, a_text, an_error, exactly, nothing
+from orinkit.cli._errors import Failure
+from orinkit.cli.demo import run_lists
+from orinkit.variant import VARIANT_ARRAY, Variant, VarType
+
+
+def test_the_transcript_shows_every_packet_and_says_that_all_is_well(run):
+    done = run("demo")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.count("→") == done.out.count("←") == len(LIST_3_1)
+    for line in (
+        '    → Controller_Connect("", "CaoProv.DENSO.VRC", "localhost", "")',
+        '    → Controller_GetVariable(2, "IO150", "")',
+        "    → Variable_PutValue(3, -1)",
+        "    ← S_OK -> True",
+        '    → Controller_Execute(2, "ClearError", VT_EMPTY)',
+        "      01 10 00 00 00 01 00 00 00 01 00 00 00 00 00 04",
+    ):
+        assert line in done.out.splitlines()
+    assert done.out.splitlines()[-1] == f"All {len(LIST_3_1)} answers are as the document says."
+
+
+def test_as_json(run):
+    said = run("demo", "--json").json
+    assert said["as_documented"] is True
+    assert [step["number"] for step in said["steps"]] == list(range(1, len(LIST_3_1) + 1))
+    for step, expected in zip(said["steps"], LIST_3_1, strict=True):
+        request, reply = (packet.decode(bytes.fromhex(each["bytes"])) for each in step["packets"])
+        assert request.code == expected.function.id
+        assert (reply.serial, reply.code) == (request.serial, 0)
+
+
+def test_field_by_field(run):
+    out = run("demo", "--fields").out
+    assert "function id" in out
+    assert "return code" in out
+    assert "Variable handle" in out
+
+
+def test_in_japanese(run):
+    language.use("ja")
+    out = run("demo").out
+    assert " 1. この接続のサービスを開始する  [RC8 3.1.1]" in out
+    assert out.splitlines()[-1] == f"{len(LIST_3_1)} 件の応答はすべて仕様書のとおりでした。"
+
+
+def test_the_steps_are_those_of_the_sample():
+    sample = [
+        functions.service_start, functions.controller_connect, functions.controller_get_variable,
+        functions.variable_get_value, functions.variable_put_value, functions.variable_release,
+        functions.controller_disconnect, functions.service_stop,
+    ]  # fmt: skip
+    called = [step.function for step in LIST_3_1]
+    assert [function for function in dict.fromkeys(called) if function in sample] == sample
+    assert LIST_3_1[4].arguments == (Handle("IO150"), Variant(VarType.I4, -1))
+    assert LISTS["List 3-1"] is LIST_3_1
+
+
+def with_check(number: int, check) -> dict[str, tuple]:
+    steps = list(LIST_3_1)
+    steps[number - 1] = dataclasses.replace(steps[number - 1], check=check)
+    return {"List": tuple(steps)}
+
+
+def test_an_answer_that_differs_ends_the_demo():
+    said: list[str] = []
+    with pytest.raises(Failure) as caught:
+        run_lists(with_check(4, exactly(VarType.BOOL, True)), [], said.append, fields=False)
+    assert str(caught.value) == (
+        "List, 4. Read it: the point is off: answered with [Variant(VT_BOOL, False)], "
+        "the document has Variant(VT_BOOL, True)"
+    )
+    assert caught.value.code == 1
+    assert "← S_OK -> False" in said[-1]
+
+
+def test_an_error_ends_the_demo():
+    steps = (LIST_3_1[0], dataclasses.replace(LIST_3_1[1], arguments=("", "CaoProv.Nobody", "", "")))
+    with pytest.raises(Failure, match="E_CAO_PROV_INVALID"):
+        run_lists({"List": steps}, [], lambda _line: None, fields=False)
+
+
+@pytest.mark.parametrize(
+    ("check", "right", "wrong"),
+    [
+        (nothing, [], [Variant(VarType.EMPTY)]),
+        (a_handle, [Variant(VarType.I4, 2)], [Variant(VarType.I4, 0)]),
+        (a_handle, [Variant(VarType.I4, 2)], []),
+        (a_handle, [Variant(VarType.I4, 2)], [Variant(VarType.I2, 2)]),
+        (exactly(VarType.EMPTY), [Variant(VarType.EMPTY)], []),
+        (exactly(VarType.I4, 3), [Variant(VarType.I4, 3)], [Variant(VarType.I2, 3)]),
+        (a_text, [Variant(VarType.BSTR, "x")], [Variant(VarType.BSTR, "")]),
+        (a_text, [Variant(VarType.BSTR, "x")], []),
+        (an_error(5), [Variant(VARIANT_ARRAY, [5, "x"])], [Variant(VARIANT_ARRAY, [6, "x"])]),
+        (an_error(5), [Variant(VARIANT_ARRAY, [5, "x"])], [Variant(VARIANT_ARRAY, [5])]),
+        (an_error(5), [Variant(VARIANT_ARRAY, [5, "x"])], [Variant(VarType.I4, 5)]),
+    ],
+)
+def test_the_checks_can_fail(check, right, wrong):
+    assert check(right) == ""
+    assert check(wrong) != ""

@@ -1,0 +1,144 @@
+"""The frame: help, version, exit codes, both languages, and that help stays light."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+
+import orinkit
+from orinkit import language
+from orinkit.cli._help import HelpFormatter
+from orinkit.cli.app import build
+
+COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions")
+
+
+def japanese(program: list[str], *argv: str) -> str:
+    done = subprocess.run(
+        [*program, *argv], env={**os.environ, "ORINKIT_LANG": "ja"}, capture_output=True, encoding="utf-8", check=False
+    )
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("argv", [[], ["--help"], ["-h"]])
+def test_help_names_every_command(run, argv):
+    done = run(*argv)
+    assert done.code == 0
+    for command in COMMANDS:
+        assert f"│ {command} " in done.out
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "serve rc8"])
+def test_every_command_has_help(run, command):
+    done = run(*command.split(), "--help")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith(f"Usage: orinkit {command}")
+    assert "--no-" not in done.out
+
+
+def test_version(run):
+    assert run("--version").out == f"{orinkit.__version__}\n"
+
+
+def test_help_in_japanese(program):
+    assert "使い方: orinkit COMMAND" in japanese(program, "--help")
+    page = japanese(program, "put", "--help")
+    assert "コントローラの変数に書き込む。" in page
+    assert "[必須]" in page
+    assert "[既定値: 3.0]" in page
+    assert "required" not in page
+
+
+def test_every_help_text_changes_with_the_language():
+    def texts() -> set[str]:
+        app = build()
+        return {app.help, *(app[command].help for command in COMMANDS), app["serve"]["rc8"].help, app["--help"].help}
+
+    english = texts()
+    language.use("ja")
+    assert not english & texts()
+
+
+def test_help_loads_nothing_that_only_commands_need(program):
+    script = (
+        "import sys; from orinkit.cli.app import main; main(['--help']);"
+        "print(sorted({'asyncio', 'numpy', 'sqlite3', 'markdown_it', 'orinkit.virtual', 'orinkit.cli.get'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, encoding="utf-8", check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["frob"], "there is no command frob (see orinkit --help)"),
+        (["serve", "frob"], "there is no command frob (see orinkit serve --help)"),
+        (["get"], "URL is missing (see orinkit get --help)"),
+        (["get", "a"], "NAME is missing (see orinkit get --help)"),
+        (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),
+        (["get", "a", "b", "--zip"], "there is no option --zip (see orinkit get --help)"),
+        (["get", "a", "b", "--timeout", "x"], "'x' is no value for --timeout (see orinkit get --help)"),
+        (["get", "a", "b", "--timeout"], "--timeout is missing (see orinkit get --help)"),
+        (["get", "a", "b", "--timeout", "3", "--timeout", "4"], "--timeout is given twice (see orinkit get --help)"),
+    ],
+)
+def test_a_wrong_command_line_is_one_clear_line(refused, argv, said):
+    assert refused(*argv, code=2) == said
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["frob"], "コマンド frob はありません"),
+        (["get"], "URL が指定されていません"),
+        (["get", "a", "b", "c"], "余分な引数があります: c"),
+        (["get", "a", "b", "--zip"], "オプション --zip はありません"),
+        (["get", "a", "b", "--timeout", "x"], "--timeout の値 'x' が不正です"),
+        (["get", "a", "b", "--timeout", "3", "--timeout", "4"], "--timeout が二重に指定されています"),
+    ],
+)
+def test_a_wrong_command_line_in_japanese(refused, argv, said):
+    language.use("ja")
+    assert refused(*argv, code=2).startswith(said)
+
+
+def test_interrupted(program):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        process = subprocess.Popen(
+            [*program, "get", f"127.0.0.1:{port}", "I1", "--timeout", "100"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "ORINKIT_LANG": "en"}, text=True,
+        )  # fmt: skip
+        peer, _ = silent.accept()
+        assert peer.recv(1)  # it has asked, and waits
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+        peer.close()
+    assert (process.returncode, out, err) == (130, "", "orinkit: interrupted\n")
+
+
+def test_a_reader_that_has_seen_enough_is_no_trouble(program):
+    process = subprocess.Popen([*program, "functions"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.wait(60) == 1
+    assert process.stderr is not None
+    assert process.stderr.read() == b""
+    process.stderr.close()
+
+
+def test_a_terminal_without_japanese_gets_escapes(program):
+    done = subprocess.run(
+        [*program, "functions", "1"], capture_output=True, check=True,
+        env={**os.environ, "ORINKIT_LANG": "ja", "PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert b"\\u4ed5\\u69d8\\u66f8" in done.stdout
+
+
+def test_the_formatter_is_asked_for_usage_and_description():
+    assert {"render_usage", "render_description"} <= set(dir(HelpFormatter))

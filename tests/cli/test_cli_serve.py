@@ -1,0 +1,139 @@
+"""serve rc8, as a process of its own: what it says, how it stops, what it keeps."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+
+import pytest
+
+import orinkit
+from orinkit.cli._serving import _is_loopback
+from orinkit.errors import CallError
+
+Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]
+
+
+@pytest.fixture
+def serve(program) -> Iterator[Serve]:
+    """Start ``orinkit serve rc8``; returns the process and the address of its first listener."""
+    started: list[subprocess.Popen[str]] = []
+
+    def serve(*options: str) -> tuple[subprocess.Popen[str], str]:
+        process = subprocess.Popen(
+            [*program, "serve", "rc8", "--tcp", "127.0.0.1:0", *options],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
+        )  # fmt: skip
+        started.append(process)
+        assert process.stdout is not None
+        word, _, url = process.stdout.readline().rstrip("\n").partition(" ")
+        assert word == "ready"
+        return process, url
+
+    yield serve
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def stop(process: subprocess.Popen[str], number: int) -> tuple[int, str, str]:
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_says_ready_serves_and_stops_when_told(serve, number):
+    process, url = serve()
+    with orinkit.connect(url) as controller:
+        controller.variable("I1").value = 5
+        assert controller.variable("I1").value == 5
+        code, out, err = stop(process, number)  # a client that is still there does not keep it
+    assert (code, out) == (0, "")
+    assert f"listening on {url}" in err
+    assert "Traceback" not in err
+
+
+def test_one_line_for_each_listener(serve):
+    process, first = serve("--tcp", "tcp://localhost:0")
+    assert process.stdout is not None
+    second = process.stdout.readline()
+    assert second.startswith("ready tcp://localhost:")
+    for url in (first, second.removeprefix("ready ").strip()):
+        with orinkit.connect(url) as controller:
+            assert controller.variable("@TYPE").value == "RC8"
+
+
+def test_options_of_the_controller(serve):
+    process, url = serve("--count", "I=7", "--count", "s=3", "--io-points", "256", "--clients", "1", "--objects", "3")
+    with orinkit.connect(url) as controller:
+        assert controller.variable("@VAR_I_LEN").value == 7
+        assert controller.variable("@VAR_S_LEN").value == 3
+        assert controller.variable("@VAR_IO_LEN").value == 256
+        with pytest.raises(CallError, match="E_MAX_CONNECT"):
+            orinkit.connect(url)
+        kept = [controller.variable("I1"), controller.variable("I2")]
+        with pytest.raises(CallError, match="E_MAX_OBJECT"):
+            controller.variable("I3")
+        assert len(kept) == 2
+
+
+def test_permission(serve):
+    _, url = serve("--permission", "*=r")
+    with orinkit.connect(url) as controller:
+        assert controller.variable("I1").value == 0
+        with pytest.raises(CallError):
+            controller.variable("I1").value = 1
+
+
+def test_variables_are_kept_in_the_state_directory(serve, tmp_path, refused):
+    state = str(tmp_path / "state")
+    process, url = serve("--state", state)
+    with orinkit.connect(url) as controller:
+        controller.variable("S1").value = "kept"
+    assert "is in use by another process" in refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--state", state)
+    assert stop(process, signal.SIGTERM)[0] == 0
+    _, url = serve("--state", state)
+    with orinkit.connect(url) as controller:
+        assert controller.variable("S1").value == "kept"
+
+
+def test_a_port_that_is_taken(refused):
+    with orinkit.serve(orinkit.Provider(), "tcp://127.0.0.1:0") as server:
+        said = refused("serve", "rc8", "--tcp", server.url)
+    assert said.startswith(f"cannot listen on {server.url}: ")
+
+
+def test_a_warning_where_other_machines_can_come_in(run):
+    done = run("serve", "rc8", "--tcp", "192.0.2.1:5007")  # an address that no machine has
+    assert done.code == 1
+    warning, error = done.err.splitlines()
+    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 can be reached from other machines")
+    assert error.startswith("orinkit: cannot listen on tcp://192.0.2.1:5007")
+
+
+@pytest.mark.parametrize(
+    ("host", "expected"),
+    [("127.0.0.1", True), ("127.1.2.3", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("::", False), ("robot", False)],
+)  # fmt: skip
+def test_what_is_loopback(host, expected):
+    assert _is_loopback(host) is expected
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--tcp", "ftp://127.0.0.1:0"], "unknown transport 'ftp'"),
+        (["--tcp", "127.0.0.1:99999"], "port 99999 is not 0 to 65535"),
+        (["--permission", "me=rw"], "'me' is no IP address or network"),
+        (["--count", "I"], "--count I: CLASS=NUMBER is needed, as I=200"),
+        (["--count", "I=-1"], "--count I=-1: CLASS=NUMBER is needed"),
+        (["--count", "Q=1"], "no variable class Q"),
+        (["--io-points", "-1"], "IO"),
+        (["--clients", "0"], "--clients must be 1 or more, not 0"),
+        (["--objects", "0"], "--objects must be 1 or more, not 0"),
+    ],
+)
+def test_options_that_cannot_be(refused, options, said):
+    assert said in refused("serve", "rc8", *options, code=2)

@@ -1,0 +1,310 @@
+"""The documents are true: their programs run, their commands print what is shown, their links lead somewhere.
+
+Each page of ``PAGES`` is run from top to bottom, in a directory of its own, with texts in English:
+
+* A ``python`` block is executed; the blocks of one page share one namespace, as if they were one program. A comment
+  ``# -> text`` shows a line that is printed: all of them, in order, are what the block prints.
+* A ``console`` block is a terminal. ``$ orinkit ...`` is run (``NAME=value`` may stand before it), and what is shown
+  below it is what it prints, on stdout and stderr. It has to succeed; where it shall not, ``$ echo $?`` behind it shows
+  its exit code. ``$ orinkit serve ...`` goes on until the page ends, and must then stop cleanly; its log, on stderr, is
+  not shown. Any other command is not allowed.
+* ``...`` stands for anything in a line; alone in a line, for any number of lines.
+* ``<!-- not run: reason -->`` above a block leaves it out.
+
+Addresses are written as a reader would type them. While a page is run, ``127.0.0.1:5007`` and ``192.168.0.1:5007`` (also
+as plain ``192.168.0.1``) become the address of one virtual RC8, which the test serves unless the page does; any other
+``127.0.0.1:PORT`` becomes a free port, the same one throughout the page, for what the page serves itself. Port 0 stays.
+Output is compared with the addresses as they are written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+import os
+import re
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+import orinkit
+from orinkit.virtual.rc8 import VirtualRC8
+
+ROOT = Path(__file__).parent.parent
+TWINS = ("README.md", "README.ja.md")
+PAGES = [*TWINS, *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "howto").glob("*.md"))]
+DOCUMENTS = [*TWINS, "CHANGELOG.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs").rglob("*.md"))]
+
+ADDRESS = re.compile(r"127\.0\.0\.1:(\d+)|192\.168\.0\.1(?::5007)?(?![\d.:])")
+VIRTUAL = "127.0.0.1:5007"
+SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block of a page."""
+
+    language: str
+    text: str
+    line: int
+    skipped: bool
+
+
+def blocks(page: str) -> list[Block]:
+    """Return the fenced blocks of a page."""
+    found: list[Block] = []
+    lines = (ROOT / page).read_text(encoding="utf-8").split("\n")
+    above, start, language, skipped = "", 0, "", False
+    for number, line in enumerate(lines, 1):
+        if line.startswith("```") and not start:
+            start, language, skipped = number, line[3:].strip(), above.startswith("<!-- not run:")
+        elif line == "```":
+            found.append(Block(language, "\n".join(lines[start : number - 1]), start + 1, skipped))
+            start, above = 0, ""
+        elif line.strip():
+            above = line
+    assert not start, f"{page}:{start}: the block does not end"
+    return found
+
+
+# --- running a page ---------------------------------------------------------------------------------------------------
+
+
+class Addresses:
+    """The addresses of a page: as they are written, and as they are while it runs."""
+
+    def __init__(self) -> None:
+        self._real: dict[str, str] = {}
+
+    def real(self, text: str) -> str:
+        """Return a text with the addresses of this run."""
+        return ADDRESS.sub(lambda match: self._of(match[0], match[1]), text)
+
+    def written(self, text: str) -> str:
+        """Return a text with the addresses as the page has them."""
+        for written, real in self._real.items():
+            text = text.replace(real, written)
+        return text
+
+    def _of(self, written: str, port: str | None) -> str:
+        if port == "0":
+            return written
+        key = VIRTUAL if port is None else written
+        if key not in self._real:
+            with socket.socket() as probe:
+                probe.bind(("127.0.0.1", 0))
+                self._real[key] = f"127.0.0.1:{probe.getsockname()[1]}"
+        return self._real[key]
+
+
+class Terminal:
+    """Runs the console blocks of a page."""
+
+    def __init__(self, addresses: Addresses) -> None:
+        self.addresses = addresses
+        self.code = 0
+        self._served: list[tuple[subprocess.Popen[str], IO[str]]] = []
+
+    def run(self, block: Block) -> str:
+        """Run a block's commands and return what the terminal then shows."""
+        pieces = re.split(r"^\$ (.*)\n", f"{block.text}\n", flags=re.MULTILINE)
+        assert not pieces[0].strip(), "a console block begins with a command"
+        return "".join(
+            f"$ {command}\n{self.addresses.written(self._command(self.addresses.real(command), shown))}"
+            for command, shown in zip(pieces[1::2], pieces[2::2], strict=True)
+        )
+
+    def _command(self, command: str, shown: str) -> str:
+        if command == "echo $?":
+            code, self.code = self.code, 0
+            return f"{code}\n"
+        assert self.code == 0, "the command before it failed"
+        words = shlex.split(command)
+        extra = dict(word.split("=", 1) for word in itertools.takewhile(re.compile(r"[A-Z_]+=").match, words))
+        program, *arguments = words[len(extra) :]
+        assert program == "orinkit", f"a page's console runs orinkit, not {program}"
+        if arguments[:1] == ["serve"]:
+            return self._serve(arguments, extra, shown.count("\n"))
+        done = subprocess.run(
+            [sys.executable, "-m", "orinkit", *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8", timeout=60, check=False,
+        )  # fmt: skip
+        self.code = done.returncode
+        return done.stdout
+
+    def _serve(self, arguments: list[str], extra: dict[str, str], lines: int) -> str:
+        if not any("tcp" in word for word in arguments):
+            arguments += ["--tcp", self.addresses.real(VIRTUAL)]
+        log = Path(f"serve{len(self._served)}.log").open("w+", encoding="utf-8")  # noqa: SIM115 - closed in kill()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "orinkit", *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=log, text=True, encoding="utf-8",
+        )  # fmt: skip
+        self._served.append((process, log))
+        assert process.stdout is not None
+        stream: IO[str] = process.stdout
+        return "".join(stream.readline() for _ in range(lines))
+
+    def stop(self) -> None:
+        """Stop what is served; each must stop cleanly."""
+        for process, _ in self._served:
+            process.send_signal(signal.SIGINT)
+        for process, log in self._served:
+            output, _ = process.communicate(timeout=30)
+            log.seek(0)
+            assert (process.returncode, output) == (0, ""), log.read()
+
+    def kill(self) -> None:
+        """Make sure that nothing is left, also after a failure."""
+        for process, log in self._served:
+            process.kill()
+            process.wait()
+            log.close()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+def environment(extra: dict[str, str]) -> dict[str, str]:
+    """Return the environment of a command: this package, English texts, no colours, a wide terminal."""
+    path = str(Path(orinkit.__file__).parent.parent)
+    wide = {"COLUMNS": "120", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8", "PYTHONUNBUFFERED": "1"}
+    return {**os.environ, "PYTHONPATH": path, "ORINKIT_LANG": "en", **wide, **extra}
+
+
+def run_python(page: str, block: Block, addresses: Addresses, namespace: dict[str, object]) -> str:
+    """Run a block and return what it prints."""
+    code = compile("\n" * (block.line - 1) + addresses.real(block.text), page, "exec")
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(code, namespace)
+    return addresses.written(printed.getvalue())
+
+
+def shown_by(code: str) -> str:
+    """Return the lines that a block's comments say are printed."""
+    return "".join(f"{line}\n" for line in re.findall(r"# -> ?(.*)$", code, re.MULTILINE))
+
+
+def agrees(shown: str, printed: str) -> bool:
+    """Tell whether what is printed is what is shown, ``...`` standing for anything."""
+    parts = [
+        r"(?:.*\n)*?" if line.strip() == "..." else ".*".join(map(re.escape, line.rstrip().split("..."))) + r"[ ]*\n"
+        for line in shown.rstrip("\n").split("\n")
+    ]
+    return re.fullmatch("".join(parts) if shown.strip() else r"\s*", printed) is not None
+
+
+@contextlib.contextmanager
+def virtual(page: str, addresses: Addresses) -> Iterator[None]:
+    """Serve a virtual RC8 for a page that speaks to one and does not serve it itself."""
+    text = "\n".join(block.text for block in blocks(page) if not block.skipped)
+    address = addresses.real(VIRTUAL)
+    if SERVES_VIRTUAL.search(text):
+        yield
+    else:
+        with orinkit.serve(VirtualRC8(), f"tcp://{address}"):
+            yield
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_page_does_what_it_shows(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    addresses = Addresses()
+    terminal = Terminal(addresses)
+    namespace: dict[str, object] = {"__name__": "page"}
+    try:
+        with virtual(page, addresses):
+            for block in blocks(page):
+                if block.skipped or block.language not in ("python", "console"):
+                    continue
+                if block.language == "python":
+                    shown, printed = shown_by(block.text), run_python(page, block, addresses, namespace)
+                else:
+                    shown, printed = block.text, terminal.run(block)
+                assert agrees(shown, printed), f"{page}:{block.line} shows\n{shown}\nbut prints\n{printed}"
+            assert terminal.code == 0, "the last command failed"
+            terminal.stop()
+    finally:
+        terminal.kill()
+
+
+def test_every_how_to_has_something_that_runs():
+    for page in PAGES:
+        assert any(block.language in ("python", "console") and not block.skipped for block in blocks(page)), page
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "same"),
+    [
+        ("a\nb", "a\nb\n", True),
+        ("a\nb", "a\n", False),
+        ("a", "a\nb\n", False),
+        ("a\n...\nd", "a\nb\nc\nd\n", True),
+        ("a\n...", "a\n", True),
+        ("a...d", "abcd\n", True),
+        ("a...d", "ab\ncd\n", False),
+        ("", "", True),
+        ("", "a\n", False),
+    ],
+)
+def test_three_dots_stand_for_anything(shown, printed, same):
+    assert agrees(shown, printed) is same
+
+
+# --- links and twins --------------------------------------------------------------------------------------------------
+
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def prose(page: str) -> str:
+    """Return a page without its blocks and without code in the text."""
+    text = re.sub(r"^```.*?^```$", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"`[^`\n]*`", "", text)
+
+
+def headings(page: str) -> list[tuple[int, str]]:
+    """Return level and text of each heading."""
+    text = re.sub(r"^```.*?^```$", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    return [(len(marks), title) for marks, title in re.findall(r"^(#+) (.+)$", text, re.MULTILINE)]
+
+
+def anchor(title: str) -> str:
+    """Return a heading's anchor, as GitHub makes it."""
+    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", DOCUMENTS)
+def test_links_lead_somewhere(page):
+    for link in LINK.findall(prose(page)):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, fragment = link.partition("#")
+        target = (ROOT / page).parent / path if path else ROOT / page
+        assert target.exists(), f"{page}: {link}"
+        if fragment:
+            name = str(target.resolve().relative_to(ROOT.resolve()))
+            assert fragment in {anchor(title) for _, title in headings(name)}, f"{page}: {link}"
+
+
+def test_both_readmes_have_the_same_sections():
+    english, japanese = (headings(page) for page in TWINS)
+    assert [level for level, _ in english] == [level for level, _ in japanese]
+
+
+def test_both_readmes_have_the_same_code():
+    english, japanese = ([(block.language, block.text, block.skipped) for block in blocks(page)] for page in TWINS)
+    assert english == japanese
+
+
+def test_every_page_is_linked_from_the_readme():
+    linked = set(LINK.findall(prose("README.md")))
+    assert {page for page in DOCUMENTS if page.startswith("docs/")} <= {link.partition("#")[0] for link in linked}
