@@ -85,6 +85,10 @@ class Addresses:
     def __init__(self) -> None:
         self._real: dict[str, str] = {}
 
+    def set(self, written: str, real: str) -> None:
+        """Say what an address is in this run."""
+        self._real[written] = real
+
     def real(self, text: str) -> str:
         """Return a text with the addresses of this run."""
         return ADDRESS.sub(lambda match: self._of(match[0], match[1]), text)
@@ -207,11 +211,11 @@ def agrees(shown: str, printed: str) -> bool:
 def virtual(page: str, addresses: Addresses) -> Iterator[None]:
     """Serve a virtual RC8 for a page that speaks to one and does not serve it itself."""
     text = "\n".join(block.text for block in blocks(page) if not block.skipped)
-    address = addresses.real(VIRTUAL)
     if SERVES_VIRTUAL.search(text):
         yield
     else:
-        with orinkit.serve(VirtualRC8(), f"tcp://{address}"):
+        with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server:
+            addresses.set(VIRTUAL, server.url.removeprefix("tcp://"))
             yield
 
 

@@ -134,6 +134,7 @@ class CallError(OrinError):
         function: the document's name of the function, ``""`` where it is not known.
         arguments: the arguments of the call.
         detail: what else is known, for example the text of an exception in a served device.
+        subject: name of the object that was called, ``""`` where it is not known.
         info: name, text and hint of the code (:class:`orinkit.hresult.Code`).
     """
 
@@ -144,6 +145,7 @@ class CallError(OrinError):
         self.detail = detail
         self.function = function
         self.arguments = arguments
+        self.subject = ""
 
     @property
     def info(self) -> Code:
@@ -152,7 +154,8 @@ class CallError(OrinError):
 
     def __str__(self) -> str:
         info = self.info
-        call = f"{self.function}({', '.join(map(_shorten, self.arguments))}): " if self.function else ""
+        of = pick(f" of {_shorten(self.subject)}", f" ({_shorten(self.subject)})") if self.subject else ""
+        call = f"{self.function}({', '.join(map(_shorten, self.arguments))}){of}: " if self.function else ""
         name = f" {info.name}" if not info.name.startswith("0x") else ""
         detail = f" [{self.detail}]" if self.detail else ""
         hint = pick(f". Try: {info.hint}", f"。対処: {info.hint}") if info.hint else ""

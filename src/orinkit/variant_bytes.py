@@ -115,7 +115,7 @@ def encode_integer(number: int) -> bytes:
     """
     try:
         return _I4_PACK(10, 3, 1, number)
-    except struct.error:
+    except (struct.error, TypeError):
         raise misfit(VarType.I4, number) from None
 
 
@@ -131,7 +131,7 @@ def encode_single(number: float) -> bytes:
     """
     try:
         return _R4_PACK(10, 4, 1, number)
-    except (struct.error, OverflowError):
+    except (struct.error, TypeError, OverflowError):
         raise misfit(VarType.R4, number) from None
 
 

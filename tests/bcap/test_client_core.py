@@ -15,7 +15,15 @@ from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation, Reply, encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.cao import functions as f
-from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidHandle, InvalidValue, LimitExceeded, ProtocolError
+from orinkit.errors import (
+    CallError,
+    CallTimeout,
+    ConnectionLost,
+    InvalidHandle,
+    InvalidValue,
+    LimitExceeded,
+    ProtocolError,
+)
 from orinkit.variant import ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits
 
@@ -46,7 +54,7 @@ class Call:
             self.operation.send(received)
         return ended.value.value
 
-    def error(self, kind, received, match=""):
+    def error(self, kind, received, match=None):
         with pytest.raises(kind, match=match) as caught:
             self.operation.send(received)
         return caught.value
@@ -81,9 +89,9 @@ def test_arguments_are_sent_by_the_types_of_the_table():
 
 
 def test_an_argument_of_type_variant_is_sent_as_it_is_given():
-    for given in (Variant(VarType.I2, 5), np.float32(0.5), [1, "x"], None, b"ab", datetime(2026, 1, 1)):
-        data = encode_request(f.variable_put_value, (3, given), 1)
-        assert packet.decode(data, exact=True).arguments[1] == variant(given)
+    for value in (Variant(VarType.I2, 5), np.float32(0.5), [1, "x"], None, b"ab", datetime(2026, 1, 1)):
+        data = encode_request(f.variable_put_value, (3, value), 1)
+        assert packet.decode(data, exact=True).arguments[1] == variant(value)
 
 
 def test_optional_arguments_that_are_not_given_are_not_sent():
@@ -134,8 +142,10 @@ def test_a_value_whose_own_code_fails_is_reported_with_the_function():
         def __iter__(self):
             raise TypeError("not to be read")
 
-    with pytest.raises(InvalidValue, match=r"Variable_PutValue: not to be read"):
+    with pytest.raises(InvalidValue, match=r"Variable_PutValue, argument 2 \(value\): not to be read"):
         encode_request(f.variable_put_value, (3, Odd([1])), 1)
+    with pytest.raises(InvalidValue, match="Robot_Unhold: unhashable type"):
+        encode_request(f.robot_unhold, (np.array(3), ""), 1)
 
 
 def test_a_request_beyond_the_limit_is_refused_here(conversation):
@@ -174,7 +184,7 @@ def test_results_plain_and_exact(conversation, function, arguments, answered, va
     call = Call(conversation, function, *arguments)
     assert call.result(reply(call.serial, *answered)) == (0, value)
     call = Call(conversation, function, *arguments, exact=True)
-    code, exact = call.result(reply(call.serial, *answered))
+    _, exact = call.result(reply(call.serial, *answered))
     if function.result is None:
         assert exact is None
     else:

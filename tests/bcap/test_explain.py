@@ -304,6 +304,19 @@ def test_a_crc_stays_apart_from_wrong_arguments():
     assert joined(explain(frame)) == frame
 
 
+def test_a_crc_is_not_seen_inside_an_argument():
+    """The last two bytes happen to be the checksum of what is before them, and one belongs to the last argument."""
+    frame = bytes.fromhex(
+        "0155000000070000004800000004000a000000030001000c00030000000a000000030001000000010000000e00000008000100000004"
+        "0000005000310012000000080001000000080000004e004500580050540004"
+    )
+    assert [(field.name, field.raw) for field in explain(frame)][-2:] == [
+        ("reserved area", b"\0"),
+        ("end (EOT)", b"\x04"),
+    ]
+    assert joined(explain(frame)) == frame
+
+
 @given(st.binary(max_size=80))
 def test_any_bytes_are_explained_without_losing_one(data):
     assert joined(explain(data)) == data

@@ -60,7 +60,9 @@ def test_a_call_is_executed_and_answered():
 def test_the_exchange_of_the_document_byte_by_byte():
     """RC8 3.1.3: Variable_GetValue of IO150."""
     server = ServerConversation()
-    call = executed(server, bytes.fromhex("011e0000000400000065000000010 00a00000003000100000003000000 04".replace(" ", "")))
+    call = executed(
+        server, bytes.fromhex("011e0000000400000065000000010 00a00000003000100000003000000 04".replace(" ", ""))
+    )
     assert server.finish(call, 0, Variant(VarType.BOOL, False)).hex() == (
         "011c00000004000000" + "00000000" + "0100" + "080000000b00010000000000" + "04"
     )
@@ -68,7 +70,11 @@ def test_the_exchange_of_the_document_byte_by_byte():
 
 def test_arguments_come_with_their_exact_types():
     server = ServerConversation()
-    given = [Variant(VarType.UI4, 3), Variant(VarType.R4 | ARRAY, [1.0]), Variant(VARIANT_ARRAY, [Variant(VarType.NULL)])]
+    given = [
+        Variant(VarType.UI4, 3),
+        Variant(VarType.R4 | ARRAY, [1.0]),
+        Variant(VARIANT_ARRAY, [Variant(VarType.NULL)]),
+    ]
     assert executed(server, request(1, 102, *given)).arguments == given
 
 
@@ -82,6 +88,16 @@ def test_results_of_every_kind():
     ]:
         call = executed(server, request(9, 64, 3, "x", None))
         assert packet.decode(server.finish(call, code, result)) == Packet(9, code, arguments)
+
+
+def test_a_call_is_answered_once():
+    server = ServerConversation()
+    call = executed(server, request(9, 2))
+    assert server.finish(call, 0, None)
+    assert server.finish(call, 0, None) == b""
+    other = executed(server, request(10, 2))
+    assert server.finish(call, 0, None) == b""
+    assert packet.decode(server.finish(other, 0, None)).serial == 10
 
 
 def test_the_serial_is_given_back_and_reserved_is_zero():

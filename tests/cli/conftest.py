@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 import orinkit
+from devices import Recorder
 from orinkit.cli.app import main
 from orinkit.virtual.rc8 import VirtualRC8
 
@@ -65,6 +66,18 @@ def rc8() -> Iterator[VirtualRC8]:
 def url(rc8) -> Iterator[str]:
     """Where the virtual RC8 is served."""
     with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+        yield server.url
+
+
+@pytest.fixture(scope="module")
+def recorder() -> Recorder:
+    """A device that has every function of the table."""
+    return Recorder()
+
+
+@pytest.fixture(scope="module")
+def recorder_url(recorder) -> Iterator[str]:
+    with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
         yield server.url
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-import orinkit
-from devices import Recorder
 from orinkit import language
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Argument
@@ -26,17 +24,6 @@ PATHS = {
 }  # fmt: skip
 WORDS = {VarType.I4: ("7", 7), VarType.R4: ("2.5", 2.5), VarType.BSTR: ("text", "text"), VarType.VARIANT: ("2,9", 9)}
 REACHED = [entry for entry in FUNCTIONS.values() if entry.interface != "Service" and entry.name != "Controller_Connect"]
-
-
-@pytest.fixture(scope="module")
-def recorder():
-    return Recorder()
-
-
-@pytest.fixture(scope="module")
-def recorder_url(recorder):
-    with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
-        yield server.url
 
 
 @pytest.fixture
@@ -99,11 +86,8 @@ def test_a_variable_of_a_robot(call, recorder):
     ]  # fmt: skip
 
 
-def test_a_message_is_fetched(run, url, refused, rc8):
+def test_no_message_waits(refused, url):
     assert refused("call", url, "Message_GetNumber") == "no message waits on the controller"
-    with orinkit.connect(url):
-        pass
-    assert run("call", url, "Controller_GetMessage").code == 1
 
 
 def test_services_and_connecting(run, url):

@@ -44,7 +44,8 @@ WIRESHARK = """\
         "".join(f"\\x{byte:02x}" for byte in FRAME),
         "0x" + FRAME.hex(),
         " ".join(f"{byte:x}" for byte in FRAME),
-        "b'" + "".join(f"\\x{byte:02x}" for byte in FRAME)[:0] + FRAME.hex() + "'" if False else FRAME.hex(" ", 4),
+        repr(FRAME.hex(" ", 4)),
+        "01100000  00010000  00010000  00000004",
         HEXDUMP.rsplit("\n", 2)[0],
         WIRESHARK,
         XXD.splitlines()[0],
@@ -73,9 +74,7 @@ def test_the_page_for_people(run):
     assert done.code == 0
     lines = done.out.splitlines()
     assert lines[0] == "Variable_GetValue(3)"
-    assert "    9   function id       65 00 00 00              101 Variable_GetValue: Read the variable." in lines[5][
-        :60
-    ] or ("65 00 00 00" in lines[5] and "101 Variable_GetValue" in lines[5])
+    assert "    9   function id       65 00 00 00              101 Variable_GetValue: " in lines[5]
     assert lines[-1].split() == ["29", "end", "(EOT)", "04"]
 
 

@@ -10,7 +10,8 @@ from orinkit import functions, language
 from orinkit.bcap import packet
 from orinkit.cli._demo_steps import LIST_3_1, LISTS, Handle, a_handle, a_text, an_error, exactly, nothing
 from orinkit.cli._errors import Failure
-from orinkit.cli.demo import run_lists
+from orinkit.cli._transcript import Transcript
+from orinkit.cli.demo import compare, run_lists
 from orinkit.variant import VARIANT_ARRAY, Variant, VarType
 
 
@@ -88,6 +89,24 @@ def test_an_error_ends_the_demo():
     steps = (LIST_3_1[0], dataclasses.replace(LIST_3_1[1], arguments=("", "CaoProv.Nobody", "", "")))
     with pytest.raises(Failure, match="E_CAO_PROV_INVALID"):
         run_lists({"List": steps}, [], lambda _line: None, fields=False)
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        (packet.pack(8, 0, 0, b""), "(8, 0, 0), (7, 0, 0) was expected"),
+        (packet.pack(7, 0, 0, b"", 7), "(7, 7, 0), (7, 0, 0) was expected"),
+        (packet.pack(7, 1, 0, b""), "(7, 0, 1), (7, 0, 0) was expected"),
+        (None, "one request and one reply were expected"),
+    ],
+)
+def test_the_head_of_a_reply_is_compared_too(reply, said):
+    transcript = Transcript()
+    transcript(">", packet.pack(7, 1, 0, b""))
+    if reply is not None:
+        transcript("<", reply)
+    assert said in compare(transcript.packets, LIST_3_1[0])
+    assert compare([], LIST_3_1[0]) != ""
 
 
 @pytest.mark.parametrize(

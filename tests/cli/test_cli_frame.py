@@ -12,7 +12,6 @@ import pytest
 
 import orinkit
 from orinkit import language
-from orinkit.cli._help import HelpFormatter
 from orinkit.cli.app import build
 
 COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions")
@@ -52,6 +51,15 @@ def test_help_in_japanese(program):
     assert "[必須]" in page
     assert "[既定値: 3.0]" in page
     assert "required" not in page
+
+
+def test_the_words_of_the_help_page_itself_in_japanese(run):
+    language.use("ja")
+    done = run("put", "--help")
+    assert done.out.startswith("使い方: orinkit put [OPTIONS] URL NAME VALUE...\n")
+    assert "[既定値: CaoProv.DENSO.VRC]" in done.out
+    assert "[必須]" in done.out
+    assert "required" not in done.out + run("get", "--help").out
 
 
 def test_every_help_text_changes_with_the_language():
@@ -107,6 +115,14 @@ def test_a_wrong_command_line_in_japanese(refused, argv, said):
     assert refused(*argv, code=2).startswith(said)
 
 
+def test_what_nobody_foresaw_is_one_line_too(refused, run, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    assert refused("decode", "-").startswith("unexpected AttributeError: ")
+    monkeypatch.setenv("ORINKIT_TRACEBACK", "1")
+    with pytest.raises(AttributeError):
+        run("decode", "-")
+
+
 def test_interrupted(program):
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
@@ -138,7 +154,3 @@ def test_a_terminal_without_japanese_gets_escapes(program):
         env={**os.environ, "ORINKIT_LANG": "ja", "PYTHONIOENCODING": "ascii"},
     )  # fmt: skip
     assert b"\\u4ed5\\u69d8\\u66f8" in done.stdout
-
-
-def test_the_formatter_is_asked_for_usage_and_description():
-    assert {"render_usage", "render_description"} <= set(dir(HelpFormatter))

@@ -66,7 +66,7 @@ def test_one_line_for_each_listener(serve):
 
 
 def test_options_of_the_controller(serve):
-    process, url = serve("--count", "I=7", "--count", "s=3", "--io-points", "256", "--clients", "1", "--objects", "3")
+    _, url = serve("--count", "I=7", "--count", "s=3", "--io-points", "256", "--clients", "1", "--objects", "3")
     with orinkit.connect(url) as controller:
         assert controller.variable("@VAR_I_LEN").value == 7
         assert controller.variable("@VAR_S_LEN").value == 3
@@ -125,7 +125,7 @@ def test_what_is_loopback(host, expected):
     ("options", "said"),
     [
         (["--tcp", "ftp://127.0.0.1:0"], "unknown transport 'ftp'"),
-        (["--tcp", "127.0.0.1:99999"], "port 99999 is not 0 to 65535"),
+        (["--tcp", "127.0.0.1:99999"], "is not 0 to 65535"),
         (["--permission", "me=rw"], "'me' is no IP address or network"),
         (["--count", "I"], "--count I: CLASS=NUMBER is needed, as I=200"),
         (["--count", "I=-1"], "--count I=-1: CLASS=NUMBER is needed"),

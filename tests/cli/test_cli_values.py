@@ -8,7 +8,9 @@ from decimal import Decimal
 
 import pytest
 
+import orinkit
 from orinkit import language
+from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cli._output import plain, text
 from orinkit.cli.put import read_values
 from orinkit.hresult import MOTOR_NOT_ON
@@ -55,6 +57,15 @@ def test_put_as_json_tells_what_was_sent(run, url):
 
 def test_the_address_may_be_only_a_host_and_a_port(run, url):
     assert run("get", url.removeprefix("tcp://"), "I1").out == "0\n"
+
+
+@pytest.mark.parametrize("kind", ["robot", "task", "extension", "file"])
+def test_a_variable_of_another_object(run, recorder, recorder_url, kind):
+    recorder.calls.clear()
+    done = run("put", recorder_url, "@X", "5", f"--{kind}", "Name", "--provider", "Test.Recorder")
+    assert done == (0, "@X = 5\n", "")
+    made = [call for call in recorder.calls if call.function == "Variable_PutValue"]
+    assert [(call.path.split("/")[1:], call.arguments) for call in made] == [(["Name", "@X"], (5,))]
 
 
 def test_trace_shows_every_packet_on_stderr(run, url):
@@ -153,15 +164,10 @@ def test_values_for_json(value, expected):
 
 
 def test_a_lone_surrogate_still_makes_good_json(run, url, rc8):
-    rc8.connect("x", "", "", orinkit_client()).get_variable("S1", "").put_value(Variant(VarType.BSTR, "a\ud800"))
+    with orinkit.connect(url) as controller:
+        controller.variable("S1").value = "a\ud800"
     assert run("get", url, "S1", "--json").json["value"] == "a\ud800"
     assert run("get", url, "S1").code == 0
-
-
-def orinkit_client():
-    from orinkit.cao.provider import ClientInfo
-
-    return ClientInfo("127.0.0.1", "tcp")
 
 
 # --- info -------------------------------------------------------------------------------------------------------------
@@ -193,9 +199,29 @@ def test_info_as_json(run, url, rc8):
     assert datetime.fromisoformat(facts["time"])
 
 
-def test_info_of_a_controller_that_tells_little(run, recorder_url):
-    done = run("info", recorder_url, "--provider", "Test.Recorder", "--json")
-    assert done.code == 0
+class Silent(Provider):
+    """A device that has a controller and nothing else."""
+
+    provider_names = ("Test.Silent",)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        return ControllerObject(name)
+
+
+def test_info_of_a_controller_that_tells_little(run):
+    with orinkit.serve(Silent(), "tcp://127.0.0.1:0") as server:
+        done = run("info", server.url, "--provider", "Test.Silent")
+        facts = run("info", server.url, "--provider", "Test.Silent", "--json").json
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines()[0].split() == ["controller", server.url]
+    assert "variable counts  -" in done.out
+    assert facts["type"] is None
+    assert facts["names"]["robots"] == []
+
+
+def test_info_of_a_controller_that_answers_nonsense(run, recorder_url):
+    facts = run("info", recorder_url, "--provider", "Test.Recorder", "--json").json
+    assert facts["errors"] is None
 
 
 def test_info_in_japanese(run, url, rc8):

@@ -203,7 +203,7 @@ def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Ex
     for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
         try:
             _BY_TYPE[argument.vt](value)
-        except InvalidValue as reason:
+        except (InvalidValue, TypeError) as reason:
             return InvalidValue(_where(function, number, argument) + str(reason))
     return InvalidValue(f"{function.name}: {error}")
 

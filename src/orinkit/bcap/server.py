@@ -16,7 +16,7 @@ from typing import Final, TypeAlias
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
 from orinkit.cao.options import Options
-from orinkit.errors import ProtocolError
+from orinkit.errors import CallError, ProtocolError
 from orinkit.variant import Variant, VarType
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -120,11 +120,11 @@ class ServerConversation:
         """Read Service_Start's options (RC8 table 3-1); False where a value is not one."""
         if not arguments or arguments[0].type != VarType.BSTR:
             return True  # no options, or what the session will refuse
-        options = Options(arguments[0].value)
         try:
+            options = Options(arguments[0].value)
             wdt = options.number("WDT")
             timeout = options.number("InvokeTimeout")
-        except ValueError:
+        except (ValueError, CallError):
             return False
         if wdt is not None and not _LEAST_MS < wdt <= _MOST_MS:
             return False
@@ -135,9 +135,10 @@ class ServerConversation:
         return True
 
     def finish(self, call: Execute, code: int, result: Variant | None) -> bytes:
-        """Return the packet that answers a call; nothing where E_TIMEOUT has answered it already."""
-        if call is self._current:
-            self._current = None
+        """Return the packet that answers a call; nothing where it has been answered already, by E_TIMEOUT or here."""
+        if call is not self._current:
+            return b""
+        self._current = None
         if self._timed_out:
             self._timed_out = False
             return b""

@@ -8,14 +8,31 @@ from __future__ import annotations
 
 from typing import Final
 
+from orinkit import hresult
+from orinkit.errors import error_for
+from orinkit.language import pick
+
 _OPENING: Final = {"(": ")", "[": "]", "{": "}", "<": ">"}
 _QUOTES: Final = "\"'"
+_LONGEST: Final = 0xFFFF
 
 
 class Options:
-    """The parsed options of one call."""
+    """The parsed options of one call.
+
+    Raises:
+        CallError: E_INVALIDARG, the text has more than 65535 characters.
+    """
 
     def __init__(self, text: str) -> None:
+        if len(text) > _LONGEST:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                pick(
+                    f"an option string of {len(text)} characters, at most {_LONGEST} are read",
+                    f"オプション文字列が {len(text)} 文字で、上限 {_LONGEST} 文字を超えています",
+                ),
+            )
         self.text = text
         self._values: dict[str, str] = {}
         for part in _split(text):

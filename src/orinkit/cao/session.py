@@ -195,7 +195,8 @@ class Session:
 
     def _failed(self, function: Function[..., Any], error: Exception) -> Reply:
         if isinstance(error, CallError):
-            logger.debug("%s: 0x%08X %s", function.name, error.code, error.detail)
+            # only the code goes over the wire: what the device has to say beside it is told here
+            logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, error)
             return Reply(error.code, detail=error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error)
         code = hresult.E_INVALIDARG if isinstance(error, InvalidValue) else hresult.E_FAIL

@@ -12,7 +12,7 @@ from typing import Any, Final
 from orinkit.notation import format_variant
 from orinkit.variant import ARRAY, Variant, VarType, type_name
 
-_BASE_TEXT: Final = {False: "false", True: "true"}
+_FLAGS: Final = {False: "false", True: "true"}
 
 
 def text(value: Variant) -> str:
@@ -28,7 +28,7 @@ def text(value: Variant) -> str:
     if vt in (VarType.EMPTY, VarType.NULL):
         return type_name(vt)
     if vt & ~ARRAY == VarType.BOOL:
-        return ", ".join(_BASE_TEXT[flag] for flag in content) if vt & ARRAY else _BASE_TEXT[content]
+        return ", ".join(_FLAGS[flag] for flag in content) if vt & ARRAY else _FLAGS[content]
     data = format_variant(value).partition(",")[2]
     return data.replace(",", ", ") if vt & ARRAY and vt & ~ARRAY != VarType.VARIANT else data
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 from orinkit.cao.table import Argument, Function
@@ -32,6 +33,6 @@ def _argument(argument: Argument) -> str:
     text = f"{argument.name}: {type_text(argument.vt)}"
     if not argument.optional:
         return text
-    if argument.default is None:
+    if argument.unsent:
         return f"[{text}]"
-    return f'{text} = "{argument.default}"' if isinstance(argument.default, str) else f"{text} = {argument.default}"
+    return f"{text} = {'VT_EMPTY' if argument.default is None else json.dumps(argument.default)}"

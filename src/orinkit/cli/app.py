@@ -31,7 +31,7 @@ def build() -> App:
         help=pick(
             "Drive and serve DENSO robot controllers over b-CAP. Begin with: orinkit demo\n\n"
             "Texts are English or Japanese as LANG says; ORINKIT_LANG=en or ORINKIT_LANG=ja decides.",
-            "DENSO ロボットコントローラを b-CAP で操作・サーブします。まず orinkit demo をお試しください。\n\n"
+            "DENSO ロボットコントローラを b-CAP で操作し、仮想コントローラを提供します。まず orinkit demo をお試しください。\n\n"
             "表示言語は LANG に従います (ORINKIT_LANG=en または ORINKIT_LANG=ja で指定)。",
         ),
         version=orinkit.__version__,
@@ -48,13 +48,13 @@ def build() -> App:
     )
     serve = App(
         name="serve",
-        help=pick("Serve a virtual controller on the network.", "仮想コントローラをネットワークでサーブする。"),
+        help=pick("Serve a virtual controller on the network.", "仮想コントローラをネットワークで提供する。"),
         sort_key=2,
     )
     serve.command(
         "orinkit.cli.serve_rc8:serve_rc8",
         name="rc8",
-        help=pick("Serve a virtual RC8 robot controller.", "仮想 RC8 ロボットコントローラをサーブする。"),
+        help=pick("Serve a virtual RC8 robot controller.", "仮想 RC8 ロボットコントローラを提供する。"),
     )
     app.command(_command_of("demo"), name="demo", sort_key=1, help=pick(
         "Watch a client and a virtual RC8 talk, every packet explained.",
@@ -115,6 +115,14 @@ def _guarded(run: Callable[[], int | None]) -> int:
     except BrokenPipeError:  # the reader has seen enough, as in "orinkit functions | head"
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
+    except Exception as error:
+        if os.environ.get("ORINKIT_TRACEBACK"):
+            raise
+        kind, hint = type(error).__name__, "ORINKIT_TRACEBACK=1"
+        text = pick(
+            f"unexpected {kind}: {error} ({hint} shows where)", f"予期しない {kind}: {error} ({hint} で詳細表示)"
+        )
+        return _say(text, FAILED)
     return code
 
 

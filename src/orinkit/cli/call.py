@@ -15,12 +15,13 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit import functions
+from orinkit.bcap.client import Reply
 from orinkit.cao.table import Argument, Function
 from orinkit.cli._connection import OBJECT, Connection, Json, Owning, Url
 from orinkit.cli._errors import Failure, unusable
 from orinkit.cli._signature import signature, type_text
 from orinkit.client._sync import Node
-from orinkit.errors import NotationError
+from orinkit.errors import NotationError, ObjectNotFound
 from orinkit.hresult import lookup, signed
 from orinkit.language import pick
 from orinkit.notation import parse_lenient
@@ -76,9 +77,10 @@ def call(
     else:
         sent = read_arguments(entry, entry.arguments[1:], args)
         with connection.open(url) as controller:
-            target = _target(entry, controller, owning, other)
+            # the object is kept: one that is dropped is released
+            target = controller if other.handle is not None else _target(entry, controller, owning, other)
             arguments = (target.handle if other.handle is None else other.handle, *sent)
-            reply = controller.client.request(entry, *arguments, exact=True)
+            reply = _request(controller, entry, arguments)
     name = lookup(reply.code).name
     if json:
         result = None if reply.value is None else typed(reply.value)
@@ -86,6 +88,19 @@ def call(
                     "code": reply.code, "code_name": name, "result": result})  # fmt: skip
     else:
         print(name if reply.value is None else text(reply.value))
+
+
+def _request(controller: orinkit.Controller, entry: Function[..., Any], arguments: tuple[Any, ...]) -> Reply:
+    try:
+        return controller.client.request(entry, *arguments, exact=True)
+    except ObjectNotFound:
+        if entry is functions.controller_get_message:
+            raise _no_message() from None
+        raise
+
+
+def _no_message() -> Failure:
+    return Failure(pick("no message waits on the controller", "コントローラに待機中のメッセージはありません"))
 
 
 def _find(name: str) -> Function[..., Any]:
@@ -129,7 +144,7 @@ def _target(entry: Function[..., Any], controller: orinkit.Controller, owning: O
             return controller.file(_named(entry, "file", owning.file))
     message = controller.message()
     if message is None:
-        raise Failure(pick("no message waits on the controller", "コントローラに待機中のメッセージはありません"))
+        raise _no_message()
     return message
 
 

@@ -13,8 +13,9 @@ from orinkit.cli._errors import Failure, unusable
 from orinkit.language import pick
 
 # What tools print around the bytes: an offset before them (xxd, hexdump -C, Wireshark), the same bytes as text behind.
-_OFFSET: Final = re.compile(r"^[ \t]*[0-9A-Fa-f]{4,8}(?::[ \t]*|[ \t]{2,})(?=[0-9A-Fa-f]{2})")
-_TEXT_COLUMN: Final = re.compile(r"\|.*$|(?<=[0-9A-Fa-f]{2})[ \t]{3,}\S.*$")
+_OFFSET: Final = re.compile(r"[ \t]*([0-9A-Fa-f]{4,8})(?::[ \t]|[ \t]{2,})[ \t]*(?=[0-9A-Fa-f]{2})")
+_TEXT_COLUMN: Final = re.compile(r"\|.*$|(?<=[0-9A-Fa-f]{2})[ \t]{3,}\S.*$")  # hexdump -C; Wireshark
+_TEXT_COLUMN_XXD: Final = re.compile(r"[ \t]{2,}\S.*$")
 _BETWEEN: Final = re.compile(r"[\s,;:\[\]{}()'\"]+")
 _PREFIX: Final = re.compile(r"0[xX]|\\x|&[hH]")
 
@@ -24,6 +25,8 @@ def decode(
         str,
         Parameter(
             name="HEX",
+            required=True,
+            allow_leading_hyphen=True,
             help=pick(
                 "Packets in hex, in any spelling (01 10 00, 0x01,0x10, a dump); several may follow one another; - reads stdin.",
                 "16 進のパケット。書き方は自由 (01 10 00、0x01,0x10、ダンプ)。複数連続可。- で標準入力から読みます。",
@@ -67,11 +70,18 @@ def read_hex(text: str) -> bytes:
     """
     result = bytearray()
     for line in text.splitlines():
-        offset = _OFFSET.match(line)
-        body = _TEXT_COLUMN.sub("", line[offset.end() :]) if offset else line
-        for word in filter(None, _BETWEEN.split(_PREFIX.sub(" ", body))):
+        for word in filter(None, _BETWEEN.split(_PREFIX.sub(" ", _without_dump(line, len(result))))):
             result += _read_word(word)
     return bytes(result)
+
+
+def _without_dump(line: str, count: int) -> str:
+    """Return a dump's line without its offset, which is how many bytes came before, and without its column of text."""
+    offset = _OFFSET.match(line)
+    if offset is None or int(offset[1], 16) != count:
+        return line
+    column = _TEXT_COLUMN_XXD if ":" in offset[0] else _TEXT_COLUMN
+    return column.sub("", line[offset.end() :])
 
 
 def _read_word(word: str) -> bytes:

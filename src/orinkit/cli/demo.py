@@ -65,7 +65,15 @@ def run_lists(
     with orinkit.serve(rc8, _URL) as server:
         say(pick(f"A virtual RC8 listens at {server.url}.", f"仮想 RC8 を {server.url} で起動しました。"))
         for name, steps in lists.items():
-            say("\n" + bold(pick(f"{name} of the b-CAP specification for RC8", f"b-CAP 通信仕様書 RC8 用 {name}")))
+            say(
+                "\n"
+                + bold(
+                    pick(
+                        f"{name} of the b-CAP specification for RC8, and a look at @MODE and at errors",
+                        f"b-CAP 通信仕様書 RC8 用 {name}、および @MODE とエラーの確認",
+                    )
+                )
+            )
             transcript = Transcript()
             with orinkit.open_client(server.url, trace=transcript) as client:
                 run = Run(client, rc8, transcript)
@@ -108,10 +116,10 @@ class Run:
         if step.keep:
             self._handles[step.keep] = value
         packets = self._transcript.packets[first:]
-        return packets, _compare(packets, step)
+        return packets, compare(packets, step)
 
 
-def _compare(packets: list[Packet], step: Step) -> str:
+def compare(packets: list[Packet], step: Step) -> str:
     """Return what differs from the document, ``""`` if nothing does."""
     from orinkit.bcap import packet
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import orinkit
 from orinkit.cli._connection import Connection, Json, Url
-from orinkit.errors import CallError
+from orinkit.errors import CallError, ProtocolError
 from orinkit.language import pick
 
 _CONNECTION: Final = Connection()
@@ -74,7 +74,7 @@ def _ask(question: Callable[[orinkit.Controller], Any], controller: orinkit.Cont
     """Return the answer, ``None`` where the controller has none to give."""
     try:
         return question(controller)
-    except CallError:
+    except (CallError, ProtocolError):  # it refuses, or answers with something else than it was asked for
         return None
 
 

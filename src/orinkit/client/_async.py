@@ -8,7 +8,7 @@ become a property ``x`` as well.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 from weakref import WeakValueDictionary
 
 from orinkit import hresult
@@ -21,6 +21,7 @@ from orinkit.client._common import (
     RC8,
     ErrorInfo,
     NodeFunctions,
+    error_count,
     error_info,
     service_option,
     text_list,
@@ -29,6 +30,8 @@ from orinkit.errors import CallError, ObjectNotFound, OrinError
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
+P = ParamSpec("P")
+R = TypeVar("R")
 N = TypeVar("N", bound="AsyncNode")
 
 
@@ -57,6 +60,14 @@ class AsyncNode:
         if getattr(self, "_open", False) and self._parent is not None:
             self.client.garbage.add(self.functions.release, self.handle)
 
+    async def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Call a function of this object; an error says which object it was."""
+        try:
+            return await self.client.call(function, self.handle, *args, **kwargs)
+        except CallError as error:
+            error.subject = self._label
+            raise
+
     async def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         while (dropped := self.client.garbage.take()) is not None:
             try:
@@ -79,7 +90,7 @@ class AsyncNode:
             await child.close()
         self._open = False
         try:
-            await self.client.call(self.functions.release, self.handle)
+            await self._call(self.functions.release)
         except OrinError:  # it went with its parent or with the connection: it is released either way
             pass
 
@@ -98,37 +109,37 @@ class AsyncNamed(AsyncNode):
     async def get_attribute(self) -> int:
         """Attribute bits."""
         assert self.functions.attribute is not None
-        return await self.client.call(self.functions.attribute, self.handle)
+        return await self._call(self.functions.attribute)
 
     async def get_help(self) -> str:
         """Help text."""
         assert self.functions.help is not None
-        return await self.client.call(self.functions.help, self.handle)
+        return await self._call(self.functions.help)
 
     async def get_name(self) -> str:
         """Name that the controller gives to the object."""
         assert self.functions.name is not None
-        return await self.client.call(self.functions.name, self.handle)
+        return await self._call(self.functions.name)
 
     async def get_tag(self) -> Any:
         """Tag: a value of your own that the controller keeps with the object."""
         assert self.functions.get_tag is not None
-        return await self.client.call(self.functions.get_tag, self.handle)
+        return await self._call(self.functions.get_tag)
 
     async def put_tag(self, tag: Value) -> None:
         """Set the tag."""
         assert self.functions.put_tag is not None
-        await self.client.call(self.functions.put_tag, self.handle, tag)
+        await self._call(self.functions.put_tag, tag)
 
     async def get_id(self) -> Any:
         """ID; on a variable ``I*`` it is the index."""
         assert self.functions.get_id is not None
-        return await self.client.call(self.functions.get_id, self.handle)
+        return await self._call(self.functions.get_id)
 
     async def put_id(self, id: Value) -> None:  # noqa: A002 - the documents' word
         """Set the ID."""
         assert self.functions.put_id is not None
-        await self.client.call(self.functions.put_id, self.handle, id)
+        await self._call(self.functions.put_id, id)
 
 
 class AsyncVariable(AsyncNamed):
@@ -141,19 +152,19 @@ class AsyncVariable(AsyncNamed):
 
     async def get_value(self) -> Any:
         """The value, as plain Python (:mod:`orinkit.variant`)."""
-        return await self.client.call(f.variable_get_value, self.handle)
+        return await self._call(f.variable_get_value)
 
     async def put_value(self, value: Value) -> None:
         """Set the value."""
-        await self.client.call(f.variable_put_value, self.handle, value)
+        await self._call(f.variable_put_value, value)
 
     async def get_date_time(self) -> Any:
         """When the value was taken, local ``datetime`` of the controller."""
-        return await self.client.call(f.variable_get_date_time, self.handle)
+        return await self._call(f.variable_get_date_time)
 
     async def get_microsecond(self) -> int:
         """Microseconds of the time when the value was taken."""
-        return await self.client.call(f.variable_get_microsecond, self.handle)
+        return await self._call(f.variable_get_microsecond)
 
 
 class AsyncOwner(AsyncNamed):
@@ -167,12 +178,12 @@ class AsyncOwner(AsyncNamed):
     async def variable_names(self, option: str = "") -> list[str]:
         """Names of the variables."""
         assert self.functions.variable_names is not None
-        return text_list(await self.client.call(self.functions.variable_names, self.handle, option))
+        return text_list(await self._call(self.functions.variable_names, option))
 
     async def execute(self, command: str, parameter: Value = None) -> Any:
         """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
         assert self.functions.execute is not None
-        return await self.client.call(self.functions.execute, self.handle, command, parameter)
+        return await self._call(self.functions.execute, command, parameter)
 
 
 class AsyncExtension(AsyncOwner):
@@ -200,55 +211,55 @@ class AsyncFile(AsyncOwner):
 
     async def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
-        return text_list(await self.client.call(f.file_get_file_names, self.handle, option))
+        return text_list(await self._call(f.file_get_file_names, option))
 
     async def copy(self, name: str, option: str = "") -> None:
         """Copy the file to another name."""
-        await self.client.call(f.file_copy, self.handle, name, option)
+        await self._call(f.file_copy, name, option)
 
     async def delete(self, option: str = "") -> None:
         """Delete the file."""
-        await self.client.call(f.file_delete, self.handle, option)
+        await self._call(f.file_delete, option)
 
     async def move(self, name: str, option: str = "") -> None:
         """Move or rename the file."""
-        await self.client.call(f.file_move, self.handle, name, option)
+        await self._call(f.file_move, name, option)
 
     async def run(self, option: str = "") -> str:
         """Run the file and return the name of its task."""
-        return await self.client.call(f.file_run, self.handle, option)
+        return await self._call(f.file_run, option)
 
     async def get_date_created(self) -> Any:
         """When the file was created."""
-        return await self.client.call(f.file_get_date_created, self.handle)
+        return await self._call(f.file_get_date_created)
 
     async def get_date_last_accessed(self) -> Any:
         """When the file was last read."""
-        return await self.client.call(f.file_get_date_last_accessed, self.handle)
+        return await self._call(f.file_get_date_last_accessed)
 
     async def get_date_last_modified(self) -> Any:
         """When the file was last changed."""
-        return await self.client.call(f.file_get_date_last_modified, self.handle)
+        return await self._call(f.file_get_date_last_modified)
 
     async def get_path(self) -> str:
         """Path in the controller."""
-        return await self.client.call(f.file_get_path, self.handle)
+        return await self._call(f.file_get_path)
 
     async def get_size(self) -> int:
         """Size in bytes."""
-        return await self.client.call(f.file_get_size, self.handle)
+        return await self._call(f.file_get_size)
 
     async def get_type(self) -> str:
         """Type of the file."""
-        return await self.client.call(f.file_get_type, self.handle)
+        return await self._call(f.file_get_type)
 
     async def get_value(self) -> Any:
         """Content."""
-        return await self.client.call(f.file_get_value, self.handle)
+        return await self._call(f.file_get_value)
 
     async def put_value(self, value: Value) -> None:
         """Set the content."""
-        await self.client.call(f.file_put_value, self.handle, value)
+        await self._call(f.file_put_value, value)
 
 
 class AsyncRobot(AsyncOwner):
@@ -262,51 +273,51 @@ class AsyncRobot(AsyncOwner):
 
     async def accelerate(self, axis: int, accel: float, decel: float) -> None:
         """Set internal acceleration and deceleration in percent; -1 keeps one."""
-        await self.client.call(f.robot_accelerate, self.handle, axis, accel, decel)
+        await self._call(f.robot_accelerate, axis, accel, decel)
 
     async def change(self, name: str) -> None:
         """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
-        await self.client.call(f.robot_change, self.handle, name)
+        await self._call(f.robot_change, name)
 
     async def chuck(self, option: str = "") -> None:
         """Close the chuck."""
-        await self.client.call(f.robot_chuck, self.handle, option)
+        await self._call(f.robot_chuck, option)
 
     async def drive(self, axis: int, value: float, option: str = "") -> None:
         """Move one joint by degrees (mm for a linear one)."""
-        await self.client.call(f.robot_drive, self.handle, axis, value, option)
+        await self._call(f.robot_drive, axis, value, option)
 
     async def go_home(self) -> None:
         """Move to the home pose."""
-        await self.client.call(f.robot_go_home, self.handle)
+        await self._call(f.robot_go_home)
 
     async def halt(self, option: str = "") -> None:
         """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
-        await self.client.call(f.robot_halt, self.handle, option)
+        await self._call(f.robot_halt, option)
 
     async def hold(self, option: str = "") -> None:
         """Pause the motion."""
-        await self.client.call(f.robot_hold, self.handle, option)
+        await self._call(f.robot_hold, option)
 
     async def move(self, interpolation: int, pose: Value, option: str = "") -> None:
         """Move to a pose: ``move(1, "@E J(45, 30, 120, 0, -60, 0)")``; 1 point to point, 2 line, 3 arc, 4 free curve."""
-        await self.client.call(f.robot_move, self.handle, interpolation, pose, option)
+        await self._call(f.robot_move, interpolation, pose, option)
 
     async def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
         """Rotate by degrees in a plane about a pivot."""
-        await self.client.call(f.robot_rotate, self.handle, plane, angle, pivot, option)
+        await self._call(f.robot_rotate, plane, angle, pivot, option)
 
     async def speed(self, axis: int, speed: float) -> None:
         """Set the internal speed in percent; axis -1 is the tool tip."""
-        await self.client.call(f.robot_speed, self.handle, axis, speed)
+        await self._call(f.robot_speed, axis, speed)
 
     async def unchuck(self, option: str = "") -> None:
         """Open the chuck."""
-        await self.client.call(f.robot_unchuck, self.handle, option)
+        await self._call(f.robot_unchuck, option)
 
     async def unhold(self, option: str = "") -> None:
         """Go on with a paused motion."""
-        await self.client.call(f.robot_unhold, self.handle, option)
+        await self._call(f.robot_unhold, option)
 
 
 class AsyncTask(AsyncOwner):
@@ -320,19 +331,19 @@ class AsyncTask(AsyncOwner):
 
     async def start(self, mode: int = 1, option: str = "") -> None:
         """Start: 1 one cycle, 2 continuous, 3 step."""
-        await self.client.call(f.task_start, self.handle, mode, option)
+        await self._call(f.task_start, mode, option)
 
     async def stop(self, mode: int = 0, option: str = "") -> None:
         """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
-        await self.client.call(f.task_stop, self.handle, mode, option)
+        await self._call(f.task_stop, mode, option)
 
     async def delete(self, option: str = "") -> None:
         """Delete the task."""
-        await self.client.call(f.task_delete, self.handle, option)
+        await self._call(f.task_delete, option)
 
     async def get_file_name(self) -> str:
         """File that the task came from."""
-        return await self.client.call(f.task_get_file_name, self.handle)
+        return await self._call(f.task_get_file_name)
 
 
 class AsyncCommand(AsyncNamed):
@@ -345,35 +356,35 @@ class AsyncCommand(AsyncNamed):
 
     async def execute(self, mode: int = 0) -> None:
         """Execute: 0 wait for the end, 1 return at once."""
-        await self.client.call(f.command_execute, self.handle, mode)
+        await self._call(f.command_execute, mode)
 
     async def cancel(self) -> None:
         """Cancel the running command."""
-        await self.client.call(f.command_cancel, self.handle)
+        await self._call(f.command_cancel)
 
     async def get_timeout(self) -> int:
         """Time-out in ms."""
-        return await self.client.call(f.command_get_timeout, self.handle)
+        return await self._call(f.command_get_timeout)
 
     async def put_timeout(self, timeout: int) -> None:
         """Set the time-out in ms."""
-        await self.client.call(f.command_put_timeout, self.handle, timeout)
+        await self._call(f.command_put_timeout, timeout)
 
     async def get_state(self) -> int:
         """State of the command."""
-        return await self.client.call(f.command_get_state, self.handle)
+        return await self._call(f.command_get_state)
 
     async def get_parameters(self) -> Any:
         """Parameters."""
-        return await self.client.call(f.command_get_parameters, self.handle)
+        return await self._call(f.command_get_parameters)
 
     async def put_parameters(self, parameters: Value) -> None:
         """Set the parameters."""
-        await self.client.call(f.command_put_parameters, self.handle, parameters)
+        await self._call(f.command_put_parameters, parameters)
 
     async def get_result(self) -> Any:
         """Result of the last execution."""
-        return await self.client.call(f.command_get_result, self.handle)
+        return await self._call(f.command_get_result)
 
 
 class AsyncMessage(AsyncNode):
@@ -383,39 +394,39 @@ class AsyncMessage(AsyncNode):
 
     async def reply(self, value: Value = None) -> None:
         """Answer the event."""
-        await self.client.call(f.message_reply, self.handle, value)
+        await self._call(f.message_reply, value)
 
     async def clear(self) -> None:
         """Clear the event."""
-        await self.client.call(f.message_clear, self.handle)
+        await self._call(f.message_clear)
 
     async def get_date_time(self) -> Any:
         """When it happened, local ``datetime`` of the controller."""
-        return await self.client.call(f.message_get_date_time, self.handle)
+        return await self._call(f.message_get_date_time)
 
     async def get_description(self) -> str:
         """What happened, in words."""
-        return await self.client.call(f.message_get_description, self.handle)
+        return await self._call(f.message_get_description)
 
     async def get_destination(self) -> str:
         """Whom it is for."""
-        return await self.client.call(f.message_get_destination, self.handle)
+        return await self._call(f.message_get_destination)
 
     async def get_number(self) -> int:
         """Number that tells the kind of event."""
-        return await self.client.call(f.message_get_number, self.handle)
+        return await self._call(f.message_get_number)
 
     async def get_serial_number(self) -> int:
         """Serial number of the message."""
-        return await self.client.call(f.message_get_serial_number, self.handle)
+        return await self._call(f.message_get_serial_number)
 
     async def get_source(self) -> str:
         """Where it came from."""
-        return await self.client.call(f.message_get_source, self.handle)
+        return await self._call(f.message_get_source)
 
     async def get_value(self) -> Any:
         """Value that came with it."""
-        return await self.client.call(f.message_get_value, self.handle)
+        return await self._call(f.message_get_value)
 
 
 class AsyncController(AsyncOwner):
@@ -450,7 +461,7 @@ class AsyncController(AsyncOwner):
     async def message(self) -> AsyncMessage | None:
         """Fetch the oldest waiting event; ``None`` when none waits."""
         try:
-            handle = await self.client.call(f.controller_get_message, self.handle)
+            handle = await self._call(f.controller_get_message)
         except ObjectNotFound:
             return None
         message = AsyncMessage(self.client, handle, "message", self)
@@ -459,28 +470,28 @@ class AsyncController(AsyncOwner):
 
     async def extension_names(self, option: str = "") -> list[str]:
         """Names of the extension boards."""
-        return text_list(await self.client.call(f.controller_get_extension_names, self.handle, option))
+        return text_list(await self._call(f.controller_get_extension_names, option))
 
     async def file_names(self, option: str = "") -> list[str]:
         """Names of the files."""
-        return text_list(await self.client.call(f.controller_get_file_names, self.handle, option))
+        return text_list(await self._call(f.controller_get_file_names, option))
 
     async def robot_names(self, option: str = "") -> list[str]:
         """Names of the robots."""
-        return text_list(await self.client.call(f.controller_get_robot_names, self.handle, option))
+        return text_list(await self._call(f.controller_get_robot_names, option))
 
     async def task_names(self, option: str = "") -> list[str]:
         """Names of the tasks."""
-        return text_list(await self.client.call(f.controller_get_task_names, self.handle, option))
+        return text_list(await self._call(f.controller_get_task_names, option))
 
     async def command_names(self, option: str = "") -> list[str]:
         """Names of the commands."""
-        return text_list(await self.client.call(f.controller_get_command_names, self.handle, option))
+        return text_list(await self._call(f.controller_get_command_names, option))
 
     async def errors(self) -> list[ErrorInfo]:
         """Errors that the controller reports now, newest first (GetCurErrorCount, GetCurErrorInfo)."""
-        count = await self.execute("GetCurErrorCount")
-        return [error_info(await self.execute("GetCurErrorInfo", index)) for index in range(int(count or 0))]
+        count = error_count(await self.execute("GetCurErrorCount"))
+        return [error_info(await self.execute("GetCurErrorInfo", index)) for index in range(count)]
 
     async def clear_error(self) -> None:
         """Clear the controller's errors (RC8 3.3.6)."""

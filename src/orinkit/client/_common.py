@@ -7,8 +7,9 @@ from typing import Any, Final, NamedTuple
 
 from orinkit import hresult
 from orinkit.cao.table import Function
-from orinkit.errors import InvalidValue
+from orinkit.errors import InvalidValue, ProtocolError
 from orinkit.language import pick
+from orinkit.variant import Value
 
 RC8: Final = "CaoProv.DENSO.VRC"
 """The provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
@@ -27,12 +28,12 @@ class NodeFunctions(NamedTuple):
     help: Function[[int], str] | None = None
     name: Function[[int], str] | None = None
     get_tag: Function[[int], Any] | None = None
-    put_tag: Function[..., None] | None = None
+    put_tag: Function[[int, Value], None] | None = None
     get_id: Function[[int], Any] | None = None
-    put_id: Function[..., None] | None = None
-    variable: Function[..., int] | None = None
-    variable_names: Function[..., Any] | None = None
-    execute: Function[..., Any] | None = None
+    put_id: Function[[int, Value], None] | None = None
+    variable: Function[[int, str, str], int] | None = None
+    variable_names: Function[[int, str], Any] | None = None
+    execute: Function[[int, str, Value], Any] | None = None
 
 
 class ErrorInfo(NamedTuple):
@@ -51,11 +52,36 @@ class ErrorInfo(NamedTuple):
     def __str__(self) -> str:
         return f"0x{self.code:08X} {self.message or hresult.lookup(self.code).text}"
 
+    def __repr__(self) -> str:
+        return f"ErrorInfo(code=0x{self.code:08X}, message={self.message!r}, details={self.details!r})"
+
+
+def error_count(answer: Any) -> int:
+    """Read what GetCurErrorCount answers with.
+
+    Raises:
+        ProtocolError: it is no number.
+    """
+    if isinstance(answer, int | float) and 0 <= answer < 2**31:
+        return int(answer)
+    raise _not_understood("GetCurErrorCount", answer)
+
 
 def error_info(answer: Any) -> ErrorInfo:
-    """Read the array that GetCurErrorInfo answers with."""
-    code, message, *details = [*answer, 0, ""] if not answer else answer if len(answer) > 1 else [*answer, ""]
-    return ErrorInfo(hresult.unsigned(int(code)), str(message), tuple(details))
+    """Read the array that GetCurErrorInfo answers with: code, message, details (reference: docs/protocol.md).
+
+    Raises:
+        ProtocolError: it is no such array.
+    """
+    if isinstance(answer, list) and len(answer) > 1 and isinstance(answer[0], int) and isinstance(answer[1], str):
+        return ErrorInfo(hresult.unsigned(answer[0]), answer[1], tuple(answer[2:]))
+    raise _not_understood("GetCurErrorInfo", answer)
+
+
+def _not_understood(command: str, answer: Any) -> ProtocolError:
+    return ProtocolError(
+        pick(f"{command} was answered with {answer!r:.80}", f"{command} の応答 {answer!r:.80} を解釈できません")
+    )
 
 
 def service_option(option: str | None, timeout: float) -> str | None:

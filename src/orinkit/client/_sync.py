@@ -6,7 +6,7 @@ Made from ``_async.py`` by ``tools/make_sync.py``: do not edit.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 from weakref import WeakValueDictionary
 
 from orinkit import hresult
@@ -18,6 +18,7 @@ from orinkit.client._common import (
     RC8,
     ErrorInfo,
     NodeFunctions,
+    error_count,
     error_info,
     service_option,
     text_list,
@@ -27,6 +28,8 @@ from orinkit.errors import CallError, ObjectNotFound, OrinError
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
+P = ParamSpec("P")
+R = TypeVar("R")
 N = TypeVar("N", bound="Node")
 
 
@@ -55,6 +58,14 @@ class Node:
         if getattr(self, "_open", False) and self._parent is not None:
             self.client.garbage.add(self.functions.release, self.handle)
 
+    def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Call a function of this object; an error says which object it was."""
+        try:
+            return self.client.call(function, self.handle, *args, **kwargs)
+        except CallError as error:
+            error.subject = self._label
+            raise
+
     def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         while (dropped := self.client.garbage.take()) is not None:
             try:
@@ -77,7 +88,7 @@ class Node:
             child.close()
         self._open = False
         try:
-            self.client.call(self.functions.release, self.handle)
+            self._call(self.functions.release)
         except OrinError:  # it went with its parent or with the connection: it is released either way
             pass
 
@@ -96,37 +107,37 @@ class Named(Node):
     def get_attribute(self) -> int:
         """Attribute bits."""
         assert self.functions.attribute is not None
-        return self.client.call(self.functions.attribute, self.handle)
+        return self._call(self.functions.attribute)
 
     def get_help(self) -> str:
         """Help text."""
         assert self.functions.help is not None
-        return self.client.call(self.functions.help, self.handle)
+        return self._call(self.functions.help)
 
     def get_name(self) -> str:
         """Name that the controller gives to the object."""
         assert self.functions.name is not None
-        return self.client.call(self.functions.name, self.handle)
+        return self._call(self.functions.name)
 
     def get_tag(self) -> Any:
         """Tag: a value of your own that the controller keeps with the object."""
         assert self.functions.get_tag is not None
-        return self.client.call(self.functions.get_tag, self.handle)
+        return self._call(self.functions.get_tag)
 
     def put_tag(self, tag: Value) -> None:
         """Set the tag."""
         assert self.functions.put_tag is not None
-        self.client.call(self.functions.put_tag, self.handle, tag)
+        self._call(self.functions.put_tag, tag)
 
     def get_id(self) -> Any:
         """ID; on a variable ``I*`` it is the index."""
         assert self.functions.get_id is not None
-        return self.client.call(self.functions.get_id, self.handle)
+        return self._call(self.functions.get_id)
 
     def put_id(self, id: Value) -> None:  # noqa: A002 - the documents' word
         """Set the ID."""
         assert self.functions.put_id is not None
-        self.client.call(self.functions.put_id, self.handle, id)
+        self._call(self.functions.put_id, id)
 
     @property
     def attribute(self) -> int:
@@ -172,19 +183,19 @@ class Variable(Named):
 
     def get_value(self) -> Any:
         """The value, as plain Python (:mod:`orinkit.variant`)."""
-        return self.client.call(f.variable_get_value, self.handle)
+        return self._call(f.variable_get_value)
 
     def put_value(self, value: Value) -> None:
         """Set the value."""
-        self.client.call(f.variable_put_value, self.handle, value)
+        self._call(f.variable_put_value, value)
 
     def get_date_time(self) -> Any:
         """When the value was taken, local ``datetime`` of the controller."""
-        return self.client.call(f.variable_get_date_time, self.handle)
+        return self._call(f.variable_get_date_time)
 
     def get_microsecond(self) -> int:
         """Microseconds of the time when the value was taken."""
-        return self.client.call(f.variable_get_microsecond, self.handle)
+        return self._call(f.variable_get_microsecond)
 
     @property
     def value(self) -> Any:
@@ -217,12 +228,12 @@ class Owner(Named):
     def variable_names(self, option: str = "") -> list[str]:
         """Names of the variables."""
         assert self.functions.variable_names is not None
-        return text_list(self.client.call(self.functions.variable_names, self.handle, option))
+        return text_list(self._call(self.functions.variable_names, option))
 
     def execute(self, command: str, parameter: Value = None) -> Any:
         """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
         assert self.functions.execute is not None
-        return self.client.call(self.functions.execute, self.handle, command, parameter)
+        return self._call(self.functions.execute, command, parameter)
 
 
 class Extension(Owner):
@@ -250,55 +261,55 @@ class File(Owner):
 
     def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
-        return text_list(self.client.call(f.file_get_file_names, self.handle, option))
+        return text_list(self._call(f.file_get_file_names, option))
 
     def copy(self, name: str, option: str = "") -> None:
         """Copy the file to another name."""
-        self.client.call(f.file_copy, self.handle, name, option)
+        self._call(f.file_copy, name, option)
 
     def delete(self, option: str = "") -> None:
         """Delete the file."""
-        self.client.call(f.file_delete, self.handle, option)
+        self._call(f.file_delete, option)
 
     def move(self, name: str, option: str = "") -> None:
         """Move or rename the file."""
-        self.client.call(f.file_move, self.handle, name, option)
+        self._call(f.file_move, name, option)
 
     def run(self, option: str = "") -> str:
         """Run the file and return the name of its task."""
-        return self.client.call(f.file_run, self.handle, option)
+        return self._call(f.file_run, option)
 
     def get_date_created(self) -> Any:
         """When the file was created."""
-        return self.client.call(f.file_get_date_created, self.handle)
+        return self._call(f.file_get_date_created)
 
     def get_date_last_accessed(self) -> Any:
         """When the file was last read."""
-        return self.client.call(f.file_get_date_last_accessed, self.handle)
+        return self._call(f.file_get_date_last_accessed)
 
     def get_date_last_modified(self) -> Any:
         """When the file was last changed."""
-        return self.client.call(f.file_get_date_last_modified, self.handle)
+        return self._call(f.file_get_date_last_modified)
 
     def get_path(self) -> str:
         """Path in the controller."""
-        return self.client.call(f.file_get_path, self.handle)
+        return self._call(f.file_get_path)
 
     def get_size(self) -> int:
         """Size in bytes."""
-        return self.client.call(f.file_get_size, self.handle)
+        return self._call(f.file_get_size)
 
     def get_type(self) -> str:
         """Type of the file."""
-        return self.client.call(f.file_get_type, self.handle)
+        return self._call(f.file_get_type)
 
     def get_value(self) -> Any:
         """Content."""
-        return self.client.call(f.file_get_value, self.handle)
+        return self._call(f.file_get_value)
 
     def put_value(self, value: Value) -> None:
         """Set the content."""
-        self.client.call(f.file_put_value, self.handle, value)
+        self._call(f.file_put_value, value)
 
     @property
     def date_created(self) -> Any:
@@ -351,51 +362,51 @@ class Robot(Owner):
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
         """Set internal acceleration and deceleration in percent; -1 keeps one."""
-        self.client.call(f.robot_accelerate, self.handle, axis, accel, decel)
+        self._call(f.robot_accelerate, axis, accel, decel)
 
     def change(self, name: str) -> None:
         """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
-        self.client.call(f.robot_change, self.handle, name)
+        self._call(f.robot_change, name)
 
     def chuck(self, option: str = "") -> None:
         """Close the chuck."""
-        self.client.call(f.robot_chuck, self.handle, option)
+        self._call(f.robot_chuck, option)
 
     def drive(self, axis: int, value: float, option: str = "") -> None:
         """Move one joint by degrees (mm for a linear one)."""
-        self.client.call(f.robot_drive, self.handle, axis, value, option)
+        self._call(f.robot_drive, axis, value, option)
 
     def go_home(self) -> None:
         """Move to the home pose."""
-        self.client.call(f.robot_go_home, self.handle)
+        self._call(f.robot_go_home)
 
     def halt(self, option: str = "") -> None:
         """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
-        self.client.call(f.robot_halt, self.handle, option)
+        self._call(f.robot_halt, option)
 
     def hold(self, option: str = "") -> None:
         """Pause the motion."""
-        self.client.call(f.robot_hold, self.handle, option)
+        self._call(f.robot_hold, option)
 
     def move(self, interpolation: int, pose: Value, option: str = "") -> None:
         """Move to a pose: ``move(1, "@E J(45, 30, 120, 0, -60, 0)")``; 1 point to point, 2 line, 3 arc, 4 free curve."""
-        self.client.call(f.robot_move, self.handle, interpolation, pose, option)
+        self._call(f.robot_move, interpolation, pose, option)
 
     def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
         """Rotate by degrees in a plane about a pivot."""
-        self.client.call(f.robot_rotate, self.handle, plane, angle, pivot, option)
+        self._call(f.robot_rotate, plane, angle, pivot, option)
 
     def speed(self, axis: int, speed: float) -> None:
         """Set the internal speed in percent; axis -1 is the tool tip."""
-        self.client.call(f.robot_speed, self.handle, axis, speed)
+        self._call(f.robot_speed, axis, speed)
 
     def unchuck(self, option: str = "") -> None:
         """Open the chuck."""
-        self.client.call(f.robot_unchuck, self.handle, option)
+        self._call(f.robot_unchuck, option)
 
     def unhold(self, option: str = "") -> None:
         """Go on with a paused motion."""
-        self.client.call(f.robot_unhold, self.handle, option)
+        self._call(f.robot_unhold, option)
 
 
 class Task(Owner):
@@ -409,19 +420,19 @@ class Task(Owner):
 
     def start(self, mode: int = 1, option: str = "") -> None:
         """Start: 1 one cycle, 2 continuous, 3 step."""
-        self.client.call(f.task_start, self.handle, mode, option)
+        self._call(f.task_start, mode, option)
 
     def stop(self, mode: int = 0, option: str = "") -> None:
         """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
-        self.client.call(f.task_stop, self.handle, mode, option)
+        self._call(f.task_stop, mode, option)
 
     def delete(self, option: str = "") -> None:
         """Delete the task."""
-        self.client.call(f.task_delete, self.handle, option)
+        self._call(f.task_delete, option)
 
     def get_file_name(self) -> str:
         """File that the task came from."""
-        return self.client.call(f.task_get_file_name, self.handle)
+        return self._call(f.task_get_file_name)
 
     @property
     def file_name(self) -> str:
@@ -439,35 +450,35 @@ class Command(Named):
 
     def execute(self, mode: int = 0) -> None:
         """Execute: 0 wait for the end, 1 return at once."""
-        self.client.call(f.command_execute, self.handle, mode)
+        self._call(f.command_execute, mode)
 
     def cancel(self) -> None:
         """Cancel the running command."""
-        self.client.call(f.command_cancel, self.handle)
+        self._call(f.command_cancel)
 
     def get_timeout(self) -> int:
         """Time-out in ms."""
-        return self.client.call(f.command_get_timeout, self.handle)
+        return self._call(f.command_get_timeout)
 
     def put_timeout(self, timeout: int) -> None:
         """Set the time-out in ms."""
-        self.client.call(f.command_put_timeout, self.handle, timeout)
+        self._call(f.command_put_timeout, timeout)
 
     def get_state(self) -> int:
         """State of the command."""
-        return self.client.call(f.command_get_state, self.handle)
+        return self._call(f.command_get_state)
 
     def get_parameters(self) -> Any:
         """Parameters."""
-        return self.client.call(f.command_get_parameters, self.handle)
+        return self._call(f.command_get_parameters)
 
     def put_parameters(self, parameters: Value) -> None:
         """Set the parameters."""
-        self.client.call(f.command_put_parameters, self.handle, parameters)
+        self._call(f.command_put_parameters, parameters)
 
     def get_result(self) -> Any:
         """Result of the last execution."""
-        return self.client.call(f.command_get_result, self.handle)
+        return self._call(f.command_get_result)
 
     @property
     def timeout(self) -> int:
@@ -505,39 +516,39 @@ class Message(Node):
 
     def reply(self, value: Value = None) -> None:
         """Answer the event."""
-        self.client.call(f.message_reply, self.handle, value)
+        self._call(f.message_reply, value)
 
     def clear(self) -> None:
         """Clear the event."""
-        self.client.call(f.message_clear, self.handle)
+        self._call(f.message_clear)
 
     def get_date_time(self) -> Any:
         """When it happened, local ``datetime`` of the controller."""
-        return self.client.call(f.message_get_date_time, self.handle)
+        return self._call(f.message_get_date_time)
 
     def get_description(self) -> str:
         """What happened, in words."""
-        return self.client.call(f.message_get_description, self.handle)
+        return self._call(f.message_get_description)
 
     def get_destination(self) -> str:
         """Whom it is for."""
-        return self.client.call(f.message_get_destination, self.handle)
+        return self._call(f.message_get_destination)
 
     def get_number(self) -> int:
         """Number that tells the kind of event."""
-        return self.client.call(f.message_get_number, self.handle)
+        return self._call(f.message_get_number)
 
     def get_serial_number(self) -> int:
         """Serial number of the message."""
-        return self.client.call(f.message_get_serial_number, self.handle)
+        return self._call(f.message_get_serial_number)
 
     def get_source(self) -> str:
         """Where it came from."""
-        return self.client.call(f.message_get_source, self.handle)
+        return self._call(f.message_get_source)
 
     def get_value(self) -> Any:
         """Value that came with it."""
-        return self.client.call(f.message_get_value, self.handle)
+        return self._call(f.message_get_value)
 
     @property
     def date_time(self) -> Any:
@@ -607,7 +618,7 @@ class Controller(Owner):
     def message(self) -> Message | None:
         """Fetch the oldest waiting event; ``None`` when none waits."""
         try:
-            handle = self.client.call(f.controller_get_message, self.handle)
+            handle = self._call(f.controller_get_message)
         except ObjectNotFound:
             return None
         message = Message(self.client, handle, "message", self)
@@ -616,28 +627,28 @@ class Controller(Owner):
 
     def extension_names(self, option: str = "") -> list[str]:
         """Names of the extension boards."""
-        return text_list(self.client.call(f.controller_get_extension_names, self.handle, option))
+        return text_list(self._call(f.controller_get_extension_names, option))
 
     def file_names(self, option: str = "") -> list[str]:
         """Names of the files."""
-        return text_list(self.client.call(f.controller_get_file_names, self.handle, option))
+        return text_list(self._call(f.controller_get_file_names, option))
 
     def robot_names(self, option: str = "") -> list[str]:
         """Names of the robots."""
-        return text_list(self.client.call(f.controller_get_robot_names, self.handle, option))
+        return text_list(self._call(f.controller_get_robot_names, option))
 
     def task_names(self, option: str = "") -> list[str]:
         """Names of the tasks."""
-        return text_list(self.client.call(f.controller_get_task_names, self.handle, option))
+        return text_list(self._call(f.controller_get_task_names, option))
 
     def command_names(self, option: str = "") -> list[str]:
         """Names of the commands."""
-        return text_list(self.client.call(f.controller_get_command_names, self.handle, option))
+        return text_list(self._call(f.controller_get_command_names, option))
 
     def errors(self) -> list[ErrorInfo]:
         """Errors that the controller reports now, newest first (GetCurErrorCount, GetCurErrorInfo)."""
-        count = self.execute("GetCurErrorCount")
-        return [error_info(self.execute("GetCurErrorInfo", index)) for index in range(int(count or 0))]
+        count = error_count(self.execute("GetCurErrorCount"))
+        return [error_info(self.execute("GetCurErrorInfo", index)) for index in range(count)]
 
     def clear_error(self) -> None:
         """Clear the controller's errors (RC8 3.3.6)."""

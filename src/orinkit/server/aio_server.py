@@ -21,6 +21,7 @@ logger = logging.getLogger("orinkit.server")
 
 DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
 _BACKLOG: Final = 512
+_GRACE: Final = 1.0  # seconds for clients to take their last answers and for handlers to end
 
 
 class AsyncServer:
@@ -96,18 +97,11 @@ class AsyncServer:
 
     async def close(self) -> None:
         """Stop listening, let every client go, close the providers."""
+        await self._connections.refuse()
         for server in self._servers:
             server.close()
-        for connection in list(self._connections.open):
-            connection.close()
-        for _ in range(100):
-            if not self._connections.open:
-                break
-            await asyncio.sleep(0.01)
-        for connection in list(self._connections.open):
-            connection.abort()
-        await asyncio.sleep(0)
         self._servers.clear()
+        await self._connections.close(_GRACE)
         self._workers.shutdown(wait=False, cancel_futures=True)
         for provider in self._host.providers:
             provider.close()

@@ -58,8 +58,14 @@ class Server:
         return self._server.clients
 
     def wait(self, seconds: float | None = None) -> None:
-        """Wait until the server has been closed by another thread, or the seconds have passed."""
-        self._thread.join(seconds)
+        """Wait until the server is closed by another thread, the seconds have passed, or Ctrl-C is pressed.
+
+        Ctrl-C ends the wait quietly, so that ``with serve(...) as server: server.wait()`` is a whole program.
+        """
+        try:
+            self._thread.join(seconds)
+        except KeyboardInterrupt:
+            pass
 
     def close(self) -> None:
         """Stop listening, let every client go, close the providers; does nothing the second time."""

@@ -18,6 +18,7 @@ from orinkit.variant_bytes import Limits
 logger = logging.getLogger("orinkit.server")
 
 _CHUNK: Final = 65536
+_TURNS: Final = 100
 
 
 class Connections:
@@ -32,7 +33,9 @@ class Connections:
 
     Attributes:
         open: the clients' connections.
-        all: these, and the ones that are only about to be opened or are being refused.
+        all: these, and the ones that are being refused.
+        opening: how many connections have been accepted and are not in ``all`` yet.
+        closing: no more connections.
         tasks: handlers at work, also those whose client has gone.
     """
 
@@ -44,15 +47,43 @@ class Connections:
         self.workers = workers
         self.open: set[TcpConnection] = set()
         self.all: set[TcpConnection] = set()
+        self.opening = 0
+        self.closing = False
         self.tasks: set[asyncio.Task[None]] = set()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
 
     def make(self) -> TcpConnection:
         """Return the protocol for a new connection."""
-        connection = TcpConnection(self)
-        self.all.add(connection)
-        return connection
+        self.opening += 1
+        return TcpConnection(self)
+
+    async def refuse(self) -> None:
+        """Take no more connections, and see those through that are just being accepted.
+
+        To be called before the listeners are closed: asyncio forgets a connection that it accepts meanwhile.
+        """
+        self.closing = True
+        for turn in range(_TURNS):
+            if turn > 2 and not self.opening:  # accepted, made, connected: a turn each
+                break
+            await asyncio.sleep(0)
+
+    async def close(self, seconds: float) -> None:
+        """Close all connections and let the handlers end; what is not done within the seconds is cut off."""
+        for connection in list(self.all):
+            connection.close()
+        deadline = asyncio.get_running_loop().time() + seconds
+        while self.all and asyncio.get_running_loop().time() < deadline:
+            await asyncio.sleep(0.005)
+        for connection in list(self.all):
+            connection.abort()
+        await asyncio.sleep(0)
+        if self.tasks:
+            await asyncio.wait(self.tasks, timeout=seconds)
+        for task in self.tasks:
+            task.cancel()
+        await asyncio.sleep(0)
 
 
 class TcpConnection(asyncio.BufferedProtocol):
@@ -83,7 +114,11 @@ class TcpConnection(asyncio.BufferedProtocol):
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         address, port = (transport.get_extra_info("peername") or ("", 0))[:2]
-        if len(self._shared.open) < self._shared.clients:
+        self._shared.opening -= 1
+        self._shared.all.add(self)
+        if self._shared.closing:
+            transport.abort()
+        elif len(self._shared.open) < self._shared.clients:
             self._session = Session(self._shared.host, ClientInfo(address, "tcp", port))
             self._shared.open.add(self)
             logger.info("%s:%s connected", address, port)
@@ -197,10 +232,8 @@ class TcpConnection(asyncio.BufferedProtocol):
 
     def close(self) -> None:
         """Close the connection from this side, once what was written has been sent."""
-        if self._transport is not None:
-            self._transport.close()
+        self._transport.close()
 
     def abort(self) -> None:
         """Close the connection at once, whatever was to be sent."""
-        if self._transport is not None:
-            self._transport.abort()
+        self._transport.abort()

@@ -10,6 +10,8 @@ from collections.abc import Generator
 from time import monotonic
 from typing import Protocol, TypeAlias, TypeVar
 
+from orinkit.errors import OrinError
+
 T = TypeVar("T")
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
 
@@ -41,13 +43,19 @@ class AsyncLink(Protocol):
 
 
 def run(operation: Operation[T], link: Link) -> T:
-    """Carry out an operation on the caller's thread and return its result."""
+    """Carry out an operation on the caller's thread and return its result.
+
+    An exception from outside in the middle of it, such as KeyboardInterrupt, closes the link: bytes may have been
+    received and lost, and what follows could no longer be told apart.
+    """
     received: bytes | None = None
     deadline = 0.0
+    sent = False
     try:
         while True:
             data, seconds = operation.send(received)
             if data:
+                sent = True
                 link.send(data)
             if seconds is None:
                 seconds = deadline - monotonic()
@@ -57,6 +65,12 @@ def run(operation: Operation[T], link: Link) -> T:
     except StopIteration as stop:
         result: T = stop.value
         return result
+    except OrinError:
+        raise
+    except BaseException:
+        if sent:
+            link.close()
+        raise
 
 
 async def arun(operation: Operation[T], link: AsyncLink) -> T:

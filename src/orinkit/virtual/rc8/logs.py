@@ -117,12 +117,13 @@ class Log(Generic[T]):
         Raises:
             CallError: DISP_E_BADINDEX.
         """
-        if not 0 <= index < len(self._records):
-            raise error_for(
-                hresult.DISP_E_BADINDEX,
-                pick(f"{index}; there are {len(self._records)}", f"{index} (件数は {len(self._records)})"),
-            )
-        return self._records[index]
+        try:
+            if index >= 0:
+                return self._records[index]
+        except IndexError:
+            pass
+        count = len(self._records)
+        raise error_for(hresult.DISP_E_BADINDEX, pick(f"{index}; there are {count}", f"{index} (件数は {count})"))
 
 
 ErrorLog = Log[ErrorRecord]

@@ -1,7 +1,8 @@
 """What all clients of one virtual RC8 share: variables, errors, logs, switches, time.
 
 Objects that clients hold (controller, variables; robots, tasks and files beside them) refer to one :class:`State` and
-keep nothing of the controller themselves. Every change of it is one step, made on the thread that serves the clients.
+keep nothing of the controller themselves. Clients are served on one thread; the switches (raising an error, the mode,
+the emergency stop) may be thrown from another, as each of their steps is one that Python does not interrupt.
 """
 
 from __future__ import annotations

@@ -1,0 +1,47 @@
+# make demo, make test: everything they need is set up in .venv first. PYTHON=... names the Python to make it with.
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint types bench soak coverage sync clean setup-all setup-dev
+export PYTHON
+
+RUN := .venv/bin/python -m
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
+
+demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
+	@$(RUN) orinkit demo
+
+test: lint types ## lint, types and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
+	$(RUN) pytest -m "not soak"
+
+lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査
+	$(RUN) ruff check .
+	$(RUN) ruff format --check .
+	.venv/bin/lint-imports
+	.venv/bin/python tools/make_sync.py --check
+
+types: setup-dev ## mypy, strict / 型検査
+	$(RUN) mypy
+
+bench: setup-dev ## measurements, as ratios in one run / 性能測定 (同一実行内の比)
+	@.venv/bin/python bench/bench.py
+
+soak: setup-dev ## the long tests / 長時間テスト
+	$(RUN) pytest -m soak
+
+coverage: setup-dev ## tests with branch coverage / 分岐カバレッジ
+	$(RUN) coverage erase
+	COVERAGE_PROCESS_START=pyproject.toml $(RUN) coverage run -m pytest -q -m "not soak"
+	$(RUN) coverage combine -q
+	$(RUN) coverage report --skip-covered --show-missing
+
+sync: setup-dev ## make the synchronous client again from the asynchronous one / 同期クライアントの再生成
+	.venv/bin/python tools/make_sync.py
+
+clean: ## remove everything that was made, .venv too / 生成物を削除 (.venv を含む)
+	rm -rf .venv build dist htmlcov .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find src tests tools bench -name __pycache__ -type d -prune -exec rm -rf {} +
+
+setup-all setup-dev:
+	@sh tools/setup.sh $(@:setup-%=%)
