@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterator
 
 import pytest
-from both import Both
 from hypothesis import settings
 
+from both import Both
 from orinkit import language
 
 # The same examples on every run in CI, new ones elsewhere; no deadline, as other people's machines are slow.

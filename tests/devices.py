@@ -151,7 +151,7 @@ class WorkshopController(p.ControllerObject):
         shop = self._workshop
         shop.at_work.release()
         try:
-            while not shop.gate.is_set():
+            while not shop.gate.is_set():  # noqa: ASYNC110 - the gate is opened by a thread
                 await asyncio.sleep(0.002)
         except asyncio.CancelledError:
             shop.cancelled.release()

@@ -1,4 +1,4 @@
-"""A peer that misbehaves by script: a raw TCP server for the tests of the clients.
+"""Raw peers for the tests: :class:`RawClient`, and :class:`BadPeer`, a server that misbehaves by script.
 
 ::
 
@@ -21,7 +21,7 @@ import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 from orinkit import hresult
 from orinkit.bcap import packet
@@ -155,7 +155,7 @@ class BadPeer:
             script(line)
         except Gone:
             pass
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - is raised in the test itself
             self._errors.append(error)
         finally:
             line.close()
@@ -166,7 +166,7 @@ class BadPeer:
         self._threads.append(thread)
         thread.start()
 
-    def __enter__(self) -> BadPeer:
+    def __enter__(self) -> Self:
         self._start(self._accept)
         return self
 
@@ -182,3 +182,68 @@ class BadPeer:
             thread.join(PATIENCE)
         if error is None and self._errors:
             raise self._errors[0]
+
+
+class RawClient:
+    """A client that sends what it is told and shows what comes, packet by packet."""
+
+    def __init__(self, url: str, *, receive_buffer: int = 0) -> None:
+        host, _, port = url.rpartition("/")[2].rpartition(":")
+        self.socket = socket.socket()
+        if receive_buffer:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        self.socket.settimeout(PATIENCE)
+        self.socket.connect((host, int(port)))
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._framer = Framer()
+        self._serial = 0
+
+    def send(self, data: bytes) -> None:
+        """Send bytes as they are."""
+        self.socket.sendall(data)
+
+    def request(self, function: int, *arguments: Any, serial: int | None = None) -> int:
+        """Send a request; returns its serial."""
+        self._serial = self._serial % 0xFFFF + 1 if serial is None else serial
+        self.send(packet.encode(Packet(self._serial, function, list(arguments))))
+        return self._serial
+
+    def frame(self) -> bytes:
+        """Return the next packet as bytes; :class:`Gone` at the end of the stream."""
+        frame = self._framer.next_frame()
+        while frame is None:
+            data = self.socket.recv(65536)
+            if not data:
+                raise Gone
+            frame = self._framer.take(data)
+        return frame
+
+    def packet(self) -> Packet:
+        """Return the next packet."""
+        return packet.decode(self.frame())
+
+    def ask(self, function: int, *arguments: Any) -> Any:
+        """Send a request and return the result of its answer; the code, if that is a failure."""
+        serial = self.request(function, *arguments)
+        answer = self.packet()
+        assert answer.serial == serial
+        if answer.code:
+            return answer.code
+        return answer.arguments[0] if answer.arguments else None
+
+    def ended(self) -> bool:
+        """Read to the end of the stream; False when something else than its end came."""
+        try:
+            return self.socket.recv(1) == b""
+        except ConnectionError:
+            return True
+
+    def close(self) -> None:
+        """Close."""
+        self.socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -13,6 +13,7 @@ from datetime import UTC, date, datetime, timedelta, timezone
 from decimal import ROUND_DOWN, Decimal, Inexact, getcontext, localcontext
 from fractions import Fraction
 from math import inf, nan
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ class Axis(enum.IntEnum):
     Y = 2
 
 
-class Colour(str, enum.Enum):
+class Colour(str, enum.Enum):  # noqa: UP042 - users have such
     RED = "red"
 
     def __str__(self) -> str:
@@ -68,6 +69,11 @@ class Text(str):
     """A text with more to it."""
 
     __slots__ = ()
+
+
+class Point(NamedTuple):
+    x: float
+    y: float
 
 
 class Grumpy:
@@ -94,7 +100,7 @@ def test_type_numbers_and_sizes_are_those_of_the_table():
     }  # fmt: skip
     assert {vt.name: vt.value for vt in VarType} == table
     sizes = {1: "I1 UI1", 2: "I2 UI2 BOOL", 4: "I4 UI4 R4 ERROR", 8: "R8 CY DATE I8 UI8"}
-    assert SIZES == {VarType[name]: size for size, names in sizes.items() for name in names.split()}
+    assert dict(SIZES) == {VarType[name]: size for size, names in sizes.items() for name in names.split()}
     assert (ARRAY, VARIANT_ARRAY, R8_ARRAY) == (0x2000, 8204, 8197)
 
 
@@ -143,7 +149,7 @@ def test_type_names(vt, name):
         (range(3), VarType.I4 | ARRAY, [0, 1, 2]),
         (collections.deque([1.0]), R8_ARRAY, [1.0]),
         (array.array("d", [1.0, 2.0]), R8_ARRAY, [1.0, 2.0]),
-        (collections.namedtuple("Point", "x y")(1.0, 2.0), R8_ARRAY, [1.0, 2.0]),
+        (Point(1.0, 2.0), R8_ARRAY, [1.0, 2.0]),
         # Subclasses are what they are a kind of.
         (Axis.Y, VarType.I4, 2),
         ([Axis.X, Axis.Y], VarType.I4 | ARRAY, [1, 2]),
@@ -332,7 +338,7 @@ def test_arrays_of_other_libraries_are_refused_in_words():
         def tolist(self) -> list:
             return [1.0]
 
-    with pytest.raises(InvalidValue, match="dtype torch.float32 with 1 dimensions has no VARIANT"):
+    with pytest.raises(InvalidValue, match=r"dtype torch\.float32 with 1 dimensions has no VARIANT"):
         variant(Tensor())
     assert Variant(R8_ARRAY, Tensor()).value == [1.0]
 
@@ -354,13 +360,13 @@ def test_whole_numbers_to_their_bounds_and_not_beyond(vt, bounds):
 
 
 def test_only_vt_i4_points_to_the_wider_type():
-    with pytest.raises(InvalidValue, match="VarType.I8"):
+    with pytest.raises(InvalidValue, match=r"VarType\.I8"):
         Variant(VarType.I4, 2**31)
     with pytest.raises(InvalidValue) as caught:
         Variant(VarType.I2, 2**31)
     assert "I8" not in str(caught.value)
     language.use("ja")
-    with pytest.raises(InvalidValue, match="範囲.*VarType.I8"):
+    with pytest.raises(InvalidValue, match=r"範囲.*VarType\.I8"):
         Variant(VarType.I4, 2**31)
 
 
@@ -380,7 +386,21 @@ def test_a_bool_is_one_or_zero():
 
 @pytest.mark.parametrize(
     "value",
-    [1.5, nan, inf, "1", None, b"\x01", [1], np.array([1]), np.array([1, 2]), np.bool_(True), Decimal(1), int, Grumpy()],
+    [
+        1.5,
+        nan,
+        inf,
+        "1",
+        None,
+        b"\x01",
+        [1],
+        np.array([1]),
+        np.array([1, 2]),
+        np.bool_(True),
+        Decimal(1),
+        int,
+        Grumpy(),
+    ],
     ids=lambda value: type(value).__name__,
 )
 def test_what_is_no_whole_number(value):
@@ -694,7 +714,7 @@ def test_an_aware_datetime_that_is_outside_the_calendar_in_local_time(moment):
 
 
 def test_a_naive_datetime_at_either_end():
-    for moment in (datetime.min, datetime.max):
+    for moment in (datetime(1, 1, 1), datetime(9999, 12, 31, 23, 59, 59, 999999)):
         assert variant(moment).plain == moment
 
 
@@ -754,18 +774,17 @@ ANYTHING = st.one_of(
 @given(st.recursive(ANYTHING, lambda inner: st.lists(inner) | st.tuples(inner, inner), max_leaves=8))
 def test_anything_becomes_a_variant_or_an_invalid_value(value):
     try:
-        made = variant(value)
+        made: object = variant(value)
     except InvalidValue as error:
-        assert str(error)
-    else:
-        assert isinstance(made, Variant)
+        made = str(error)
+    assert made
+    assert isinstance(made, Variant | str)
 
 
 @given(st.sampled_from([*VarType, *(vt | ARRAY for vt in VarType)]), ANYTHING)
 def test_anything_with_an_explicit_type_becomes_a_variant_or_an_invalid_value(vt, value):
     try:
         made = Variant(vt, value)
-    except InvalidValue as error:
-        assert str(error)
-    else:
-        assert same(Variant(vt, made.value), made)
+    except InvalidValue:
+        return
+    assert same(Variant(vt, made.value), made)

@@ -164,7 +164,7 @@ def test_what_is_no_int(value):
 
 @pytest.mark.parametrize("value", [1e39, -1e39, 10**400, "1", None, [1.0]], ids=lambda value: type(value).__name__)
 def test_what_is_no_single(value):
-    with pytest.raises(InvalidValue, match="is no value for VT_R4|does not fit VT_R4"):
+    with pytest.raises(InvalidValue, match=r"is no value for VT_R4"):
         encode_single(value)
 
 
@@ -268,7 +268,9 @@ def test_nothing_has_one_element_and_no_bytes(vt):
     refused(argument(vt, 1, b"\0"), hresult.E_INVALIDRCVPACKET, "does not agree with its 1 bytes")
 
 
-@pytest.mark.parametrize("vt", [9, 13, 14, 15, 22, 64, 99, 0x4003, 0xFFFF, VarType.VARIANT, ARRAY, ARRAY | 1, ARRAY | 9])
+@pytest.mark.parametrize(
+    "vt", [9, 13, 14, 15, 22, 64, 99, 0x4003, 0xFFFF, VarType.VARIANT, ARRAY, ARRAY | 1, ARRAY | 9]
+)
 def test_unknown_types(vt):
     refused(argument(vt, 1, b"\0" * 16), hresult.E_INVALIDARGTYPE, "unknown type VT_.* at offset 10")
     inside = argument(VARIANT_ARRAY, 1, element(vt, 1, b"\0" * 16))
@@ -379,13 +381,15 @@ def test_limits_speak_japanese():
 
 @given(st.binary(max_size=200))
 def test_any_bytes_are_read_or_refused(data):
+    codes = set()
     for exact in (False, True):
         try:
             _, after = decode(data, exact=exact)
         except ProtocolError as error:
-            assert error.code in (hresult.E_INVALIDRCVPACKET, hresult.E_INVALIDARGTYPE, hresult.E_ARGSIZEOVER)
+            codes.add(error.code)
         else:
             assert after <= len(data)
+    assert codes <= {hresult.E_INVALIDRCVPACKET, hresult.E_INVALIDARGTYPE, hresult.E_ARGSIZEOVER}
 
 
 TYPES = st.sampled_from([*map(int, VarType), *(int(vt) | ARRAY for vt in VarType), 9, 99])

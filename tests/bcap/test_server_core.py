@@ -190,7 +190,8 @@ def test_options(option, wdt, timeout):
     "option",
     ["WDT=80", "WDT=0", "WDT=-400", "WDT=x", "WDT", "WDT=", "WDT=1.5", "WDT=2147483648", "InvokeTimeout=79",
      "InvokeTimeout=0", "InvokeTimeout=x", "InvokeTimeout=2147483648", "InvokeTimeout=1" + "0" * 400,
-     "WDT=1" + "0" * 400, "WDT=" + "9" * 5000, "WDT=400,InvokeTimeout=1"],
+     "WDT=1" + "0" * 400, "WDT=" + "9" * 5000, "WDT=400,InvokeTimeout=1",
+     "WDT=400," + "x" * 65536],
 )  # fmt: skip
 def test_options_that_are_refused_change_nothing(option):
     """RC8 table 3-1: more than 80 ms."""

@@ -40,10 +40,10 @@ def refused(read, given: Variant, code: int, match: str) -> CallError:
 
 @pytest.mark.parametrize("vt", [*WHOLE, VarType.R4, VarType.R8])
 def test_a_number_of_any_type_alone_or_in_an_array(vt):
-    for given in (Variant(vt, 5), Variant(vt | ARRAY, [5]), variant([Variant(vt, 5), None][:1])):
-        assert same(to_integer(given), 5)
-        assert same(to_real(given), 5.0)
-        assert to_number(given) == 5
+    for number in (Variant(vt, 5), Variant(vt | ARRAY, [5]), Variant(VARIANT_ARRAY, [Variant(vt, 5)])):
+        assert same(to_integer(number), 5)
+        assert same(to_real(number), 5.0)
+        assert to_number(number) == 5
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_number_of_any_type_alone_or_in_an_array(vt):
         (bstr("1e3"), 1000.0),
         (bstr("５"), 5),
         (variant(["7"]), 7),
-        (variant([["7"], None][:1]), None),
+        (variant([[7]]), None),
         (Variant(VarType.ERROR, 5), 5),
         (Variant(VarType.I8, 2**40), 2**40),
     ],
@@ -120,7 +120,9 @@ def test_a_number_of_thousands_of_digits():
     refused(to_integer, bstr("9" * 5000), hresult.E_INVALIDARGTYPE, "a number, not '9999")
 
 
-@pytest.mark.parametrize("given", [variant(nan), variant(inf), variant(-inf), bstr("nan"), bstr("inf"), bstr("9" * 400)])
+@pytest.mark.parametrize(
+    "given", [variant(nan), variant(inf), variant(-inf), bstr("nan"), bstr("inf"), bstr("9" * 400)]
+)
 def test_what_is_no_usable_real_number(given):
     refused(to_real, given, hresult.E_INVALIDARG, "is no usable number")
     language.use("ja")
@@ -135,7 +137,9 @@ def test_a_handle_comes_as_a_whole_number(vt):
     assert same(to_handle(Variant(vt, 2)), 2)
 
 
-@pytest.mark.parametrize("given", [variant("2"), variant(2.0), variant(True), variant(None), variant([2]), variant(b"2")])
+@pytest.mark.parametrize(
+    "given", [variant("2"), variant(2.0), variant(True), variant(None), variant([2]), variant(b"2")]
+)
 def test_what_is_no_handle(given):
     refused(to_handle, given, hresult.E_INVALIDARGTYPE, "was given, VT_I4 is wanted")
 
@@ -168,8 +172,8 @@ def test_single():
     assert same(single(variant([1.5])), variant(1.5))
     assert same(single(variant(b"\5")), Variant(VarType.UI1, 5))
     assert same(single(Variant(VARIANT_ARRAY, [Variant(VarType.I2, 1)])), Variant(VarType.I2, 1))
-    for given in (variant([1, 2]), variant([]), variant(5), variant(None)):
-        assert single(given) is given
+    for other in (variant([1, 2]), variant([]), variant(5), variant(None)):
+        assert single(other) is other
 
 
 @pytest.mark.parametrize(
@@ -195,10 +199,12 @@ def test_wrong_type_names_both():
 
 
 @given(variants())
-def test_any_variant_is_read_or_refused_with_a_code(given):
+def test_any_variant_is_read_or_refused_with_a_code(item):
+    codes = set()
     for read in READERS:
         try:
-            read(given)
+            read(item)
         except CallError as error:
-            assert error.code in (hresult.E_INVALIDARG, hresult.E_INVALIDARGTYPE)
-    assert isinstance(to_values(given), list)
+            codes.add(error.code)
+    assert codes <= {hresult.E_INVALIDARG, hresult.E_INVALIDARGTYPE}
+    assert isinstance(to_values(item), list)

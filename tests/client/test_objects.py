@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from both import Both
-from devices import Call, Recorder, Workshop, answer
 
 import orinkit
+from both import Both
+from devices import Call, Recorder, Workshop, answer
 from orinkit import aio, hresult, language
 from orinkit import functions as f
 from orinkit.bcap import packet
@@ -213,7 +213,9 @@ def test_properties_of_the_synchronous_client(server: Server, recorder: Recorder
                     name = function.method.removeprefix("get_")
                     assert getattr(thing, name) == answer(function, path_of(interface), ())
                     checked += 1
-                    setter = next((e for e in FUNCTIONS.values() if e.method == f"put_{name}" and e.interface == interface), None)
+                    setter = next(
+                        (e for e in FUNCTIONS.values() if e.method == f"put_{name}" and e.interface == interface), None
+                    )
                     if setter is not None:
                         value = sample(setter.arguments[1])
                         setattr(thing, name, value)
@@ -318,7 +320,9 @@ def test_a_broken_connection_does_not_disturb_closing(both: Both, server: Server
     assert releases(recorder) == ["RC/a", "RC"]  # by the server, when the client had gone
 
 
-def test_dropped_objects_are_released_before_the_next_one_is_made(both: Both, server: Server, recorder: Recorder) -> None:
+def test_dropped_objects_are_released_before_the_next_one_is_made(
+    both: Both, server: Server, recorder: Recorder
+) -> None:
     controller = both.connect(server.url, provider=PROVIDER, name="RC")
     for name in ("a", "b", "c"):
         both.run(controller.variable(name))
@@ -364,7 +368,9 @@ def test_the_object_limit_says_so_and_the_connection_goes_on(both: Both, recorde
 # --- addresses ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("form", ["tcp://127.0.0.1:{}", "tcp:127.0.0.1:{}", "127.0.0.1:{}", "TCP://localhost:{}/", " tcp:127.0.0.1:{} "])
+@pytest.mark.parametrize(
+    "form", ["tcp://127.0.0.1:{}", "tcp:127.0.0.1:{}", "127.0.0.1:{}", "TCP://localhost:{}/", " tcp:127.0.0.1:{} "]
+)
 def test_connection_strings(both: Both, server: Server, form: str) -> None:
     port = server.url.rpartition(":")[2]
     controller = both.connect(form.format(port), provider=PROVIDER)
@@ -418,7 +424,10 @@ def test_trace_shows_every_packet(both: Both, server: Server) -> None:
     client = both.client(server.url, trace=lambda direction, data: seen.append((direction, data)))
     both.run(client.call(f.service_start, "WDT=400"))
     assert seen == [
-        (">", bytes.fromhex("012c00000001000000010000000100180000000800010000000e0000005700440054003d0034003000300004")),
+        (
+            ">",
+            bytes.fromhex("012c00000001000000010000000100180000000800010000000e0000005700440054003d0034003000300004"),
+        ),
         ("<", bytes.fromhex("01100000000100000000000000000004")),
     ]
     both.run(client.close())
@@ -514,7 +523,12 @@ def test_errors_survive_pickling(both: Both, server: Server) -> None:
         copy = pickle.loads(pickle.dumps(error))
         assert type(copy) is type(error)
         assert (str(copy), vars(copy)) == (str(error), vars(error))
-    assert [type(error) for error in caught[:4]] == [orinkit.errors.ProgramError, InvalidHandle, CallTimeout, ConnectionClosed]
+    assert [type(error) for error in caught[:4]] == [
+        orinkit.errors.ProgramError,
+        InvalidHandle,
+        CallTimeout,
+        ConnectionClosed,
+    ]
 
 
 def test_errors_and_clear_error_of_the_virtual_rc8(both: Both) -> None:

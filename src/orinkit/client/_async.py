@@ -26,7 +26,7 @@ from orinkit.client._common import (
     service_option,
     text_list,
 )
-from orinkit.errors import CallError, ObjectNotFound, OrinError
+from orinkit.errors import CallError, CallTimeout, ObjectNotFound, OrinError
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -82,17 +82,27 @@ class AsyncNode:
     async def close(self) -> None:
         """Release the object and those below it, newest first; does nothing the second time.
 
-        An object that the controller has released already, or that went with a broken connection, is no error.
+        An object that the controller has released already, or that went with a broken connection, is no error. Where
+        the controller does not answer in time, no more is asked of it.
         """
+        await self._let_go()
+
+    async def _let_go(self) -> bool:
+        """Release; False where the controller does not answer, so that closing does not take a time-out per object."""
         if not self._open:
-            return
-        for child in reversed(list(self._children.values())):
-            await child.close()
+            return True
         self._open = False
+        for reference in reversed(self._children.valuerefs()):  # a list: another thread may be adding one
+            child = reference()
+            if child is not None and not await child._let_go():  # noqa: SLF001 - one of us
+                return False
         try:
             await self._call(self.functions.release)
+        except CallTimeout:
+            return False
         except OrinError:  # it went with its parent or with the connection: it is released either way
             pass
+        return True
 
     async def __aenter__(self) -> Self:
         return self
@@ -505,12 +515,13 @@ class AsyncController(AsyncOwner):
         """Release everything, newest first, disconnect, stop the service, close the connection."""
         if not self._open:
             return
-        await super().close()
         try:
-            await self.client.call(f.service_stop)
+            if await self._let_go():
+                await self.client.call(f.service_stop)
         except OrinError:  # closing the connection says the same
             pass
-        await self.client.close()
+        finally:
+            await self.client.close()
 
 
 async def open_controller(

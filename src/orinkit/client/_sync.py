@@ -24,7 +24,7 @@ from orinkit.client._common import (
     text_list,
 )
 from orinkit.client._sync_client import Client
-from orinkit.errors import CallError, ObjectNotFound, OrinError
+from orinkit.errors import CallError, CallTimeout, ObjectNotFound, OrinError
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -80,17 +80,27 @@ class Node:
     def close(self) -> None:
         """Release the object and those below it, newest first; does nothing the second time.
 
-        An object that the controller has released already, or that went with a broken connection, is no error.
+        An object that the controller has released already, or that went with a broken connection, is no error. Where
+        the controller does not answer in time, no more is asked of it.
         """
+        self._let_go()
+
+    def _let_go(self) -> bool:
+        """Release; False where the controller does not answer, so that closing does not take a time-out per object."""
         if not self._open:
-            return
-        for child in reversed(list(self._children.values())):
-            child.close()
+            return True
         self._open = False
+        for reference in reversed(self._children.valuerefs()):  # a list: another thread may be adding one
+            child = reference()
+            if child is not None and not child._let_go():  # noqa: SLF001 - one of us
+                return False
         try:
             self._call(self.functions.release)
+        except CallTimeout:
+            return False
         except OrinError:  # it went with its parent or with the connection: it is released either way
             pass
+        return True
 
     def __enter__(self) -> Self:
         return self
@@ -662,12 +672,13 @@ class Controller(Owner):
         """Release everything, newest first, disconnect, stop the service, close the connection."""
         if not self._open:
             return
-        super().close()
         try:
-            self.client.call(f.service_stop)
+            if self._let_go():
+                self.client.call(f.service_stop)
         except OrinError:  # closing the connection says the same
             pass
-        self.client.close()
+        finally:
+            self.client.close()
 
 
 def open_controller(

@@ -36,6 +36,7 @@ class Connections:
         all: these, and the ones that are being refused.
         opening: how many connections have been accepted and are not in ``all`` yet.
         closing: no more connections.
+        empty: is set when the last of ``all`` has gone.
         tasks: handlers at work, also those whose client has gone.
     """
 
@@ -49,6 +50,7 @@ class Connections:
         self.all: set[TcpConnection] = set()
         self.opening = 0
         self.closing = False
+        self.empty = asyncio.Event()
         self.tasks: set[asyncio.Task[None]] = set()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
@@ -73,11 +75,14 @@ class Connections:
         """Close all connections and let the handlers end; what is not done within the seconds is cut off."""
         for connection in list(self.all):
             connection.close()
-        deadline = asyncio.get_running_loop().time() + seconds
-        while self.all and asyncio.get_running_loop().time() < deadline:
-            await asyncio.sleep(0.005)
-        for connection in list(self.all):
-            connection.abort()
+        if self.all:
+            self.empty.clear()
+            try:
+                async with asyncio.timeout(seconds):
+                    await self.empty.wait()
+            except TimeoutError:  # a client does not take its last answers
+                for connection in list(self.all):
+                    connection.abort()
         await asyncio.sleep(0)
         if self.tasks:
             await asyncio.wait(self.tasks, timeout=seconds)
@@ -156,6 +161,8 @@ class TcpConnection(asyncio.BufferedProtocol):
         self._waiting = None
         self._shared.open.discard(self)
         self._shared.all.discard(self)
+        if not self._shared.all:
+            self._shared.empty.set()
         if self._task is not None and self._cancellable:
             self._task.cancel()
         if self._session is not None:
@@ -171,6 +178,8 @@ class TcpConnection(asyncio.BufferedProtocol):
 
     def _act(self, actions: Iterator[Action]) -> None:
         for action in actions:
+            if self._transport.is_closing():  # the client has gone; what else it asked for is for nobody
+                return
             if type(action) is Execute:
                 if self._session is None:
                     self._answer(action, Reply(hresult.E_MAX_CONNECT))

@@ -1,0 +1,342 @@
+"""One connection used by many threads or tasks, calls cancelled and interrupted: no answer may go astray."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import os
+import random
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
+from typing import Any, Self
+
+import pytest
+
+import orinkit
+from devices import Workshop
+from orinkit import aio
+from orinkit import functions as f
+from orinkit.errors import BusyError, CallTimeout, OrinError, ProtocolError, TransportError
+from orinkit.server.background import Server
+from peers import BadPeer, Line, reply
+
+PROVIDER = "Test.Workshop"
+PATIENT = 30.0
+
+
+@pytest.fixture
+def workshop() -> Workshop:
+    return Workshop()
+
+
+@pytest.fixture
+def server(workshop: Workshop) -> Iterator[Server]:
+    with orinkit.serve(workshop, "tcp://127.0.0.1:0") as served:
+        yield served
+
+
+def test_eight_threads_on_one_connection(server: Server) -> None:
+    start = threading.Barrier(8)
+    with orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+
+        def work(thread: int) -> int:
+            start.wait(PATIENT)
+            variable = controller.variable(f"v{thread}")
+            for number in range(125):
+                token = [float(thread), float(number)]
+                assert controller.execute("Echo", token) == token
+                variable.value = f"{thread}/{number}"
+                assert variable.value == f"{thread}/{number}"
+                controller.variable("dropped at once")
+            return number + 1
+
+        with ThreadPoolExecutor(8) as pool:
+            assert sum(pool.map(work, range(8))) == 1000
+        assert controller.client.dropped == 0
+
+
+def test_threads_that_fail_do_not_disturb_the_others(server: Server) -> None:
+    with orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+
+        def work(thread: int) -> None:
+            for number in range(100):
+                if thread % 2:
+                    with pytest.raises(orinkit.errors.NotImplementedCall):
+                        controller.execute("no such command", number)
+                else:
+                    assert controller.execute("Echo", number) == number
+
+        with ThreadPoolExecutor(6) as pool:
+            list(pool.map(work, range(6)))
+
+
+def test_closing_while_other_threads_call(server: Server) -> None:
+    """Every call gets its own answer or an error of this library; nothing hangs."""
+    for _ in range(5):
+        controller = orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT)
+        begun = threading.Semaphore(0)
+
+        def work(thread: int, controller: orinkit.Controller = controller, begun: threading.Semaphore = begun) -> int:
+            for number in itertools.count():
+                try:
+                    assert controller.execute("Echo", [thread, number]) == [thread, number]
+                    controller.variable("x")
+                except OrinError:
+                    return number
+                begun.release()
+            raise AssertionError
+
+        with ThreadPoolExecutor(4) as pool:
+            results = [pool.submit(work, thread) for thread in range(4)]
+            for _ in range(20):
+                assert begun.acquire(timeout=PATIENT)
+            controller.close()
+            assert sum(result.result(PATIENT) for result in results) >= 10
+
+
+def test_fifty_tasks_on_one_client(server: Server) -> None:
+    async def body() -> None:
+        async with aio.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+
+            async def work(task: int) -> None:
+                variable = await controller.variable(f"v{task}")
+                for number in range(20):
+                    token = f"{task}:{number}"
+                    assert await controller.execute("EchoLater", [token, number % 3]) == token
+                    await variable.put_value(token)
+                    assert await variable.get_value() == token
+
+            await asyncio.gather(*map(work, range(50)))
+            assert controller.client.dropped == 0
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_calls_cancelled_at_random_moments(server: Server, seed: int) -> None:
+    """A call that follows a cancelled one gets its own answer, or is told that the controller is still busy."""
+
+    async def body() -> None:
+        chance = random.Random(seed)
+        cancelled = right = 0
+        async with aio.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+            for number in range(400):
+                token = f"{seed}:{number}"
+                call = asyncio.ensure_future(controller.execute("EchoLater", [token, chance.randrange(4)]))
+                for _ in range(chance.randrange(12)):
+                    await asyncio.sleep(0)
+                if chance.random() < 0.7:
+                    call.cancel()
+                try:
+                    assert await call == token
+                    right += 1
+                except asyncio.CancelledError:
+                    cancelled += 1
+                except BusyError:
+                    pass
+            await _until_free(controller)
+            assert controller.client.dropped <= cancelled + 1
+        assert cancelled > 20
+        assert right > 20
+
+    asyncio.run(body())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tasks_cancelled_at_random_on_one_client(server: Server, seed: int) -> None:
+    async def body() -> None:
+        chance = random.Random(seed)
+        async with aio.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+
+            async def work(task: int) -> int:
+                for number in range(10):
+                    token = [task, number]
+                    try:
+                        assert await controller.execute("EchoLater", [token, 1]) == token
+                    except BusyError:
+                        await asyncio.sleep(0)
+                return task
+
+            tasks = [asyncio.ensure_future(work(task)) for task in range(50)]
+            for _ in range(25):
+                for _ in range(chance.randrange(40)):
+                    await asyncio.sleep(0)
+                chance.choice(tasks).cancel()
+            results = await asyncio.gather(*tasks, return_exceptions=True)
+            for task, result in enumerate(results):
+                assert result == task or isinstance(result, asyncio.CancelledError)
+            assert any(isinstance(result, asyncio.CancelledError) for result in results)
+            await _until_free(controller)
+
+    asyncio.run(body())
+
+
+async def _until_free(controller: aio.AsyncController) -> None:
+    while True:
+        try:
+            assert await controller.execute("Echo", "at last") == "at last"
+            return
+        except BusyError:
+            await asyncio.sleep(0)
+
+
+def test_a_cancelled_connect_leaves_nothing_open(server: Server) -> None:
+    async def body() -> None:
+        for turns in range(30):
+            connecting = asyncio.ensure_future(_connect(server.url))
+            for _ in range(turns):
+                await asyncio.sleep(0)
+            connecting.cancel()
+            try:
+                await (await connecting).close()
+            except asyncio.CancelledError:
+                pass
+            assert len(asyncio.all_tasks()) == 1
+
+    asyncio.run(body())
+
+
+async def _connect(url: str) -> aio.AsyncController:
+    return await aio.connect(url, provider=PROVIDER)
+
+
+def test_a_call_given_up_while_the_device_works_leaves_the_connection_usable(
+    server: Server, workshop: Workshop
+) -> None:
+    """asyncio.timeout around a call; the device is at work for ever so long, and says so to the next call."""
+
+    async def body() -> None:
+        async with aio.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+            with pytest.raises(TimeoutError):
+                async with asyncio.timeout(0.05):
+                    await controller.execute("Wait", "late")
+            with pytest.raises(BusyError):
+                await controller.execute("Echo", 1)
+            workshop.gate.set()
+            await _until_free(controller)
+            assert controller.client.dropped == 1
+
+    asyncio.run(body())
+
+
+# --- an exception out of a signal handler -----------------------------------------------------------------------------
+
+
+class Interrupt(BaseException):
+    """What KeyboardInterrupt is: raised by a signal handler wherever the program happens to be."""
+
+
+class Interrupter:
+    """Raises :class:`Interrupt` in the main thread again and again while it is armed."""
+
+    def __init__(self) -> None:
+        self.armed = False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.armed:
+            self.armed = False
+            raise Interrupt
+
+    def _run(self) -> None:
+        chance = random.Random(1)
+        while not self._stop.wait(chance.random() * 0.002):
+            os.kill(os.getpid(), signal.SIGUSR1)
+
+    def __enter__(self) -> Self:
+        self._before = signal.signal(signal.SIGUSR1, self._handle)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.armed = False
+        self._stop.set()
+        self._thread.join()
+        signal.signal(signal.SIGUSR1, self._before)
+
+
+def _in_pieces(line: Line) -> None:
+    chance = random.Random(2)
+    while True:
+        request = line.request()
+        answer = reply(request, request.arguments[-1])
+        cuts = sorted(chance.randrange(len(answer)) for _ in range(3))
+        for begin, end in itertools.pairwise([0, *cuts, len(answer)]):
+            line.send(answer[begin:end])
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="this system has no such signals")
+def test_an_interrupted_call_leaves_the_connection_in_step_or_closed() -> None:
+    interrupted = right = closed = 0
+    with BadPeer(_in_pieces) as peer:
+        client = orinkit.open_client(peer.url, timeout=PATIENT)
+        with Interrupter() as interrupter:
+            for number in itertools.count():
+                if right > 500 and interrupted > 150:
+                    break
+                try:
+                    interrupter.armed = True
+                    value: Any = client.call(f.controller_execute, 1, "Echo", number)
+                    interrupter.armed = False
+                    assert value == number
+                    right += 1
+                except Interrupt:
+                    interrupted += 1
+                except TransportError:
+                    interrupter.armed = False
+                    closed += 1
+                    client.close()
+                    client = orinkit.open_client(peer.url, timeout=PATIENT)
+        client.close()
+    assert closed <= interrupted
+
+
+def test_a_trace_that_raises_leaves_the_connection_in_step_or_closed() -> None:
+    """The same for an exception out of the user's own trace function."""
+    with BadPeer(_in_pieces) as peer:
+        chance = random.Random(3)
+
+        def trace(direction: str, data: bytes) -> None:
+            if chance.random() < 0.2:
+                raise Interrupt
+
+        client = orinkit.open_client(peer.url, timeout=PATIENT, trace=trace)
+        right = 0
+        for number in range(300):
+            try:
+                assert client.call(f.controller_execute, 1, "Echo", number) == number
+                right += 1
+            except Interrupt:
+                pass
+            except TransportError:
+                client.close()
+                client = orinkit.open_client(peer.url, timeout=PATIENT, trace=trace)
+        client.close()
+    assert right > 50
+
+
+def test_timeouts_from_several_threads_are_their_own(server: Server, workshop: Workshop) -> None:
+    with orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
+        with pytest.raises(CallTimeout):
+            controller.client.request(f.controller_execute, controller.handle, "Wait", 1, timeout=0.05)
+        with ThreadPoolExecutor(4) as pool:
+            results = list(pool.map(lambda number: _outcome(controller, number), range(20)))
+        assert set(results) == {"busy"}
+        workshop.gate.set()
+        while _outcome(controller, 7) == "busy":
+            pass
+        assert _outcome(controller, 8) == "right"
+
+
+def _outcome(controller: orinkit.Controller, number: int) -> str:
+    try:
+        assert controller.execute("Echo", number) == number
+    except BusyError:
+        return "busy"
+    except ProtocolError:
+        return "wrong"
+    return "right"

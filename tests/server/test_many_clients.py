@@ -1,0 +1,242 @@
+"""Many clients at once, and many one after the other: nothing lost, nothing crossed, nothing left over."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import threading
+import tracemalloc
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+import orinkit
+from devices import Workshop
+from orinkit import aio
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.cao.provider import Provider
+from orinkit.cao.session import Session
+from orinkit.server.background import Server
+from orinkit.virtual.rc8 import VirtualRC8
+from peers import RawClient
+
+PATIENT = 60.0
+CLIENTS = 200
+DESCRIPTORS = Path("/proc/self/fd")
+
+
+@pytest.fixture
+def workshop() -> Workshop:
+    return Workshop()
+
+
+@pytest.fixture
+def server(workshop: Workshop) -> Iterator[Server]:
+    providers: list[Provider] = [VirtualRC8(counts={"I": CLIENTS, "S": CLIENTS}), workshop]
+    with orinkit.serve(providers, "tcp://127.0.0.1:0") as served:
+        yield served
+
+
+def test_two_hundred_threads_at_once(server: Server) -> None:
+    """Each has a connection and variables of its own, all are connected at the same time."""
+    together = threading.Barrier(CLIENTS)
+
+    def work(number: int) -> int:
+        with orinkit.connect(server.url, timeout=PATIENT) as controller:
+            together.wait(PATIENT)
+            whole, text = controller.variable(f"I{number}"), controller.variable(f"S{number}")
+            for turn in range(20):
+                whole.value = number * 1000 + turn
+                text.value = f"client {number} turn {turn}"
+                assert whole.value == number * 1000 + turn
+                assert text.value == f"client {number} turn {turn}"
+            assert controller.client.dropped == 0
+            together.wait(PATIENT)
+        return turn + 1
+
+    with ThreadPoolExecutor(CLIENTS) as pool:
+        assert sum(pool.map(work, range(CLIENTS))) == 20 * CLIENTS
+
+
+def test_two_hundred_tasks_at_once(server: Server) -> None:
+    async def body() -> None:
+        connected = 0
+        everyone = asyncio.Event()
+
+        async def work(number: int) -> int:
+            nonlocal connected
+            async with aio.connect(server.url, timeout=PATIENT) as controller:
+                connected += 1
+                if connected == CLIENTS:
+                    assert server.clients == CLIENTS
+                    everyone.set()
+                await everyone.wait()
+                variable = await controller.variable(f"I{number}")
+                for turn in range(20):
+                    await variable.put_value(number * 1000 + turn)
+                    assert await variable.get_value() == number * 1000 + turn
+                assert controller.client.dropped == 0
+            return turn + 1
+
+        assert sum(await asyncio.gather(*map(work, range(CLIENTS)))) == 20 * CLIENTS
+
+    asyncio.run(body())
+
+
+def test_what_two_hundred_clients_wrote_is_there(server: Server) -> None:
+    """One variable for all, each client its own bit pattern: the last value is one that somebody wrote."""
+
+    async def body() -> None:
+        async def work(number: int) -> None:
+            async with aio.connect(server.url, timeout=PATIENT) as controller:
+                shared, own = await controller.variable("S0"), await controller.variable(f"I{number}")
+                await own.put_value(-number)
+                for turn in range(5):
+                    await shared.put_value(f"{number}:{turn}:{number}")
+                    first, _, last = (await shared.get_value()).split(":")
+                    assert first == last
+
+        await asyncio.gather(*map(work, range(CLIENTS)))
+        async with aio.connect(server.url, timeout=PATIENT) as controller:
+            for number in range(CLIENTS):
+                assert await (await controller.variable(f"I{number}")).get_value() == -number
+
+    asyncio.run(body())
+
+
+# --- connect and disconnect, again and again --------------------------------------------------------------------------
+
+
+def in_good_order(server: Server) -> None:
+    with orinkit.connect(server.url, timeout=PATIENT) as controller:
+        controller.variable("I1").value = 1
+
+
+def without_a_word(server: Server) -> None:
+    """The client just goes, with objects in its hands and a call at work."""
+    with RawClient(server.url) as raw:
+        handle = raw.ask(3, "", "Test.Workshop", "", "")
+        for _ in range(5):
+            raw.ask(9, handle, "v", "")
+        raw.request(17, handle, "Wait", None)
+
+
+def in_the_middle_of_a_packet(server: Server) -> None:
+    with RawClient(server.url) as raw:
+        raw.ask(1)
+        raw.send(packet.encode(Packet(2, 3, ["x" * 100, "", "", ""]))[:50])
+
+
+def with_nonsense(server: Server) -> None:
+    with RawClient(server.url) as raw:
+        raw.send(b"\x01\x00\x00\x00\x00nonsense")
+        raw.packet()
+
+
+def without_reading(server: Server) -> None:
+    with RawClient(server.url, receive_buffer=4096) as raw:
+        handle = raw.ask(3, "", "Test.Workshop", "", "")
+        raw.send(packet.encode(Packet(1, 17, [handle, "Large", 50_000])) * 20)
+
+
+def one_of_each(server: Server) -> None:
+    for way in WAYS:
+        way(server)
+
+
+WAYS: list[Callable[[Server], None]] = [
+    in_good_order,
+    without_a_word,
+    in_the_middle_of_a_packet,
+    with_nonsense,
+    without_reading,
+]
+
+
+def left_over() -> dict[str, int]:
+    """What a connection that is not cleaned up leaves behind."""
+    gc.collect()
+    return {
+        "descriptors": len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.exists() else 0,
+        "threads": threading.active_count(),
+        "tasks": sum(isinstance(thing, asyncio.Task) and not thing.done() for thing in gc.get_objects()),
+        "sessions": sum(isinstance(thing, Session) for thing in gc.get_objects()),
+    }
+
+
+def settle(server: Server) -> None:
+    """Wait until the server has seen every client go."""
+    pause = threading.Event()
+    for _ in range(2000):
+        if server.clients == 0:
+            break
+        pause.wait(0.005)
+    assert server.clients == 0
+    pause.wait(0.05)  # cancelled handlers have a turn of the loop to go
+
+
+def test_a_thousand_connections_leave_nothing_behind(
+    server: Server, workshop: Workshop, caplog: pytest.LogCaptureFixture
+) -> None:
+    """1,000 clients, a fifth of them well-behaved; the rest leave in every bad way there is."""
+    caplog.set_level(logging.ERROR, "orinkit")  # pytest keeps every record that is logged
+    for _ in range(20):  # caches, pools and the like fill now
+        one_of_each(server)
+    settle(server)
+    before = left_over()
+    tracemalloc.start()
+    try:
+        for _ in range(50):
+            one_of_each(server)
+        settle(server)
+        gc.collect()
+        middle, _ = tracemalloc.get_traced_memory()
+        for _ in range(150):
+            one_of_each(server)
+        settle(server)
+        gc.collect()
+        end, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert left_over() == before
+    assert workshop.made == ["v"] * 5 * 220
+    assert workshop.released.count("v") == 5 * 220  # every object of every client, however it went
+    assert workshop.released.count("Controller") == 2 * 220
+    assert end - middle < 150_000  # of 750 connections: less than 200 bytes each, where a session has thousands
+    assert caplog.records == []  # not even from asyncio
+
+
+def test_a_thousand_connections_of_the_asynchronous_client(server: Server) -> None:
+    async def body() -> None:
+        async def visit(number: int) -> None:
+            async with aio.connect(server.url, timeout=PATIENT) as controller:
+                variable = await controller.variable(f"I{number % CLIENTS}")
+                await variable.put_value(number)
+
+        async def visits(count: int) -> None:
+            for begin in range(0, count, 10):
+                await asyncio.gather(*map(visit, range(begin, begin + 10)))
+
+        await visits(100)
+        settle(server)
+        before = left_over()
+        await visits(1000)
+        settle(server)
+        await asyncio.sleep(0)
+        assert left_over() == before
+
+    asyncio.run(body())
+
+
+def test_handles_of_a_client_that_stays_do_not_grow(server: Server) -> None:
+    """Objects made and released ten times as often as the limit allows at a time."""
+    with orinkit.connect(server.url, timeout=PATIENT) as controller:
+        for _ in range(5000):
+            controller.variable("I1").close()
+        for _ in range(5000):
+            controller.variable("I1")
+        assert controller.variable("I1").value == 0
