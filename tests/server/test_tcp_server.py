@@ -659,7 +659,7 @@ def test_the_async_server(workshop: Workshop) -> None:
 )
 def test_any_text_anywhere(text: str) -> None:
     recorder = Recorder()
-    recorder.provider_names = (f"Test.{text.strip() or 'empty'}",)  # type: ignore[misc]
+    recorder.provider_names = (f"Test.{text.strip() or 'empty'}",)
     with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
         with orinkit.connect(
             server.url, provider=recorder.provider_names[0], name=f"RC{text}", option=text
@@ -668,7 +668,7 @@ def test_any_text_anywhere(text: str) -> None:
             variable.value = text
             variable.tag = [text, text]
             controller.execute(text, text)
-            assert text in controller.name or "\\" in repr(text)
+            assert text in controller.name
         assert Call("Controller_GetVariable", f"RC{text}", (text, text)) in recorder.calls
         assert Call("Variable_PutValue", f"RC{text}/{text}", (text,)) in recorder.calls
         assert Call("Variable_PutTag", f"RC{text}/{text}", ([text, text],)) in recorder.calls
