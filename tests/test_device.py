@@ -285,6 +285,34 @@ def test_a_waiting_handler_holds_up_nobody_else(gripper, client):
     assert result == [True]
 
 
+def test_arguments_are_converted_as_annotated(gripper, client):
+    assert client.execute("Close", ["5", "2"]) == "closed with 5.0"
+    assert gripper.count == 2
+    with pytest.raises(InvalidArgument):
+        client.execute("Close", "tight")
+    with pytest.raises(InvalidArgument):
+        client.execute("Close", [1.0, 0.5])
+
+
+def test_mistakes_in_a_declaration_are_told_at_once():
+    with pytest.raises(TypeError, match="a name"):
+        variable(lambda self: 1)(lambda self: 1)
+    with pytest.raises(TypeError, match="VarType"):
+        variable("X", type="R4")(lambda self: 1)
+    with pytest.raises(TypeError, match="VarType"):
+        variable("X", type=99)(lambda self: 1)
+    with pytest.raises(TypeError, match="twice"):
+
+        class Twice(Device):
+            @variable("X")
+            def one(self) -> int:
+                return 1
+
+            @variable("x")
+            def two(self) -> int:
+                return 2
+
+
 def test_a_subclass_inherits_and_overrides_what_is_declared():
     class Better(Gripper):
         @variable("WIDTH", quick=True)

@@ -54,7 +54,8 @@ from orinkit.cao.provider import (
 )
 from orinkit.errors import CallError, InvalidValue, error_for
 from orinkit.language import pick
-from orinkit.variant import ARRAY, Value, Variant, VarType
+from orinkit.variant import ARRAY, Value, Variant, VarType, type_name
+from orinkit.variant import variant as to_variant
 
 D = TypeVar("D", bound="Declared")
 
@@ -70,10 +71,33 @@ _BY_ANNOTATION: Final[dict[object, VarType]] = {
 }  # fmt: skip
 
 
+def _check_name(name: object) -> None:
+    if not isinstance(name, str) or not name:
+        raise TypeError(
+            pick(
+                'a name in the controller is needed: @variable("NAME"), @command("NAME")',
+                'コントローラでの名前が必要です: @variable("名前")、@command("名前")',
+            )
+        )
+
+
+def _check_type(name: str, vt: object) -> None:
+    if vt is not None and (not isinstance(vt, int) or "?" in type_name(vt)):
+        raise TypeError(
+            pick(
+                f"variable {name!r}: type must be a VarType, not {vt!r}",
+                f"変数 {name!r}: type は VarType で指定してください ({vt!r})",
+            )
+        )
+
+
 class Declared:
     """Something that a decorator declares: its name in the controller, and how its method is run."""
 
+    kind = ""
+
     def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool) -> None:  # noqa: A002
+        _check_name(name)
         self.method = method
         self.name = name
         self.help = help or inspect.getdoc(method) or ""
@@ -89,8 +113,11 @@ class Declared:
 class DeclaredVariable(Declared):
     """A variable: a getter, perhaps a setter."""
 
+    kind = "Variable"
+
     def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool, type: int | None) -> None:  # noqa: A002
         super().__init__(method, name, help, quick)
+        _check_type(name, type)
         self.type = type if type is not None else _BY_ANNOTATION.get(method.__annotations__.get("return"))
         self.set: Callable[..., Any] | None = None
 
@@ -110,15 +137,15 @@ class DeclaredVariable(Declared):
         try:
             if self.type & ARRAY or self.type == VarType.DATE:
                 return Variant(self.type, value.plain).plain
-            if self.type == VarType.BSTR:
-                return coerce.to_text(value)
-            return Variant(self.type, coerce.to_number(value)).plain
+            return _as_type(self.type, value).plain
         except (InvalidValue, CallError) as error:
             raise error_for(hresult.DISP_E_TYPEMISMATCH, f"{self.name}: {error}") from None
 
 
 class DeclaredCommand(Declared):
     """An Execute command."""
+
+    kind = "Command"
 
     def arguments(self, parameter: Variant) -> list[Any]:
         """Return the method's arguments: a parameter array is spread over them, a method with one gets it whole.
@@ -141,7 +168,27 @@ class DeclaredCommand(Declared):
                     f"{self.name}({wanted}) に {len(values)} 個の値が渡されました",
                 ),
             ) from None
-        return values
+        converted = [_converted(*pair) for pair in zip(parameters, values, strict=False)]
+        return converted + values[len(converted) :]
+
+
+def _converted(parameter: inspect.Parameter, value: Any) -> Any:
+    """Return an argument of a command as its annotation says: bool, int, float or str; another one as it came.
+
+    Raises:
+        CallError: E_INVALIDARG where it cannot be that.
+    """
+    vt = _BY_ANNOTATION.get(parameter.annotation)
+    if vt is None or vt is VarType.DATE or parameter.kind is inspect.Parameter.VAR_POSITIONAL:
+        return value
+    try:
+        return _as_type(vt, to_variant(value)).plain
+    except (InvalidValue, CallError) as error:
+        raise error_for(hresult.E_INVALIDARG, f"{parameter}: {error}") from None
+
+
+def _as_type(vt: int, value: Variant) -> Variant:
+    return Variant(vt, coerce.to_text(value) if vt == VarType.BSTR else coerce.to_number(value))
 
 
 class DeclaredChild(Declared):
@@ -204,6 +251,20 @@ file = _child("File")
 command_object = _child("Command object")
 
 
+def _declared_in(kind: type) -> dict[tuple[str, str], Declared]:
+    """Return what one class declares by itself; two members of one kind and name would hide each other."""
+    found: dict[tuple[str, str], Declared] = {}
+    for member in vars(kind).values():
+        if isinstance(member, Declared) and found.setdefault((member.kind, member.name.lower()), member) is not member:
+            raise TypeError(
+                pick(
+                    f"{kind.__name__} declares the {member.kind} {member.name!r} twice; upper and lower case are the same",
+                    f"{kind.__name__} で {member.kind} {member.name!r} が二重に宣言されています (大文字と小文字は区別しません)",
+                )
+            )
+    return found
+
+
 class Part:
     """Something with declared variables, commands and objects below; one instance serves all clients."""
 
@@ -214,14 +275,7 @@ class Part:
         super().__init_subclass__(**kwargs)
         cls._declared = {}
         for base in reversed(cls.__mro__):
-            for member in vars(base).values():
-                if isinstance(member, Declared):
-                    kind = (
-                        member.kind
-                        if isinstance(member, DeclaredChild)
-                        else type(member).__name__.removeprefix("Declared")
-                    )
-                    cls._declared[kind, member.name.lower()] = member
+            cls._declared.update(_declared_in(base))
 
     @classmethod
     def declared(cls, kind: str, name: str) -> Declared | None:

@@ -12,6 +12,7 @@
     │   ├── ConnectFailed                  could not be opened
     │   ├── ConnectionLost                 ended while in use
     │   └── ConnectionClosed               used after it was closed here
+    ├── ObjectReleased                     an object was used after it was closed here
     ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
     └── CallError                          the controller answered with an error code
         ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx
@@ -102,6 +103,10 @@ class ConnectionLost(TransportError):
 
 class ConnectionClosed(TransportError):
     """The link was used after it had been closed on this side."""
+
+
+class ObjectReleased(OrinError):
+    """An object of a controller was used after it had been closed on this side; nothing was sent."""
 
 
 class CallTimeout(OrinError, TimeoutError):

@@ -278,7 +278,10 @@ def misfit(vt: int, value: object) -> InvalidValue:
     shown = _shown(value)
     bounds = _RANGES.get(vt)
     if bounds and isinstance(value, int):
-        wider = pick("; Variant(VarType.I8, ...) holds 64 bits", "。64 ビットなら Variant(VarType.I8, ...)")
+        wider = pick(
+            "; write it as a float, or as Variant(VarType.I8, ...)",
+            "。float か Variant(VarType.I8, ...) にしてください",
+        )
         return InvalidValue(
             pick(
                 f"{shown} does not fit {type_name(vt)} ({bounds[0]} to {bounds[1]})",
@@ -294,7 +297,8 @@ def misfit(vt: int, value: object) -> InvalidValue:
 def _shown(value: object) -> str:
     """The value for a message: short, and whatever the value is."""
     try:
-        return f"{value!r:.60}"
+        text = repr(value)
+        return text if len(text) <= 60 else f"{text[:57]}..."
     except Exception:  # noqa: BLE001 - an int of 4300 digits, a list nested too deep, somebody's __repr__
         return f"<{type(value).__name__}>"
 

@@ -363,6 +363,47 @@ def test_a_provider_without_a_device():
     bare.close()
 
 
+def test_what_was_made_too_late_is_let_go(session):
+    released = []
+
+    class Late(VariableObject):
+        def release(self):
+            released.append(self.name)
+
+    controller = connect(session)
+    before = len(session)
+    pending = Pending(FUNCTIONS[9], controller, "I1", Blocking(lambda: None))
+    reply = session.complete(pending, Late("I1"), told=False)
+    assert (reply.code, released, len(session)) == (hresult.E_ABORT, ["I1"], before)
+    assert session.complete(Pending(FUNCTIONS[101], controller, "", None), 5, told=False).code == hresult.S_OK
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "said"),
+    [
+        ([], ValueError, "nothing to serve"),
+        (Device, TypeError, "brackets"),
+        ("Foo", TypeError, "'F'"),
+        (5, TypeError, "5"),
+        ([Device(), None], TypeError, "None"),
+    ],
+)
+def test_what_cannot_be_served(wrong, error, said):
+    with pytest.raises(error, match=said):
+        Host(wrong)
+
+
+def test_provider_names_are_a_tuple_of_names(caplog):
+    device = Device()
+    for names in ("Foo", (1,)):
+        device.provider_names = names
+        with pytest.raises(TypeError, match="provider_names"):
+            Host(device)
+    device.provider_names = ()
+    Host(device)
+    assert "nobody can connect" in caplog.text
+
+
 # --- limits -----------------------------------------------------------------------------------------------------------
 
 
@@ -534,7 +575,7 @@ def test_success_codes_beside_the_result(session):
         ("dict", hresult.E_FAIL, "Controller_Execute cannot return dict"),
         ("huge", hresult.E_FAIL, "does not fit VT_I4"),
         ("coded wrong", hresult.E_FAIL, "a return code has 32 bits"),
-        ("too wide", hresult.E_INVALIDARG, "70000 does not fit VT_I2"),
+        ("too wide", hresult.E_FAIL, "70000 does not fit VT_I2"),
     ],
 )
 def test_what_a_device_raises_is_answered_and_nothing_else_breaks(session, command, expected, detail, caplog):
@@ -542,7 +583,7 @@ def test_what_a_device_raises_is_answered_and_nothing_else_breaks(session, comma
     reply = call(session, "Controller_Execute", controller, command, 70000)
     assert (reply.code, reply.result) == (expected, None)
     assert detail in reply.detail
-    unexpected = expected in (hresult.E_FAIL, hresult.E_INVALIDARG)
+    unexpected = expected == hresult.E_FAIL
     assert ("Controller_Execute: the device raised an exception" in caplog.text) == unexpected
     assert value(session, "Controller_Execute", controller, "echo", 5) == 5
     assert len(session) == 1

@@ -67,13 +67,16 @@ def test_a_return_code_may_be_written_in_hex(run, url, code):
 def test_a_text_argument_is_taken_as_it_is(call, recorder):
     for word, sent in (("100", "100"), ("8,100", "100"), ("2,5", "2,5"), ("8197,x", "8197,x"), ("true", "true")):
         recorder.calls.clear()
-        assert call("Robot_Halt", word).code == 0
+        assert call("Robot_Halt", word, "--robot", "Arm").code == 0
         assert recorder.calls[2].arguments == (sent,)
 
 
-def test_the_first_robot_is_called_arm(call, recorder):
+def test_a_robot_is_only_moved_by_its_name(call, recorder, refused, url):
     recorder.calls.clear()
-    call("Robot_Move", "1", "@E P1")
+    refused("call", url, "Robot_Move", "1", "@E P1", code=2)
+    assert "Robot_Move" not in [call.function for call in recorder.calls]
+    recorder.calls.clear()
+    call("Robot_Move", "1", "@E P1", "--robot", "Arm")
     assert recorder.calls[1].arguments == ("Arm", "")
     assert recorder.calls[2].arguments == (1, "@E P1", "")
 
@@ -112,9 +115,9 @@ def test_a_handle_of_ones_own_choice(refused, url):
     [
         (["Robot_Moove"], "no function 'Robot_Moove'; did you mean Robot_Move"),
         (["138"], "no function '138'"),
-        (["Variable_GetValue"], "Variable_GetValue works on a variable: name it with --variable NAME"),
+        (["Variable_GetValue"], "Variable_GetValue needs to know which variable: name it with --variable NAME"),
         (["Task_Start"], "0 given, 1-2 wanted for Task_Start(handle, mode: VT_I4, option"),
-        (["Task_Start", "1"], "Task_Start works on a task: name it with --task NAME"),
+        (["Task_Start", "1"], "Task_Start needs to know which task: name it with --task NAME"),
         (["Extension_GetName"], "name it with --extension NAME"),
         (["File_GetName"], "name it with --file NAME"),
         (["Command_GetName"], "name it with --command NAME"),

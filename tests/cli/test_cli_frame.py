@@ -84,8 +84,11 @@ def test_help_loads_nothing_that_only_commands_need(program):
 @pytest.mark.parametrize(
     ("argv", "said"),
     [
-        (["frob"], "there is no command frob (see orinkit --help)"),
-        (["serve", "frob"], "there is no command frob (see orinkit serve --help)"),
+        (
+            ["frob"],
+            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions? (see orinkit --help)",
+        ),
+        (["serve", "frob"], "there is no command frob; did you mean rc8? (see orinkit serve --help)"),
         (["get"], "URL is missing (see orinkit get --help)"),
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),

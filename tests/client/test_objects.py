@@ -27,6 +27,7 @@ from orinkit.errors import (
     InvalidHandle,
     InvalidValue,
     NotImplementedCall,
+    ObjectReleased,
     OrinError,
     ProtocolError,
 )
@@ -256,7 +257,7 @@ def test_closing_twice_is_no_error_and_releases_once(both: Both, server: Server,
         both.run(controller.close())
     both.run(variable.close())
     assert releases(recorder) == ["RC/a", "RC"]
-    with pytest.raises(ConnectionClosed):
+    with pytest.raises(ObjectReleased, match="closed"):
         both.run(controller.execute("x"))
 
 
@@ -266,10 +267,22 @@ def test_a_closed_parent_closes_what_is_below_it(both: Both, server: Server, rec
     variable = both.run(robot.variable("b"))
     both.run(robot.close())
     assert releases(recorder) == ["RC/Arm/b", "RC/Arm"]
-    with pytest.raises(InvalidHandle):
+    with pytest.raises(ObjectReleased):
         both.run(variable.get_value())
+    with pytest.raises(ObjectReleased):
+        both.run(robot.variable("c"))
+    assert "Variable_GetValue" not in [call.function for call in recorder.calls]
     both.run(variable.close())
     assert releases(recorder) == ["RC/Arm/b", "RC/Arm"]
+    both.run(controller.close())
+
+
+def test_a_misspelt_attribute_is_an_error(both: Both, server: Server) -> None:
+    controller = both.connect(server.url, provider=PROVIDER, name="RC")
+    variable = both.run(controller.variable("a"))
+    for name in ("Value", "valeu"):
+        with pytest.raises(AttributeError):
+            setattr(variable, name, 5)
     both.run(controller.close())
 
 
@@ -527,7 +540,7 @@ def test_errors_survive_pickling(both: Both, server: Server) -> None:
         orinkit.errors.ProgramError,
         InvalidHandle,
         CallTimeout,
-        ConnectionClosed,
+        ObjectReleased,
     ]
 
 

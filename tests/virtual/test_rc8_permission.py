@@ -30,11 +30,10 @@ def test_the_most_specific_entry_decides(address, access):
 
 def test_everyone_may_do_everything_unless_told():
     assert Permission().of("1.2.3.4") is Access.READ_WRITE
-    assert Permission.parse("").of("1.2.3.4") is Access.READ_WRITE
 
 
 def test_permission_as_text():
-    permission = Permission.parse(" 192.168.0.7 = r, ,10.0.0.0/8=rw,*=none,")
+    permission = Permission.parse(" 192.168.0.7 = r,10.0.0.0/8=rw , *=none")
     assert [permission.of(a) for a in ("192.168.0.7", "10.1.1.1", "8.8.8.8")] == [
         Access.READ,
         Access.READ_WRITE,
@@ -52,6 +51,8 @@ def test_permission_as_text():
         ("10.0.0.1=r,10.0.0.1=rw", "10.0.0.1"),
         ("10.0.0.1=r,10.0.0.1/32=rw", "10.0.0.1"),
         ("*=r,*=rw", "[*]"),
+        ("", "''"),
+        ("*=r,", "''"),
     ],
 )
 def test_permission_that_cannot_be_read(text, quoted):
@@ -62,6 +63,13 @@ def test_permission_that_cannot_be_read(text, quoted):
 def test_a_default_that_is_no_right():
     with pytest.raises(ValueError, match="write"):
         Permission("write")
+
+
+def test_a_permission_is_a_permission_and_a_directory_has_a_name():
+    with pytest.raises(TypeError, match=r"Permission\.parse"):
+        VirtualRC8(permission="*=r")
+    with pytest.raises(ValueError, match="empty name"):
+        VirtualRC8(state="")
 
 
 @pytest.fixture

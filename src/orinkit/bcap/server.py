@@ -62,6 +62,7 @@ class ServerConversation:
             ``InvokeTimeout=<ms>``.
 
     Attributes:
+        timed_out: True once the call being executed has been answered with E_TIMEOUT.
         wdt: seconds between S_EXECUTING packets while a call is at work, ``None`` for none; set by ``WDT=<ms>``.
     """
 
@@ -72,7 +73,7 @@ class ServerConversation:
         self._limits = limits
         self._framer = packet.Framer(limits)
         self._current: Execute | None = None
-        self._timed_out = False
+        self.timed_out = False
         self._next_wdt = 0.0
         self._give_up = 0.0
 
@@ -110,7 +111,7 @@ class ServerConversation:
         if function_id == _SERVICE_START and not self._set_options(arguments):
             return _answer(serial, hresult.E_INVALIDARG)
         self._current = call = Execute(serial, function_id, arguments)
-        self._timed_out = False
+        self.timed_out = False
         self._give_up = now + self.invoke_timeout
         if self.wdt is not None:
             self._next_wdt = now + self.wdt
@@ -139,8 +140,8 @@ class ServerConversation:
         if call is not self._current:
             return b""
         self._current = None
-        if self._timed_out:
-            self._timed_out = False
+        if self.timed_out:
+            self.timed_out = False
             return b""
         if result is None:
             return packet.pack(call.serial, code, 0, b"")
@@ -155,7 +156,7 @@ class ServerConversation:
 
     def deadline(self) -> float | None:
         """Return when :meth:`tick` is due next, ``None`` while it is not."""
-        if self._current is None or self._timed_out:
+        if self._current is None or self.timed_out:
             return None
         return self._give_up if self.wdt is None else min(self._next_wdt, self._give_up)
 
@@ -168,7 +169,7 @@ class ServerConversation:
         if self._current is None or due is None or now < due:
             return b""
         if now >= self._give_up:
-            self._timed_out = True
+            self.timed_out = True
             return packet.pack(self._current.serial, hresult.E_TIMEOUT, 0, b"")
         assert self.wdt is not None
         self._next_wdt = now + self.wdt

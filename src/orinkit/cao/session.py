@@ -68,9 +68,9 @@ class Host:
     """
 
     def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
-        self.providers = [providers] if isinstance(providers, Provider) else list(providers)
+        self.providers = [providers] if isinstance(providers, Provider) else _checked(providers)
         self.objects = objects
-        self._by_name = {name.lower(): p for p in reversed(self.providers) for name in p.provider_names}
+        self._by_name = {name.lower(): p for p in reversed(self.providers) for name in _names(p)}
 
     def find(self, name: str) -> Provider:
         """Return the provider of that name.
@@ -86,6 +86,35 @@ class Host:
                 pick(f"{name!r}; served here: {offered}", f"{name!r}。提供中のプロバイダ: {offered}"),
             )
         return found
+
+
+def _checked(given: object) -> list[Provider]:
+    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, type) else [given]
+    wrong = [each for each in listed if not isinstance(each, Provider)]
+    if wrong:
+        raise TypeError(
+            pick(
+                f"a Provider or Device object is needed, not {wrong[0]!r:.100}; a class wants brackets: MyDevice()",
+                f"Provider か Device のオブジェクトが必要です (クラスには括弧を付けます: MyDevice()): {wrong[0]!r:.100}",
+            )
+        )
+    if not listed:
+        raise ValueError(pick("there is nothing to serve", "サーブするものがありません"))
+    return [each for each in listed if isinstance(each, Provider)]
+
+
+def _names(provider: Provider) -> list[str]:
+    names = provider.provider_names
+    if not names:
+        logger.warning("%s has no provider_names: nobody can connect to it", type(provider).__name__)
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        raise TypeError(
+            pick(
+                f'{type(provider).__name__}.provider_names must be a tuple of names, as ("CaoProv.Example.Gripper",), not {names!r}',
+                f'{type(provider).__name__}.provider_names は ("CaoProv.Example.Gripper",) のような名前のタプルです ({names!r})',
+            )
+        )
+    return list(names)
 
 
 @dataclass(slots=True)
@@ -135,9 +164,19 @@ class Session:
         except Exception as error:  # noqa: BLE001 - whatever a device raises is answered, never let through
             return self._failed(function, error)
 
-    def complete(self, pending: Pending, result: Any) -> Reply:
-        """Return the reply for a pending call whose work has given ``result``."""
+    def complete(self, pending: Pending, result: Any, *, told: bool = True) -> Reply:
+        """Return the reply for a pending call whose work has given ``result``.
+
+        Args:
+            pending: the call.
+            result: what its work has given.
+            told: False where the client was told meanwhile that it failed: an object that it made is let go, for the
+                client would never learn its handle.
+        """
         try:
+            if not told and isinstance(result, CaoObject):
+                result.release()
+                raise error_for(hresult.E_ABORT, pending.label)
             return self._reply(pending.function, pending.handle, pending.label, result)
         except Exception as error:  # noqa: BLE001 - as in invoke
             return self._failed(pending.function, error)
@@ -199,8 +238,7 @@ class Session:
             logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, error)
             return Reply(error.code, detail=error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error)
-        code = hresult.E_INVALIDARG if isinstance(error, InvalidValue) else hresult.E_FAIL
-        return Reply(code, detail="".join(format_exception_only(error)).strip())
+        return Reply(hresult.E_FAIL, detail="".join(format_exception_only(error)).strip())
 
     @staticmethod
     def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from difflib import get_close_matches
+
 import cyclopts
 
 from orinkit.language import pick
@@ -31,6 +34,17 @@ def usage_text(error: cyclopts.CycloptsError) -> str:
     return _reason(error) + pick(f" (see {command} --help)", f" ({command} --help を参照)")
 
 
+def _unknown_command(word: str, error: cyclopts.CycloptsError) -> str:
+    known = [name for name in (error.app or ()) if not name.startswith("-")]
+    near = ", ".join(get_close_matches(word, known, n=2) or known)
+    return pick(f"there is no command {word}; did you mean {near}?", f"コマンド {word} はありません (候補: {near})")
+
+
+def whole_number(_kind: object, tokens: Sequence[cyclopts.Token]) -> int:
+    """Read a whole number: cyclopts by itself would round 10.7."""
+    return int(tokens[0].value, 10)
+
+
 def _reason(error: cyclopts.CycloptsError) -> str:
     name = error.argument.name if error.argument is not None else ""
     positional = error.argument is not None and error.argument.index is not None
@@ -46,7 +60,7 @@ def _reason(error: cyclopts.CycloptsError) -> str:
             option = token.keyword or token.value
             return pick(f"there is no option {option}", f"オプション {option} はありません")
         case cyclopts.UnknownCommandError():
-            return pick(f"there is no command {unused}", f"コマンド {unused} はありません")
+            return _unknown_command((error.unused_tokens or [""])[0], error)
         case cyclopts.UnusedCliTokensError():
             return pick(f"too many arguments: {unused}", f"余分な引数があります: {unused}")
         case cyclopts.RepeatArgumentError(token=token):

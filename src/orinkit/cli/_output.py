@@ -28,9 +28,9 @@ def text(value: Variant) -> str:
     if vt in (VarType.EMPTY, VarType.NULL):
         return type_name(vt)
     if vt & ~ARRAY == VarType.BOOL:
-        return ", ".join(_FLAGS[flag] for flag in content) if vt & ARRAY else _FLAGS[content]
+        return " ".join(_FLAGS[flag] for flag in content) if vt & ARRAY else _FLAGS[content]
     data = format_variant(value).partition(",")[2]
-    return data.replace(",", ", ") if vt & ARRAY and vt & ~ARRAY != VarType.VARIANT else data
+    return data.replace(",", " ") if vt & ARRAY and vt & ~ARRAY != VarType.VARIANT else data
 
 
 def typed(value: Variant) -> dict[str, Any]:

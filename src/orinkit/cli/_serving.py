@@ -15,7 +15,7 @@ from typing import Annotated, Final
 from cyclopts import Group, Parameter
 
 from orinkit.cao.provider import Provider
-from orinkit.cli._errors import unusable
+from orinkit.cli._errors import unusable, whole_number
 from orinkit.language import pick
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.transport.address import parse_address
@@ -38,9 +38,14 @@ class Listening:
             ),
         ),
     ] = (DEFAULT_URL.removeprefix("tcp://"),)
-    clients: Annotated[int, Parameter(help=pick("Most clients at a time.", "同時に接続できるクライアント数。"))] = 256
+    clients: Annotated[
+        int, Parameter(converter=whole_number, help=pick("Most clients at a time.", "同時に接続できるクライアント数。"))
+    ] = 256
     objects: Annotated[
-        int, Parameter(help=pick("Most objects of one client.", "1 クライアントのオブジェクト数の上限。"))
+        int,
+        Parameter(
+            converter=whole_number, help=pick("Most objects of one client.", "1 クライアントのオブジェクト数の上限。")
+        ),
     ] = 1000
     verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=pick("Log more.", "詳細なログを出力する。"))] = (
         False

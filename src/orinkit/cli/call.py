@@ -18,7 +18,7 @@ from orinkit import functions
 from orinkit.bcap.client import Reply
 from orinkit.cao.table import Argument, Function
 from orinkit.cli._connection import OBJECT, Connection, Json, Owning, Url
-from orinkit.cli._errors import Failure, unusable
+from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._signature import signature, type_text
 from orinkit.client._sync import Node
 from orinkit.errors import NotationError, ObjectNotFound
@@ -43,7 +43,10 @@ class Other:
     ] = None  # fmt: skip
     command: Annotated[str | None, Parameter(help=pick("A command, by name.", "コマンド名。"))] = None
     handle: Annotated[
-        int | None, Parameter(help=pick("Send this handle, whatever it is.", "このハンドルをそのまま送る。"))
+        int | None,
+        Parameter(
+            converter=whole_number, help=pick("Send this handle, whatever it is.", "このハンドルをそのまま送る。")
+        ),
     ] = None
 
 
@@ -72,6 +75,7 @@ def call(
     from orinkit.cli._output import plain, print_json, text, typed
 
     entry = _find(function)
+    _check_options(entry, owning, other)
     if entry.interface == "Service" or entry is functions.controller_connect:
         arguments, reply = _call_service(entry, args, url, connection)
     else:
@@ -88,6 +92,24 @@ def call(
                     "code": reply.code, "code_name": name, "result": result})  # fmt: skip
     else:
         print(name if reply.value is None else text(reply.value))
+
+
+_APPLY: Final[dict[str, tuple[str, ...]]] = {
+    "Variable": ("robot", "task", "extension", "file", "variable"),
+    "Robot": ("robot",), "Task": ("task",), "Extension": ("extension",), "File": ("file",), "Command": ("command",),
+}  # fmt: skip
+
+
+def _check_options(entry: Function[..., Any], owning: Owning, other: Other) -> None:
+    """Refuse an option that names an object which the function does not work on: it would be passed over unsaid."""
+    apply = _APPLY.get(entry.interface, ())
+    for options in (owning, other):
+        for option, value in vars(options).items():
+            if value is not None and option != "handle" and option not in apply:
+                raise unusable(
+                    f"--{option} is of no use with {entry.name}, which works on the {entry.interface}",
+                    f"{entry.name} の対象は {entry.interface} なので --{option} は使えません",
+                )
 
 
 def _request(controller: orinkit.Controller, entry: Function[..., Any], arguments: tuple[Any, ...]) -> Reply:
@@ -135,7 +157,7 @@ def _target(entry: Function[..., Any], controller: orinkit.Controller, owning: O
         case "Command":
             return controller.command(_named(entry, "command", other.command))
         case "Robot":
-            return controller.robot(owning.robot or "Arm")
+            return controller.robot(_named(entry, "robot", owning.robot))
         case "Task":
             return controller.task(_named(entry, "task", owning.task))
         case "Extension":
@@ -151,7 +173,7 @@ def _target(entry: Function[..., Any], controller: orinkit.Controller, owning: O
 def _named(entry: Function[..., Any], kind: str, name: str | None) -> str:
     if name is None:
         raise unusable(
-            f"{entry.name} works on a {kind}: name it with --{kind} NAME",
+            f"{entry.name} needs to know which {kind}: name it with --{kind} NAME",
             f"{entry.name} の対象を --{kind} 名前 で指定してください",
         )
     return name

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from typing import Annotated, Final
 
 from cyclopts import Parameter
 
 from orinkit.cli._connection import Connection, Json, Owning, Url
+from orinkit.cli._errors import Failure, unusable
 from orinkit.cli.get import Name
+from orinkit.errors import InvalidArgument, InvalidValue, NotationError
+from orinkit.hresult import DISP_E_TYPEMISMATCH
 from orinkit.language import pick
 from orinkit.notation import parse_lenient
-from orinkit.variant import R8_ARRAY, Variant, variant
+from orinkit.variant import R8_ARRAY, Variant, VarType, type_name, variant
 
 _CONNECTION: Final = Connection()
 _OWNING: Final = Owning()
@@ -36,12 +41,35 @@ def put(
     from orinkit.cli._output import print_json, text, typed
 
     new = read_values(value)
+    if len(value) == 1 and _DECIMAL_COMMA.fullmatch(value[0]) and new.type != VarType.BSTR:
+        note = pick(
+            f"{value[0]} is VARIANT notation: {type_name(new.type)}",
+            f"{value[0]} は VARIANT 表記です: {type_name(new.type)}",
+        )
+        print(f"orinkit: {note} {text(new)}", file=sys.stderr)
     with connection.open(url) as controller:
-        owning.of(controller).variable(name).put_value(new)
+        try:
+            owning.of(controller).variable(name).put_value(new)
+        except InvalidArgument as error:
+            if error.code != DISP_E_TYPEMISMATCH:
+                raise
+            raise Failure(f"{error} {_cure()}") from None
     if json:
         print_json({"name": name, **typed(new)})
     else:
         print(f"{name} = {text(new)}")
+
+
+_DECIMAL_COMMA: Final = re.compile(r"\s*\d+,\d+\s*")
+
+
+def _cure() -> str:
+    return pick(
+        "On the command line: several numbers make an array (put URL P1 400 0 300 180 0 180 5), 8,100 is the text 100, "
+        "and a text with blanks wants quotes.",
+        "コマンドラインでは、複数の数値は配列 (put URL P1 400 0 300 180 0 180 5)、8,100 は文字列の 100、"
+        "空白を含む文字列は引用符で囲みます。",
+    )
 
 
 def read_values(texts: tuple[str, ...]) -> Variant:
@@ -51,10 +79,17 @@ def read_values(texts: tuple[str, ...]) -> Variant:
         NotationError: a word begins as notation and is not.
         InvalidValue: no array can hold them together.
     """
-    values = [parse_lenient(text) for text in texts]
+    values = [_read(number, text) for number, text in enumerate(texts, 1)]
     if len(values) == 1:
         return values[0]
     plain = [value.plain for value in values]
     if all(isinstance(item, int | float) and not isinstance(item, bool) for item in plain):
         return Variant(R8_ARRAY, plain)
     return variant(plain if all(isinstance(item, str) for item in plain) else values)
+
+
+def _read(number: int, text: str) -> Variant:
+    try:
+        return parse_lenient(text)
+    except (NotationError, InvalidValue) as error:
+        raise unusable(f"VALUE {number}, {text!r:.60}: {error}", f"{number} 番目の値 {text!r:.60}: {error}") from None

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._errors import Failure, unusable
+from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._serving import Listening, check, run
 from orinkit.language import pick
 from orinkit.virtual.rc8 import Permission, VirtualRC8
@@ -20,7 +19,7 @@ _LISTENING: Final = Listening()
 def serve_rc8(
     *,
     state: Annotated[
-        Path | None,
+        str | None,
         Parameter(
             group=_CONTROLLER,
             help=pick("Directory that keeps the variables; forgotten at the end without it.",
@@ -44,7 +43,7 @@ def serve_rc8(
         ),
     ] = (),
     io_points: Annotated[
-        int, Parameter(group=_CONTROLLER, help=pick("How many I/O points.", "I/O 点数。"))
+        int, Parameter(group=_CONTROLLER, converter=whole_number, help=pick("How many I/O points.", "I/O 点数。"))
     ] = DEFAULT_IO_POINTS,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip

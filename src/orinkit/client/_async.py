@@ -26,7 +26,8 @@ from orinkit.client._common import (
     service_option,
     text_list,
 )
-from orinkit.errors import CallError, CallTimeout, ObjectNotFound, OrinError
+from orinkit.errors import CallError, CallTimeout, ObjectNotFound, ObjectReleased, OrinError
+from orinkit.language import pick
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -41,6 +42,16 @@ class AsyncNode:
     Released by ``async with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
     released before the next object is made.
     """
+
+    __slots__ = (
+        "__weakref__",
+        "_children",
+        "_label",
+        "_open",
+        "_parent",
+        "client",
+        "handle",
+    )  # a misspelt attribute is an error
 
     functions: ClassVar[NodeFunctions]
 
@@ -62,13 +73,24 @@ class AsyncNode:
 
     async def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of this object; an error says which object it was."""
+        self._require_open()
         try:
             return await self.client.call(function, self.handle, *args, **kwargs)
         except CallError as error:
             error.subject = self._label
             raise
 
+    def _require_open(self) -> None:
+        if not self._open:  # its handle may stand for another object by now
+            raise ObjectReleased(
+                pick(
+                    f"{self!r} was used after it was closed; connect to it again",
+                    f"{self!r} は閉じた後に使われました。もう一度接続してください",
+                )
+            )
+
     async def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
+        self._require_open()
         while (dropped := self.client.garbage.take()) is not None:
             try:
                 await self.client.call(*dropped)
@@ -97,7 +119,7 @@ class AsyncNode:
             if child is not None and not await child._let_go():  # noqa: SLF001 - one of us
                 return False
         try:
-            await self._call(self.functions.release)
+            await self.client.call(self.functions.release, self.handle)
         except CallTimeout:
             return False
         except OrinError:  # it went with its parent or with the connection: it is released either way
@@ -115,6 +137,8 @@ class AsyncNode:
 
 class AsyncNamed(AsyncNode):
     """An object with attribute, help, name, tag and ID: all but messages."""
+
+    __slots__ = ()
 
     async def get_attribute(self) -> int:
         """Attribute bits."""
@@ -155,6 +179,8 @@ class AsyncNamed(AsyncNode):
 class AsyncVariable(AsyncNamed):
     """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
         f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
@@ -180,6 +206,8 @@ class AsyncVariable(AsyncNamed):
 class AsyncOwner(AsyncNamed):
     """An object with variables and extended commands of its own."""
 
+    __slots__ = ()
+
     async def variable(self, name: str, option: str = "") -> AsyncVariable:
         """Connect to a variable by name."""
         assert self.functions.variable is not None
@@ -199,6 +227,8 @@ class AsyncOwner(AsyncNamed):
 class AsyncExtension(AsyncOwner):
     """An extension board, for example a hand."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.extension_release, f.extension_get_attribute, f.extension_get_help, f.extension_get_name,
         f.extension_get_tag, f.extension_put_tag, f.extension_get_id, f.extension_put_id,
@@ -208,6 +238,8 @@ class AsyncExtension(AsyncOwner):
 
 class AsyncFile(AsyncOwner):
     """A file or folder of the controller."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(
         f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
@@ -275,6 +307,8 @@ class AsyncFile(AsyncOwner):
 class AsyncRobot(AsyncOwner):
     """A robot (RC8 3.3). A motion is never repeated by the client."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
         f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
@@ -333,6 +367,8 @@ class AsyncRobot(AsyncOwner):
 class AsyncTask(AsyncOwner):
     """A program task (RC8 3.2)."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
         f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
@@ -358,6 +394,8 @@ class AsyncTask(AsyncOwner):
 
 class AsyncCommand(AsyncNamed):
     """A command that can be started, watched and cancelled."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(
         f.command_release, f.command_get_attribute, f.command_get_help, f.command_get_name,
@@ -400,6 +438,8 @@ class AsyncCommand(AsyncNamed):
 class AsyncMessage(AsyncNode):
     """An event that the controller reported."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(f.message_release)
 
     async def reply(self, value: Value = None) -> None:
@@ -441,6 +481,8 @@ class AsyncMessage(AsyncNode):
 
 class AsyncController(AsyncOwner):
     """A controller; :func:`open_controller` makes one. Closing it releases everything and closes the connection."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(
         f.controller_disconnect, f.controller_get_attribute, f.controller_get_help, f.controller_get_name,

@@ -101,7 +101,7 @@ def check_timeout(seconds: float) -> float:
     Raises:
         InvalidValue: it is not a positive number, or more than a clock of the system can count.
     """
-    if not 0 < seconds <= _MOST_SECONDS:
+    if not _is_number(seconds) or not 0 < seconds <= _MOST_SECONDS:
         raise InvalidValue(
             pick(
                 f"timeout must be a positive number of seconds up to {_MOST_SECONDS:.0e}, not {seconds!r}",
@@ -109,6 +109,10 @@ def check_timeout(seconds: float) -> float:
             )
         )
     return float(seconds)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float)
 
 
 def text_list(answer: Any) -> list[str]:

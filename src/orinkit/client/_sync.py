@@ -24,7 +24,8 @@ from orinkit.client._common import (
     text_list,
 )
 from orinkit.client._sync_client import Client
-from orinkit.errors import CallError, CallTimeout, ObjectNotFound, OrinError
+from orinkit.errors import CallError, CallTimeout, ObjectNotFound, ObjectReleased, OrinError
+from orinkit.language import pick
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -39,6 +40,16 @@ class Node:
     Released by ``with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
     released before the next object is made.
     """
+
+    __slots__ = (
+        "__weakref__",
+        "_children",
+        "_label",
+        "_open",
+        "_parent",
+        "client",
+        "handle",
+    )  # a misspelt attribute is an error
 
     functions: ClassVar[NodeFunctions]
 
@@ -60,13 +71,24 @@ class Node:
 
     def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of this object; an error says which object it was."""
+        self._require_open()
         try:
             return self.client.call(function, self.handle, *args, **kwargs)
         except CallError as error:
             error.subject = self._label
             raise
 
+    def _require_open(self) -> None:
+        if not self._open:  # its handle may stand for another object by now
+            raise ObjectReleased(
+                pick(
+                    f"{self!r} was used after it was closed; connect to it again",
+                    f"{self!r} は閉じた後に使われました。もう一度接続してください",
+                )
+            )
+
     def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
+        self._require_open()
         while (dropped := self.client.garbage.take()) is not None:
             try:
                 self.client.call(*dropped)
@@ -95,7 +117,7 @@ class Node:
             if child is not None and not child._let_go():  # noqa: SLF001 - one of us
                 return False
         try:
-            self._call(self.functions.release)
+            self.client.call(self.functions.release, self.handle)
         except CallTimeout:
             return False
         except OrinError:  # it went with its parent or with the connection: it is released either way
@@ -113,6 +135,8 @@ class Node:
 
 class Named(Node):
     """An object with attribute, help, name, tag and ID: all but messages."""
+
+    __slots__ = ()
 
     def get_attribute(self) -> int:
         """Attribute bits."""
@@ -186,6 +210,8 @@ class Named(Node):
 class Variable(Named):
     """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
         f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
@@ -230,6 +256,8 @@ class Variable(Named):
 class Owner(Named):
     """An object with variables and extended commands of its own."""
 
+    __slots__ = ()
+
     def variable(self, name: str, option: str = "") -> Variable:
         """Connect to a variable by name."""
         assert self.functions.variable is not None
@@ -249,6 +277,8 @@ class Owner(Named):
 class Extension(Owner):
     """An extension board, for example a hand."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.extension_release, f.extension_get_attribute, f.extension_get_help, f.extension_get_name,
         f.extension_get_tag, f.extension_put_tag, f.extension_get_id, f.extension_put_id,
@@ -258,6 +288,8 @@ class Extension(Owner):
 
 class File(Owner):
     """A file or folder of the controller."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(
         f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
@@ -364,6 +396,8 @@ class File(Owner):
 class Robot(Owner):
     """A robot (RC8 3.3). A motion is never repeated by the client."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
         f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
@@ -422,6 +456,8 @@ class Robot(Owner):
 class Task(Owner):
     """A program task (RC8 3.2)."""
 
+    __slots__ = ()
+
     functions = NodeFunctions(
         f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
         f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
@@ -452,6 +488,8 @@ class Task(Owner):
 
 class Command(Named):
     """A command that can be started, watched and cancelled."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(
         f.command_release, f.command_get_attribute, f.command_get_help, f.command_get_name,
@@ -521,6 +559,8 @@ class Command(Named):
 
 class Message(Node):
     """An event that the controller reported."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(f.message_release)
 
@@ -598,6 +638,8 @@ class Message(Node):
 
 class Controller(Owner):
     """A controller; :func:`open_controller` makes one. Closing it releases everything and closes the connection."""
+
+    __slots__ = ()
 
     functions = NodeFunctions(
         f.controller_disconnect, f.controller_get_attribute, f.controller_get_help, f.controller_get_name,

@@ -217,7 +217,7 @@ class TcpConnection(asyncio.BufferedProtocol):
         except Exception as error:  # noqa: BLE001 - whatever a device raises is answered
             reply = session.fail(pending, error)
         else:
-            reply = session.complete(pending, result)
+            reply = session.complete(pending, result, told=not self._conversation.timed_out)
         self._task = None
         if not self._transport.is_closing():
             self._set_alarm(None)

@@ -37,6 +37,8 @@ def parse_address(text: str) -> Address:
     Raises:
         InvalidAddress: it is none, or its transport is not there.
     """
+    if not isinstance(text, str):
+        raise _bad(repr(text), pick("a text is needed", "文字列が必要です"))
     scheme, rest = _split_scheme(text.strip())
     if scheme in _LATER:
         raise _bad(text, pick(f"{scheme} is not there yet; tcp is", f"{scheme} は未対応です (tcp のみ)"))
@@ -64,6 +66,8 @@ def _split_port(text: str, place: str) -> tuple[str, int]:
     else:
         host, colon, port = place.partition(":")
         whole = ":" not in port
+    if host.isdecimal():
+        raise _bad(text, pick(f"{host} is no host", f"{host} はホストではありません"))
     if not whole or not host or any(sign in host for sign in " /?@#\0\t\r\n"):
         raise _bad(text, pick("a host and perhaps a port are needed", "ホストと、必要ならポートを指定してください"))
     if not colon:

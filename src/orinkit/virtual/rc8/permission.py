@@ -58,7 +58,7 @@ class Permission:
             ValueError: it cannot be read; the message quotes the part.
         """
         rights: dict[str, str] = {}
-        for part in filter(None, map(str.strip, text.split(","))):
+        for part in map(str.strip, text.split(",")):  # an empty part is refused: forgetting a right must not grant one
             address, equals, right = map(str.strip, part.partition("="))
             if not equals:
                 raise ValueError(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from orinkit.cao.provider import ClientInfo, Provider
-from orinkit.language import Language
+from orinkit.language import Language, pick
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.controller import RC8Controller
@@ -60,6 +60,15 @@ class VirtualRC8(Provider):
     ) -> None:
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
         say = speaker(language)
+        if state is not None and not os.fspath(state):
+            raise ValueError(pick("the state directory has an empty name", "状態ディレクトリの名前が空です"))
+        if not isinstance(permission, Permission | None):
+            raise TypeError(
+                pick(
+                    f'permission must be a Permission, for example Permission.parse("*=r"), not {permission!r}',
+                    f'permission は Permission で指定してください (例: Permission.parse("*=r")): {permission!r}',
+                )
+            )
         store = None if state is None else Store(Path(state))
         try:
             self.state = State(
