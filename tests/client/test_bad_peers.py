@@ -361,7 +361,7 @@ def test_a_cancelled_close_closes_the_connection() -> None:
             async with asyncio.timeout(SHORT):
                 await controller.close()
         with pytest.raises(ConnectionClosed):
-            await controller.execute("x")
+            await controller.client.call(f.service_stop)
 
     with BadPeer(script) as peer:
         both.run(body())

@@ -290,6 +290,7 @@ def fuzz(server: Server, seed: int, mutants: int) -> Counter[int]:
 @pytest.mark.timeout(900)
 def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.ERROR)
+    before = alive()
     with Neighbour(server.url) as neighbour:
         codes = fuzz(server, 2024, MUTANTS)
     assert neighbour.error is None
@@ -307,6 +308,22 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture) -> No
             break
         pause.wait(0.005)
     assert server.clients == 0
+    assert [thing for thing in alive() if id(thing) not in {id(other) for other in before}] == []
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("seed", range(8))
+def test_more_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, seed: int) -> None:
+    caplog.set_level(logging.ERROR)
+    with Neighbour(server.url) as neighbour:
+        fuzz(server, seed, 2 * MUTANTS)
+    assert neighbour.error is None
+    assert [record.getMessage() for record in caplog.records] == []
+
+
+def alive() -> list[object]:
+    """Return every session, and every task that is not done."""
     gc.collect()
-    assert [thing for thing in gc.get_objects() if isinstance(thing, Session)] == []
-    assert not [thing for thing in gc.get_objects() if isinstance(thing, asyncio.Task) and not thing.done()]
+    things = gc.get_objects()
+    return [t for t in things if isinstance(t, Session) or (isinstance(t, asyncio.Task) and not t.done())]
