@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 CLIENT = Path(__file__).parent.parent / "src" / "orinkit" / "client"
-PAIRS = (("_async_client.py", "_sync_client.py"), ("_async.py", "_sync.py"))
+PAIRS = (("_async_client.py", "_sync_client.py"), ("_async_nodes.py", "_sync_nodes.py"), ("_async.py", "_sync.py"))
 
 HEADER = '''"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
 
@@ -31,6 +31,7 @@ REPLACEMENTS = (
     (r"import asyncio\n", "import threading\n"),
     (r"asyncio\.Lock\(\)", "threading.RLock()"),
     (r"_async_client\b", "_sync_client"),
+    (r"_async_nodes\b", "_sync_nodes"),
     (r"\barun\b", "run"),
     (r"transport\.aio_tcp", "transport.tcp"),
     (r"AsyncTcpLink\.connect\(", "TcpLink("),

@@ -17,10 +17,10 @@ from orinkit.client._sync import (
     Message,
     Robot,
     Task,
-    Variable,
 )
 from orinkit.client._sync import open_controller as connect
 from orinkit.client._sync_client import Client
+from orinkit.client._sync_nodes import Variable
 from orinkit.device import Device, Part, command, variable
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
 from orinkit.server.background import Server, serve

@@ -22,10 +22,10 @@ from orinkit.client._async import (
     AsyncMessage,
     AsyncRobot,
     AsyncTask,
-    AsyncVariable,
     open_controller,
 )
 from orinkit.client._async_client import AsyncClient
+from orinkit.client._async_nodes import AsyncVariable
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [

@@ -316,10 +316,10 @@ class _PartVariable(VariableObject):
     async def _await(self, method: Callable[..., Any]) -> Value:
         return self._typed(await method(self._part))
 
-    def _typed(self, value: Any) -> Value:
+    def _typed(self, value: Value) -> Value:
         self._taken = datetime.now()
         if self._variable.type is None or isinstance(value, Variant):
-            return value  # type: ignore[no-any-return]
+            return value
         return Variant(self._variable.type, value)
 
     def put_value(self, value: Variant) -> Any:
@@ -394,7 +394,8 @@ class _PartTask(_PartObject, TaskObject):
 
 class _PartFile(_PartObject, FileObject):
     def get_file(self, name: str, option: str) -> FileObject:
-        return self.child("File", name)  # type: ignore[no-any-return]
+        below: FileObject = self.child("File", name)
+        return below
 
     def get_file_names(self, option: str) -> list[str]:
         return self.part.names("File")
@@ -402,19 +403,24 @@ class _PartFile(_PartObject, FileObject):
 
 class _PartController(_PartObject, ControllerObject):
     def get_extension(self, name: str, option: str) -> ExtensionObject:
-        return self.child("Extension", name)  # type: ignore[no-any-return]
+        below: ExtensionObject = self.child("Extension", name)
+        return below
 
     def get_file(self, name: str, option: str) -> FileObject:
-        return self.child("File", name)  # type: ignore[no-any-return]
+        below: FileObject = self.child("File", name)
+        return below
 
     def get_robot(self, name: str, option: str) -> RobotObject:
-        return self.child("Robot", name)  # type: ignore[no-any-return]
+        below: RobotObject = self.child("Robot", name)
+        return below
 
     def get_command(self, name: str, option: str) -> CommandObject:
-        return self.child("Command object", name)  # type: ignore[no-any-return]
+        below: CommandObject = self.child("Command object", name)
+        return below
 
     def get_task(self, name: str, option: str) -> TaskObject:
-        return self.child("Task", name)  # type: ignore[no-any-return]
+        below: TaskObject = self.child("Task", name)
+        return below
 
     def get_extension_names(self, option: str) -> list[str]:
         return self.part.names("Extension")

@@ -142,8 +142,9 @@ def encode(value: Value) -> bytes:
         InvalidValue: no VARIANT can hold it.
     """
     kind = type(value)
+    known: Any = value  # the exact kind is all that counts here, and a type checker does not follow it
     if kind is list or kind is tuple:
-        items: Sequence[Any] = value  # type: ignore[assignment]
+        items: Sequence[Any] = known
         count = len(items)
         if count and list(map(type, items)).count(float) == count:
             return (
@@ -152,9 +153,9 @@ def encode(value: Value) -> bytes:
                 else _packer(R8_ARRAY, count).pack(6 + 8 * count, R8_ARRAY, count, *items)
             )
     elif kind is str:
-        return encode_string(value)  # type: ignore[arg-type]
+        return encode_string(known)
     elif kind is int:
-        return encode_integer(value)  # type: ignore[arg-type]
+        return encode_integer(known)
     return encode_variant(variant(value))
 
 

@@ -23,7 +23,7 @@ from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Provide
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, InvalidValue, error_for
 from orinkit.language import pick
-from orinkit.variant import Value, Variant, VarType, variant
+from orinkit.variant import Variant, VarType, variant
 
 logger = logging.getLogger("orinkit.session")
 
@@ -364,10 +364,10 @@ def _read(argument: Argument, value: Variant) -> Any:
     return _READERS[argument.vt](value)
 
 
-def _default(argument: Argument) -> Value:
+def _default(argument: Argument) -> object:
     if argument.vt is VarType.VARIANT:
         return Variant(VarType.EMPTY)
-    return "" if argument.default is None else argument.default  # type: ignore[return-value]
+    return "" if argument.default is None else argument.default
 
 
 _READERS: Final[dict[VarType, Callable[[Variant], Any]]] = {

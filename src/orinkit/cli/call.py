@@ -20,7 +20,7 @@ from orinkit.cao.table import Argument, Function
 from orinkit.cli._connection import OBJECT, Connection, Json, Owning, Url
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._signature import signature, type_text
-from orinkit.client._sync import Node
+from orinkit.client._sync_nodes import Node
 from orinkit.errors import NotationError, ObjectNotFound
 from orinkit.hresult import lookup, signed
 from orinkit.language import pick
