@@ -79,6 +79,16 @@ def test_options_of_the_controller(serve):
         assert len(kept) == 2
 
 
+def test_the_pc_provider_is_accepted_where_asked_for(serve):
+    _, url = serve()
+    with pytest.raises(orinkit.CallError) as caught:
+        orinkit.connect(url, provider="CaoProv.DENSO.RC8")
+    assert caught.value.code == 0x80000201
+    _, url = serve("--accept-pc-provider")
+    with orinkit.connect(url, provider="CaoProv.DENSO.RC8") as rc8:
+        assert rc8.variable("@MODE").value == 3
+
+
 def test_permission(serve):
     _, url = serve("--permission", "*=r")
     with orinkit.connect(url) as controller:

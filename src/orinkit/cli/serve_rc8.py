@@ -45,13 +45,25 @@ def serve_rc8(
     io_points: Annotated[
         int, Parameter(group=_CONTROLLER, converter=whole_number, help=pick("How many I/O points.", "I/O 点数。"))
     ] = DEFAULT_IO_POINTS,
+    accept_pc_provider: Annotated[
+        bool,
+        Parameter(
+            group=_CONTROLLER,
+            help=pick("Answer to CaoProv.DENSO.RC8 too, which real controllers refuse but some clients send.",
+                      "実機が拒否する CaoProv.DENSO.RC8 (一部のクライアントが送る) も受け付ける。"),
+        ),
+    ] = False,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve a virtual RC8; each listener is told on stdout as "ready tcp://HOST:PORT". Stops on SIGINT and SIGTERM."""
     check(listening)
     try:
         rc8 = VirtualRC8(
-            counts=read_counts(count), io_points=io_points, state=state, permission=Permission.parse(permission)
+            counts=read_counts(count),
+            io_points=io_points,
+            state=state,
+            permission=Permission.parse(permission),
+            accept_pc_provider=accept_pc_provider,
         )
     except ValueError as error:
         raise Failure(str(error), 2) from None
