@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
+import sys
 import threading
 from datetime import datetime
+from decimal import Decimal
 
 import pytest
 
@@ -12,7 +15,7 @@ import orinkit
 from orinkit import Device, Part, VarType, command, hresult, variable
 from orinkit.cao.provider import CommandObject, RobotObject
 from orinkit.device import command_object, extension, file, robot, task
-from orinkit.errors import CallError, InvalidArgument, ObjectNotFound, error_for
+from orinkit.errors import CallError, ConnectFailed, InvalidArgument, ObjectNotFound, error_for
 
 
 class Finger(Part):
@@ -253,6 +256,121 @@ def test_an_exception_in_a_handler_is_e_fail_and_nothing_else_breaks(client, cap
     assert caught.value.code == hresult.E_FAIL
     assert "bang" in caplog.text
     assert client.execute("Sum", [1.0]) == 1.0
+
+
+class Rogue(Device):
+    provider_names = ("Test.Rogue",)
+    price = Decimal(0)
+
+    @command("Thread")
+    def in_thread(self, which: str) -> None:
+        raise RAISED[which]
+
+    @command("Quick", quick=True)
+    def at_once(self, which: str) -> None:
+        raise RAISED[which]
+
+    @command("Async")
+    async def awaited(self, which: str) -> None:
+        await asyncio.sleep(0)
+        raise RAISED[which]
+
+    @command("Next")
+    def first(self, wanted: int) -> int:
+        return next(number for number in (1, 2, 3) if number == wanted)
+
+    @variable("PRICE", type=VarType.CY)
+    def get_price(self) -> Decimal:
+        return self.price
+
+    @get_price.setter
+    def set_price(self, price: Decimal) -> None:
+        self.price = price
+
+    @extension("Nothing")
+    def nothing(self) -> Part:
+        return None
+
+
+RAISED = {
+    "exit": SystemExit(3),
+    "interrupt": KeyboardInterrupt(),
+    "cancelled": asyncio.CancelledError(),
+    "generator": GeneratorExit(),
+    "base": BaseException("base"),
+    "success": CallError(0),
+    "executing": CallError(hresult.S_EXECUTING),
+}
+
+
+@pytest.mark.parametrize("way", ["Thread", "Quick", "Async"])
+@pytest.mark.parametrize("which", RAISED)
+def test_whatever_a_handler_raises_is_e_fail_and_the_server_goes_on(way, which, caplog):
+    with (
+        orinkit.serve(Rogue(), "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Rogue", timeout=20) as c,
+    ):
+        for _ in range(2):
+            with pytest.raises(CallError) as caught:
+                c.execute(way, which)
+            assert caught.value.code == hresult.E_FAIL
+        with orinkit.connect(server.url, provider="Test.Rogue") as other:
+            assert other.variable_names() == ["PRICE"]
+    assert "the device raised an exception" in caplog.text
+
+
+def test_a_handler_that_runs_out_of_items_is_e_fail_too():
+    with (
+        orinkit.serve(Rogue(), "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Rogue", timeout=20) as c,
+    ):
+        assert c.execute("Next", 2) == 2
+        with pytest.raises(CallError) as caught:
+            c.execute("Next", 7)
+        assert caught.value.code == hresult.E_FAIL
+        with pytest.raises(CallError) as caught:
+            c.extension("Nothing")
+        assert caught.value.code == hresult.E_FAIL
+        price = c.variable("PRICE")
+        for given, kept in ((Decimal("2.5"), Decimal("2.5")), (3, Decimal(3)), ("1.25", Decimal("1.25"))):
+            price.value = given
+            assert price.value == kept
+
+
+def test_a_handler_that_never_returns_does_not_keep_the_program_from_ending():
+    program = """
+import threading, orinkit
+class Stuck(orinkit.Device):
+    provider_names = ("Test.Stuck",)
+    @orinkit.command("Wait")
+    def wait(self) -> None:
+        threading.Event().wait()
+with orinkit.serve(Stuck(), "tcp://127.0.0.1:0") as server:
+    client = orinkit.connect(server.url, provider="Test.Stuck", timeout=0.3, service="")
+    try:
+        client.execute("Wait")
+    except orinkit.CallTimeout:
+        client.client.close()
+print("ended")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "ended\n")
+
+
+def test_a_failed_start_leaves_the_device_as_it_is(gripper):
+    class Closing(Gripper):
+        closed = 0
+
+        def close(self) -> None:
+            self.closed += 1
+
+    device = Closing()
+    with pytest.raises(ConnectFailed):
+        orinkit.serve(device, gripper.url)
+    assert device.closed == 0
+    with orinkit.serve(device, "tcp://127.0.0.1:0"):
+        pass
+    assert device.closed == 1
 
 
 def test_objects_below_are_parts_or_objects_of_their_own(client):

@@ -356,9 +356,13 @@ def test_elements_that_cost_more_than_their_bytes_are_counted(value):
     )
 
 
-def test_plain_numbers_are_bounded_by_their_bytes_only():
-    assert decode(encode([0.5] * 1000), limits=Limits(variants=0))[0] == [0.5] * 1000
-    assert decode(encode([5] * 1000), limits=Limits(variants=0))[0] == [5] * 1000
+def test_plain_numbers_cost_little_and_bytes_nothing():
+    assert decode(encode([0.5] * 1000), limits=Limits(variants=7))[0] == [0.5] * 1000
+    assert decode(encode([5] * 1000), limits=Limits(variants=7))[0] == [5] * 1000
+    assert decode(encode(bytes(100_000)), limits=Limits(variants=0))[0] == bytes(100_000)
+    assert decode(encode([True] * 1000), limits=Limits(variants=62))[0] == [True] * 1000
+    refused(encode([5] * 1024), hresult.E_ARGSIZEOVER, "more than 7 elements", limits=Limits(variants=7))
+    refused(encode([True] * 1000), hresult.E_ARGSIZEOVER, "more than 61 elements", limits=Limits(variants=61))
 
 
 @pytest.mark.parametrize(
@@ -366,13 +370,13 @@ def test_plain_numbers_are_bounded_by_their_bytes_only():
 )
 def test_a_full_packet_of_costly_elements_is_refused_before_it_is_read(vt, size):
     count = (2**24 - 100) // size
-    refused(argument(vt, count, bytes(size) * count), hresult.E_ARGSIZEOVER, "more than 200000 elements")
+    refused(argument(vt, count, bytes(size) * count), hresult.E_ARGSIZEOVER, "more than 50000 elements")
 
 
 def test_limits_speak_japanese():
     language.use("ja")
     refused(nested(17), hresult.E_INVALIDARGTYPE, "入れ子が上限 16")
-    refused(argument(VARIANT_ARRAY, 200_001, bytes(1_200_006)), hresult.E_ARGSIZEOVER, "要素数が上限 200000")
+    refused(argument(VARIANT_ARRAY, 200_001, bytes(1_200_006)), hresult.E_ARGSIZEOVER, "要素数が上限 50000")
     refused(argument(VarType.I4, 1, b"", 2**31), hresult.E_ARGSIZEOVER, "上限 16777216 バイト")
 
 

@@ -33,6 +33,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from decimal import Decimal
 from typing import Any, ClassVar, Final, Generic, TypeVar
 
 from orinkit import hresult
@@ -188,7 +189,12 @@ def _converted(parameter: inspect.Parameter, value: Any) -> Any:
 
 
 def _as_type(vt: int, value: Variant) -> Variant:
-    return Variant(vt, coerce.to_text(value) if vt == VarType.BSTR else coerce.to_number(value))
+    if vt == value.type:
+        return value
+    if vt == VarType.BSTR:
+        return Variant(vt, coerce.to_text(value))
+    number = coerce.to_number(value)
+    return Variant(vt, Decimal(repr(number)) if vt == VarType.CY else number)
 
 
 class DeclaredChild(Declared):
@@ -369,8 +375,9 @@ class _PartObject(OwnerObject):
         below = declared.method(self.part)
         if isinstance(below, CaoObject):
             return below
-        if kind not in _KINDS:
-            raise TypeError(f"{declared.method.__qualname__} must return a CommandObject")
+        if kind not in _KINDS or not isinstance(below, Part):
+            wanted = "a Part or an object of orinkit.cao.provider" if kind in _KINDS else "a CommandObject"
+            raise TypeError(f"{declared.method.__qualname__} must return {wanted}, not {below!r:.100}")
         return _KINDS[kind](below, declared.name, declared.help)
 
 

@@ -50,13 +50,13 @@ class Limits:
     Attributes:
         packet: bytes of a whole packet and of one argument (VE026A table 3-5: 16 MBytes).
         depth: how deep VARIANT arrays may be nested.
-        variants: how many elements all VARIANT, BSTR, DATE and CY arrays of one argument may have together: each of them
-            costs far more to read than its bytes.
+        variants: how many elements all arrays of one argument may have together, counted by what they cost to read: one
+            for each element of VARIANT, BSTR, DATE and CY, one for 16 of BOOL and for 128 of another type.
     """
 
     packet: int = 16 * 1024 * 1024
     depth: int = 16
-    variants: int = 200_000
+    variants: int = 50_000
 
 
 DEFAULT_LIMITS: Final = Limits()
@@ -262,7 +262,9 @@ def _count_mismatch(vt: int, count: int, position: int, present: int) -> Protoco
     )
 
 
-_COSTLY: Final = (VarType.CY, VarType.DATE)
+# What time an element takes to read, told in how many of them count as one: bytes are not even looked at.
+_ELEMENTS_FOR_ONE: Final[dict[int, int]] = {VarType.CY: 1, VarType.DATE: 1, VarType.BOOL: 16, VarType.UI1: 1 << 32}
+_PLAIN_FOR_ONE: Final = 128
 
 
 class _Reader:
@@ -284,8 +286,7 @@ class _Reader:
             after = position + size * count
             if after > self.end:
                 raise _count_mismatch(vt, count, position, self.end - position)
-            if base in _COSTLY:
-                self._spend(count)
+            self._spend(count // _ELEMENTS_FOR_ONE.get(base, _PLAIN_FOR_ONE))
             return self._fixed(base, array, count, position), after
         if base == VarType.BSTR:
             return self._strings(array, count, position)

@@ -206,7 +206,13 @@ def test_a_new_start_sets_everything_anew():
     assert (server.wdt, server.invoke_timeout) == (None, 60.0)
 
 
-@pytest.mark.parametrize("arguments", [(5,), (None,), (["WDT=400"],)])
+def test_options_may_come_in_a_one_element_array():
+    server = ServerConversation()
+    assert executed(server, request(1, 1, ["WDT=400"])).function_id == 1
+    assert server.wdt == 0.4
+
+
+@pytest.mark.parametrize("arguments", [(5,), (None,), ("WDT=400", 1)])
 def test_an_option_of_another_type_is_for_the_session(arguments):
     server = ServerConversation()
     assert executed(server, request(1, 1, *arguments)).function_id == 1

@@ -19,7 +19,7 @@ WHOLE = [VarType.I1, VarType.I2, VarType.I4, VarType.I8, VarType.UI1, VarType.UI
 READERS = [to_number, to_integer, to_real, to_handle, to_text]
 NO_NUMBER = [
     Variant(VarType.EMPTY), Variant(VarType.NULL), variant("P1"), variant(""), variant("1,2"), variant("0x10"),
-    variant("+-5"), variant(datetime(2026, 1, 1)), Variant(VarType.DATE, 1.0), variant(Decimal(1)), variant([1, 2]),
+    variant("+-5"), variant(datetime(2026, 1, 1)), Variant(VarType.DATE, 1.0), variant("５"), variant("1_0"), variant([1, 2]),
     variant([]), variant([1.0, 2.0]), variant(b"ab"), variant(b""), variant([[1]]), variant(["x"]), variant([None]),
 ]  # fmt: skip
 
@@ -58,7 +58,8 @@ def test_a_number_of_any_type_alone_or_in_an_array(vt):
         (bstr("+5"), 5),
         (bstr("1.5"), 1.5),
         (bstr("1e3"), 1000.0),
-        (bstr("５"), 5),
+        (Variant(VarType.CY, Decimal(2)), 2),
+        (Variant(VarType.CY, Decimal("2.5")), 2.5),
         (variant(["7"]), 7),
         (variant([[7]]), None),
         (Variant(VarType.ERROR, 5), 5),

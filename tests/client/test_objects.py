@@ -544,6 +544,29 @@ def test_errors_survive_pickling(both: Both, server: Server) -> None:
     ]
 
 
+def test_errors_that_are_cleared_meanwhile_end_the_list(both: Both) -> None:
+    class Shrinking(VirtualRC8):
+        def connect(self, *arguments: Any) -> Any:
+            made = super().connect(*arguments)
+            execute = made.execute
+
+            def clear_after_count(command: str, parameter: Any) -> Any:
+                answer = execute(command, parameter)
+                if command == "GetCurErrorCount":
+                    self.clear_errors()
+                return answer
+
+            made.execute = clear_after_count
+            return made
+
+    virtual = Shrinking()
+    with orinkit.serve(virtual, "tcp://127.0.0.1:0") as server:
+        controller = both.connect(server.url)
+        virtual.raise_error(0x83500121)
+        assert both.run(controller.errors()) == []
+        both.run(controller.close())
+
+
 def test_errors_and_clear_error_of_the_virtual_rc8(both: Both) -> None:
     virtual = VirtualRC8()
     with orinkit.serve(virtual, "tcp://127.0.0.1:0") as server:

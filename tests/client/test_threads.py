@@ -19,8 +19,9 @@ import orinkit
 from devices import Workshop
 from orinkit import aio
 from orinkit import functions as f
-from orinkit.errors import BusyError, CallTimeout, OrinError, ProtocolError, TransportError
+from orinkit.errors import BusyError, CallTimeout, InvalidValue, OrinError, ProtocolError, TransportError
 from orinkit.server.background import Server
+from orinkit.virtual.rc8 import VirtualRC8
 from peers import BadPeer, Line, reply
 
 PROVIDER = "Test.Workshop"
@@ -341,3 +342,54 @@ def _outcome(controller: orinkit.Controller, number: int) -> str:
     except ProtocolError:
         return "wrong"
     return "right"
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no interval timers")
+def test_signals_do_not_put_off_the_time_out() -> None:
+    """An interrupted wait goes on for what is left of it, not for the whole time-out again."""
+    ticks = []
+    before = signal.signal(signal.SIGALRM, lambda *_: ticks.append(1))
+    stop = threading.Event()
+    with BadPeer(lambda line: line.wait_for_end()) as peer, orinkit.open_client(peer.url, timeout=0.5) as client:
+        signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)
+        watch = threading.Timer(20.0, stop.set)
+        watch.start()
+        try:
+            with pytest.raises(orinkit.CallTimeout):
+                client.call(orinkit.functions.service_start)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, before)
+            watch.cancel()
+    assert not stop.is_set()
+    assert len(ticks) >= 2
+
+
+def test_a_client_of_another_event_loop_is_refused_before_anything_is_sent() -> None:
+    rc8 = VirtualRC8()
+    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+
+        async def begin() -> tuple[aio.AsyncController, aio.AsyncVariable]:
+            controller = await aio.connect(server.url)
+            return controller, await controller.variable("I1")
+
+        async def go_on(variable: aio.AsyncVariable) -> None:
+            with pytest.raises(OrinError, match="event loop"):
+                await variable.put_value(9)
+
+        first, second = asyncio.new_event_loop(), asyncio.new_event_loop()
+        controller, variable = first.run_until_complete(begin())
+        second.run_until_complete(go_on(variable))
+        assert first.run_until_complete(variable.get_value()) == 0
+        first.run_until_complete(controller.close())
+        first.run_until_complete(asyncio.sleep(0.01))
+        first.close()
+        second.close()
+
+
+@pytest.mark.parametrize("seconds", [0, -1, float("nan"), float("inf"), None, "3", 1e300])
+def test_a_time_out_that_cannot_be_is_refused_when_it_is_set(seconds: object) -> None:
+    with BadPeer(lambda line: line.wait_for_end()) as peer, orinkit.open_client(peer.url) as client:
+        with pytest.raises(InvalidValue):
+            client.timeout = seconds
+        assert client.timeout == 3.0

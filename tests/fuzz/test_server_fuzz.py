@@ -190,6 +190,8 @@ def expected(stream: list[bytes]) -> tuple[list[tuple[int, int | None]], int]:
             while frame is not None:
                 _, _, serial, _, _, count = packet.HEADER.unpack_from(frame)
                 try:
+                    if 5 < count <= len(frame) // 10:
+                        raise ProtocolError("no function has so many arguments", hresult.E_INVALIDARG)
                     packet.decode_arguments(frame, count, len(frame) - 1, exact=True)
                 except ProtocolError as error:
                     answers.append((serial, error.code))

@@ -321,3 +321,14 @@ def test_a_write_after_the_end_is_refused(start, refused):
     device.close()
     assert refused(put, controller, "I1", Variant(VarType.I4, 1)) == 0x80004005
     assert get(controller, "I1").value == 0
+
+
+@pytest.mark.parametrize("damage", ["empty", "gone"])
+def test_a_journal_without_its_file_is_refused_and_kept(tmp_path, damage):
+    journal = tmp_path / "variables.sqlite3-wal"
+    journal.write_bytes(b"writes that are nowhere else")
+    if damage == "empty":
+        (tmp_path / "variables.sqlite3").write_bytes(b"")
+    with pytest.raises(StateError, match=r"variables\.sqlite3-wal"):
+        VirtualRC8(state=tmp_path)
+    assert journal.read_bytes() == b"writes that are nowhere else"

@@ -125,7 +125,7 @@ REFUSED = [
     ("I", Variant(VarType.BSTR, "9" * 5000), MISMATCH),
     ("I", Variant(VarType.DATE, 1.0), MISMATCH),
     ("I", Variant(VarType.ERROR, 1), MISMATCH),
-    ("I", Variant(VarType.CY, Decimal(1)), MISMATCH),
+    ("I", Variant(VarType.CY, Decimal("1.5")), hresult.E_INVALIDARG),
     ("I", Variant(I4S, [1, 2]), MISMATCH),
     ("I", Variant(I4S, []), MISMATCH),
     ("I", variant([[1]]), MISMATCH),

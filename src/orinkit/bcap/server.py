@@ -15,13 +15,16 @@ from typing import Final, TypeAlias
 
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
+from orinkit.cao import coerce
+from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
 from orinkit.errors import CallError, ProtocolError
-from orinkit.variant import Variant, VarType
+from orinkit.variant import Variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _SERVICE_START: Final = 1
 _LEAST_MS: Final = 80
+_MOST_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
 _MOST_MS: Final = 0x7FFF_FFFF
 
 logger = logging.getLogger("orinkit.bcap.server")
@@ -104,6 +107,8 @@ class ServerConversation:
         _, _, serial, _, function_id, count = packet.HEADER.unpack_from(frame)
         if self._current is not None:
             return _answer(serial, hresult.E_BUSY_PROC)
+        if _MOST_ARGUMENTS < count <= len(frame) // 10:  # not worth reading: no function has so many
+            return _answer(serial, hresult.E_INVALIDARG)
         try:
             arguments, _ = packet.decode_arguments(frame, count, len(frame) - 1, self._limits, exact=True)
         except ProtocolError as error:
@@ -119,14 +124,14 @@ class ServerConversation:
 
     def _set_options(self, arguments: list[Variant]) -> bool:
         """Read Service_Start's options (RC8 table 3-1); False where a value is not one."""
-        if not arguments or arguments[0].type != VarType.BSTR:
+        if len(arguments) != 1:
             return True  # no options, or what the session will refuse
         try:
-            options = Options(arguments[0].value)
+            options = Options(coerce.to_text(arguments[0]))
             wdt = options.number("WDT")
             timeout = options.number("InvokeTimeout")
-        except (ValueError, CallError):
-            return False
+        except (ValueError, CallError) as error:
+            return getattr(error, "code", 0) == hresult.E_INVALIDARGTYPE  # the session will say so
         if wdt is not None and not _LEAST_MS < wdt <= _MOST_MS:
             return False
         if timeout is not None and not _LEAST_MS <= timeout <= _MOST_MS:

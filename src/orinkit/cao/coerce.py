@@ -6,12 +6,16 @@ string, single-precision poses. All of these are read here, and nowhere else.
 
 from __future__ import annotations
 
-from typing import Any
+import re
+from decimal import Decimal
+from typing import Any, Final
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
-from orinkit.variant import ARRAY, Variant, VarType, type_name
+from orinkit.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
+
+_NUMBER: Final = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 
 
 def wrong_type(given: Variant, wanted: str) -> CallError:
@@ -41,12 +45,26 @@ def to_number(given: Variant) -> float | int:
         return -1 if value else 0
     if isinstance(value, str):
         try:
-            return int(value, 10) if value.strip().lstrip("+-").isdecimal() else float(value)
+            return _number_in(value)
         except ValueError:
             raise wrong_type(given, pick(f"a number, not {value!r:.40},", f"数値 ({value!r:.40} ではなく)")) from None
+    if isinstance(value, Decimal):
+        return int(value) if value == value.to_integral_value(context=CY_CONTEXT) else float(value)
     if isinstance(value, int | float) and given.type != VarType.DATE:
         return value
     raise wrong_type(given, pick("a number", "数値"))
+
+
+def _number_in(text: str) -> float | int:
+    text = text.strip()
+    if _NUMBER.fullmatch(text) is None:  # float() takes more than controllers do: 1_0, full-width digits
+        raise ValueError(text)
+    try:
+        return int(text, 10)
+    except ValueError:
+        if text.lstrip("+-").isdecimal():
+            raise  # more digits than Python reads
+        return float(text)
 
 
 def to_integer(given: Variant) -> int:

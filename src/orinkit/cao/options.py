@@ -6,6 +6,7 @@ parts, as in the leading comma that some clients send, are passed over. A name w
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from orinkit import hresult
@@ -13,6 +14,8 @@ from orinkit.errors import error_for
 from orinkit.language import pick
 
 _OPENING: Final = {"(": ")", "[": "]", "{": "}", "<": ">"}
+_DECIMAL: Final = re.compile(r"\s*[+-]?[0-9]+\s*")
+_HEX: Final = re.compile(r"\s*0[xX][0-9A-Fa-f]+\s*")
 _QUOTES: Final = "\"'"
 _LONGEST: Final = 0xFFFF
 
@@ -58,7 +61,13 @@ class Options:
             ValueError: it is given and is no whole number.
         """
         text = self._values.get(name.lower())
-        return None if text is None else int(text, 0)
+        if text is None:
+            return None
+        if _DECIMAL.fullmatch(text):  # int() takes more: 4_00, full-width digits
+            return int(text)
+        if _HEX.fullmatch(text):
+            return int(text, 16)
+        raise ValueError(text)
 
 
 def _split(text: str) -> list[str]:

@@ -161,7 +161,7 @@ class Session:
             if special is not None:
                 return special(self, function, values)
             return self._call_method(function, values)
-        except Exception as error:  # noqa: BLE001 - whatever a device raises is answered, never let through
+        except BaseException as error:  # noqa: BLE001 - whatever a device raises is answered, SystemExit too
             return self._failed(function, error)
 
     def complete(self, pending: Pending, result: Any, *, told: bool = True) -> Reply:
@@ -178,10 +178,10 @@ class Session:
                 result.release()
                 raise error_for(hresult.E_ABORT, pending.label)
             return self._reply(pending.function, pending.handle, pending.label, result)
-        except Exception as error:  # noqa: BLE001 - as in invoke
+        except BaseException as error:  # noqa: BLE001 - as in invoke
             return self._failed(pending.function, error)
 
-    def fail(self, pending: Pending, error: Exception) -> Reply:
+    def fail(self, pending: Pending, error: BaseException) -> Reply:
         """Return the reply for a pending call whose work has raised ``error``."""
         return self._failed(pending.function, error)
 
@@ -232,8 +232,8 @@ class Session:
         except InvalidValue as error:  # the device's fault, not the client's
             raise TypeError(f"{function.name} cannot return {type(result).__name__}: {error}") from error
 
-    def _failed(self, function: Function[..., Any], error: Exception) -> Reply:
-        if isinstance(error, CallError):
+    def _failed(self, function: Function[..., Any], error: BaseException) -> Reply:
+        if isinstance(error, CallError) and hresult.failed(error.code):
             # only the code goes over the wire: what the device has to say beside it is told here
             logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, error)
             return Reply(error.code, detail=error.detail)
@@ -282,7 +282,7 @@ class Session:
         entry = self._entries.pop(handle)
         try:
             entry.served.release()
-        except Exception:
+        except BaseException:
             logger.exception("release of %s %r", entry.interface, entry.label)
 
     def close(self) -> None:
@@ -314,7 +314,7 @@ class Session:
                 raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
         else:
             self._check_room()
-            name = f"Controller{next(self._numbers)}"
+            name = next(made for n in self._numbers if self._named("Controller", 0, made := f"Controller{n}") is None)
         return self._reply(function, 0, name, provider.connect(name, machine, option, self.client))
 
     def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:

@@ -21,10 +21,11 @@ from orinkit.client._common import (
     NodeFunctions,
     error_count,
     error_info,
+    no_such_error,
     service_option,
     text_list,
 )
-from orinkit.errors import ObjectNotFound, OrinError
+from orinkit.errors import CallError, ObjectNotFound, OrinError
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -351,8 +352,15 @@ class AsyncController(AsyncOwner):
 
     async def errors(self) -> list[ErrorInfo]:
         """Errors that the controller reports now, newest first (GetCurErrorCount, GetCurErrorInfo)."""
-        count = error_count(await self.execute("GetCurErrorCount"))
-        return [error_info(await self.execute("GetCurErrorInfo", index)) for index in range(count)]
+        errors: list[ErrorInfo] = []
+        for index in range(error_count(await self.execute("GetCurErrorCount"))):
+            try:
+                errors.append(error_info(await self.execute("GetCurErrorInfo", index)))
+            except CallError as error:
+                if not no_such_error(error):
+                    raise
+                break  # somebody has cleared errors meanwhile
+        return errors
 
     async def clear_error(self) -> None:
         """Clear the controller's errors (RC8 3.3.6)."""

@@ -40,11 +40,20 @@ class AsyncClient:
         limits: Limits = DEFAULT_LIMITS,
         trace: Trace | None = None,
     ) -> None:
-        self.timeout = check_timeout(timeout)
+        self._timeout = check_timeout(timeout)
         self._link = link
         self._conversation = Conversation(limits, trace)
         self._lock = asyncio.Lock()
         self.garbage = Garbage()
+
+    @property
+    def timeout(self) -> float:
+        """Seconds that a call waits for its answer; may be set."""
+        return self._timeout
+
+    @timeout.setter
+    def timeout(self, seconds: float) -> None:
+        self._timeout = check_timeout(seconds)
 
     @classmethod
     async def open(
@@ -83,7 +92,7 @@ class AsyncClient:
         """
         arguments = function.bind(args, kwargs)
         async with self._lock:
-            _, result = await self._carry(function, arguments, self.timeout)
+            _, result = await self._carry(function, arguments, self._timeout)
         value: R = result
         return value
 

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 from orinkit import hresult
 from orinkit.cao.table import Function
-from orinkit.errors import InvalidValue, ProtocolError
+from orinkit.errors import CallError, InvalidValue, ProtocolError
 from orinkit.language import pick
 from orinkit.variant import Value
 
@@ -17,7 +17,7 @@ RC8: Final = "CaoProv.DENSO.VRC"
 DEFAULT_TIMEOUT: Final = 3.0
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
-_MOST_SECONDS: Final = 1e9
+_MOST_SECONDS: Final = 2e6
 
 
 class NodeFunctions(NamedTuple):
@@ -65,6 +65,11 @@ def error_count(answer: Any) -> int:
     if isinstance(answer, int | float) and 0 <= answer < 2**31:
         return int(answer)
     raise _not_understood("GetCurErrorCount", answer)
+
+
+def no_such_error(error: CallError) -> bool:
+    """Return whether an error is that of a list which has become shorter meanwhile."""
+    return error.code == hresult.DISP_E_BADINDEX
 
 
 def error_info(answer: Any) -> ErrorInfo:

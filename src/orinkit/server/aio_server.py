@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import concurrent.futures
 import logging
 from collections.abc import Iterable
 from types import TracebackType
@@ -49,8 +48,7 @@ class AsyncServer:
     ) -> None:
         self._addresses = [parse_address(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
-        self._workers = concurrent.futures.ThreadPoolExecutor(clients, "orinkit-worker")
-        self._connections = Connections(self._host, limits, clients, invoke_timeout, self._workers)
+        self._connections = Connections(self._host, limits, clients, invoke_timeout)
         self._servers: list[asyncio.Server] = []
         self.urls: list[str] = []
 
@@ -74,7 +72,7 @@ class AsyncServer:
             try:
                 await self._listen(address)
             except BaseException:
-                await self.close()
+                await self._stop()  # the providers stay as they are: they may be served elsewhere
                 raise
 
     async def _listen(self, address: Address) -> None:
@@ -97,14 +95,16 @@ class AsyncServer:
 
     async def close(self) -> None:
         """Stop listening, let every client go, close the providers."""
+        await self._stop()
+        for provider in self._host.providers:
+            provider.close()
+
+    async def _stop(self) -> None:
         await self._connections.refuse()
         for server in self._servers:
             server.close()
         self._servers.clear()
         await self._connections.close(_GRACE)
-        self._workers.shutdown(wait=False, cancel_futures=True)
-        for provider in self._host.providers:
-            provider.close()
 
     async def __aenter__(self) -> Self:
         await self.start()

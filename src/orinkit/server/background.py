@@ -69,7 +69,7 @@ class Server:
 
     def close(self) -> None:
         """Stop listening, let every client go, close the providers; does nothing the second time."""
-        if not self._closed:
+        if not self._closed and self._thread.is_alive():
             self._asyncio.run_coroutine_threadsafe(self._server.close(), self._loop).result()
             self._stop()
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-from collections.abc import Iterator
-from concurrent.futures import Executor
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from orinkit import hresult
@@ -29,7 +29,6 @@ class Connections:
         limits: bounds on packets.
         clients: how many clients at a time; one more is answered with E_MAX_CONNECT and closed.
         invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
-        workers: where handlers run that may wait.
 
     Attributes:
         open: the clients' connections.
@@ -40,12 +39,11 @@ class Connections:
         tasks: handlers at work, also those whose client has gone.
     """
 
-    def __init__(self, host: Host, limits: Limits, clients: int, invoke_timeout: float, workers: Executor) -> None:
+    def __init__(self, host: Host, limits: Limits, clients: int, invoke_timeout: float) -> None:
         self.host = host
         self.limits = limits
         self.clients = clients
         self.invoke_timeout = invoke_timeout
-        self.workers = workers
         self.open: set[TcpConnection] = set()
         self.all: set[TcpConnection] = set()
         self.opening = 0
@@ -89,6 +87,40 @@ class Connections:
         for task in self.tasks:
             task.cancel()
         await asyncio.sleep(0)
+
+
+async def in_thread(function: Callable[[], Any]) -> Any:
+    """Run a function in a thread of its own and return what it returns, or raise what it raises.
+
+    Not in asyncio's executor: a daemon thread does not keep the program from ending, should the function never return;
+    and what it raises may be anything, such as StopIteration, which no future can hold.
+    """
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[None] = loop.create_future()
+    outcome: list[tuple[bool, Any]] = []
+
+    def run() -> None:
+        try:
+            outcome.append((True, function()))
+        except BaseException as error:  # noqa: BLE001 - raised again where it is awaited
+            outcome.append((False, error))
+        try:
+            loop.call_soon_threadsafe(finish)
+        except RuntimeError:  # the server has been closed meanwhile
+            pass
+
+    def finish() -> None:
+        if not done.done():
+            done.set_result(None)
+
+    threading.Thread(target=run, name="orinkit-worker", daemon=True).start()
+    await done
+    succeeded, value = outcome[0]
+    if succeeded:
+        return value
+    if isinstance(value, StopIteration):  # would end the coroutine instead of telling of the error
+        raise RuntimeError(f"StopIteration: {value}") from value  # noqa: TRY004 - as Python itself does
+    raise value
 
 
 class TcpConnection(asyncio.BufferedProtocol):
@@ -210,11 +242,10 @@ class TcpConnection(asyncio.BufferedProtocol):
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
         try:
             work: Any = pending.work
-            if type(work) is Blocking:
-                result = await self._loop.run_in_executor(self._shared.workers, work.run)
-            else:
-                result = await work
-        except Exception as error:  # noqa: BLE001 - whatever a device raises is answered
+            result = await (in_thread(work.run) if type(work) is Blocking else work)
+        except BaseException as error:
+            if isinstance(error, asyncio.CancelledError) and self._transport.is_closing():
+                raise  # it is the client that has gone
             reply = session.fail(pending, error)
         else:
             reply = session.complete(pending, result, told=not self._conversation.timed_out)

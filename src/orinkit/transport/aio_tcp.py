@@ -6,6 +6,7 @@ import asyncio
 import socket
 from typing import Final
 
+from orinkit.errors import TransportError
 from orinkit.language import pick
 from orinkit.transport.address import Address
 from orinkit.transport.tcp import CHUNK, closed, connect_failed, lost
@@ -49,6 +50,7 @@ class AsyncTcpLink(asyncio.BufferedProtocol):
         """The link is up."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
+        self._loop = asyncio.get_running_loop()
         peer = transport.get_extra_info("socket")
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -79,10 +81,18 @@ class AsyncTcpLink(asyncio.BufferedProtocol):
 
         Raises:
             ConnectionClosed: the link was closed before.
+            TransportError: it is used in another event loop than the one it was opened in.
             ConnectionLost: the other side has closed it, or has not taken what was queued for it long ago.
         """
         if self._transport is None:
             raise closed()
+        if asyncio.get_running_loop() is not self._loop:
+            raise TransportError(
+                pick(
+                    "the connection belongs to another event loop; connect again in this one",
+                    "接続は別のイベントループのものです。このループで接続し直してください",
+                )
+            )
         if self._ended:
             raise lost(self._error or pick("the other side closed it", "相手が閉じました"))
         if self._transport.get_write_buffer_size() > _UNSENT:

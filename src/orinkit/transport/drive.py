@@ -19,8 +19,8 @@ Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
 class Link(Protocol):
     """A way to the other side, used by one thread at a time."""
 
-    def send(self, data: bytes) -> None:
-        """Send all of the bytes."""
+    def send(self, data: bytes, seconds: float) -> None:
+        """Send all of the bytes within the seconds."""
 
     def receive(self, seconds: float) -> bytes | None:
         """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
@@ -54,13 +54,13 @@ def run(operation: Operation[T], link: Link) -> T:
     try:
         while True:
             data, seconds = operation.send(received)
-            if data:
-                sent = True
-                link.send(data)
             if seconds is None:
                 seconds = deadline - monotonic()
             else:
                 deadline = monotonic() + seconds
+            if data:
+                sent = True
+                link.send(data, seconds)
             received = link.receive(seconds) if seconds > 0 else None
     except StopIteration as stop:
         result: T = stop.value

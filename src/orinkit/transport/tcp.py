@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import socket
-import struct
-import sys
 from typing import Final
 
 from orinkit.errors import ConnectFailed, ConnectionClosed, ConnectionLost
@@ -12,8 +10,6 @@ from orinkit.language import pick
 from orinkit.transport.address import Address
 
 CHUNK: Final = 65536
-_KERNEL_TIMEOUT: Final = sys.platform == "linux"
-_TIMEVAL: Final = struct.Struct("@ll")
 
 
 def lost(reason: object) -> ConnectionLost:
@@ -40,10 +36,7 @@ def connect_failed(address: Address, error: BaseException) -> ConnectFailed:
 
 
 class TcpLink:
-    """A TCP connection used by the thread that calls.
-
-    On Linux the time-out is given to the kernel, so that a call costs one system call to send and one to receive.
-    """
+    """A TCP connection used by the thread that calls."""
 
     def __init__(self, address: Address, seconds: float) -> None:
         """Connect.
@@ -56,28 +49,34 @@ class TcpLink:
         except (OSError, ValueError) as error:
             raise connect_failed(address, error) from error
         self._open = True
-        self._seconds = -1.0
+        self._seconds = seconds
         self._sendall = self._socket.sendall
         self._recv = self._socket.recv
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        if _KERNEL_TIMEOUT:
-            self._socket.settimeout(None)
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(seconds))
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, seconds: float) -> None:
         """Send all of the bytes; if that does not succeed the link is closed, for the stream would have a torn packet.
 
         Raises:
-            ConnectionLost: the link broke, or the other side takes nothing any more.
+            ConnectionLost: the link broke, or the other side did not take the bytes within the seconds.
             ConnectionClosed: the link was closed before.
         """
         try:
+            self._set_timeout(seconds)
             self._sendall(data)
         except BaseException as error:
-            if not self._open:
-                raise closed() from error
+            was_open = self._open
             self.close()
+            if not was_open:
+                raise closed() from error
+            if isinstance(error, TimeoutError):
+                raise lost(
+                    pick(
+                        f"the other side did not take {len(data)} bytes within {seconds:g} s",
+                        f"相手が {len(data)} バイトを {seconds:g} 秒以内に受信しませんでした",
+                    )
+                ) from error
             if isinstance(error, OSError):
                 raise lost(error) from error
             raise
@@ -89,11 +88,10 @@ class TcpLink:
             ConnectionLost: the link broke.
             ConnectionClosed: the link was closed before.
         """
-        if seconds != self._seconds:
-            self._set_timeout(seconds)
         try:
+            self._set_timeout(seconds)
             data = self._recv(CHUNK)
-        except (BlockingIOError, TimeoutError):
+        except TimeoutError:
             return None
         except OSError as error:
             raise self._end(error) from error
@@ -102,14 +100,9 @@ class TcpLink:
         return data
 
     def _set_timeout(self, seconds: float) -> None:
-        try:
-            if _KERNEL_TIMEOUT:
-                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(seconds))
-            else:
-                self._socket.settimeout(seconds)
-        except OSError as error:
-            raise self._end(error) from error
-        self._seconds = seconds
+        if seconds != self._seconds:  # a system call each time
+            self._socket.settimeout(seconds)
+            self._seconds = seconds
 
     def _end(self, error: OSError) -> ConnectionLost | ConnectionClosed:
         was_open = self._open
@@ -125,8 +118,3 @@ class TcpLink:
             except OSError:  # the other side may have gone first
                 pass
             self._socket.close()
-
-
-def _timeval(seconds: float) -> bytes:
-    whole, part = divmod(max(seconds, 1e-6), 1.0)
-    return _TIMEVAL.pack(int(whole), max(int(part * 1e6), 0 if whole else 1))

@@ -26,7 +26,7 @@ _INTEGERS: Final = frozenset(
         (VarType.I2, VarType.I4, VarType.I1, VarType.UI1, VarType.UI2, VarType.UI4, VarType.I8, VarType.UI8),
     )
 )
-_NUMBERS: Final = _REALS | _INTEGERS | {int(VarType.BOOL), int(VarType.BSTR)}
+_NUMBERS: Final = _REALS | _INTEGERS | {int(VarType.BOOL), int(VarType.BSTR), int(VarType.CY)}
 _STRING_BYTES: Final = 255
 _SHOWN: Final = 10**20  # a larger number is not written out
 

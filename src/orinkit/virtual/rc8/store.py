@@ -135,6 +135,15 @@ class _NotOurs(sqlite3.DatabaseError):
 
 
 def _open(path: Path) -> sqlite3.Connection:
+    journal = path.with_name(path.name + "-wal")
+    if journal.exists() and journal.stat().st_size and not (path.exists() and path.stat().st_size):
+        # SQLite would take the journal for a left-over and throw it away, with every write that is only there
+        raise _NotOurs(
+            pick(
+                f"it is missing or empty, but {journal.name} beside it holds writes",
+                f"ファイルがないか空ですが、隣の {journal.name} に書き込みが残っています",
+            )
+        )
     # One thread at a time uses it, though not always the one that opened it. No waiting: who has the file keeps it.
     connection = sqlite3.connect(path, timeout=0, isolation_level=None, check_same_thread=False)
     try:
