@@ -219,6 +219,14 @@ def test_an_option_of_another_type_is_for_the_session(arguments):
     assert server.wdt is None
 
 
+@pytest.mark.parametrize(("function_id", "code"), [(72, hresult.E_INVALIDARG), (138, hresult.E_NOTIMPL)])
+def test_more_arguments_than_any_function_has_are_refused_unread(function_id, code):
+    server = ServerConversation()
+    unread = b"".join(encode(Variant(VarType.I4, 1))[:4] + b"\xff" * 10 for _ in range(6))
+    frame = packet.pack(9, function_id, 6, unread)
+    assert answered(server, frame) == Packet(9, code)
+
+
 def test_only_service_start_sets_options():
     server = ServerConversation()
     executed(server, request(1, 2, "WDT=400"))

@@ -188,10 +188,11 @@ def expected(stream: list[bytes]) -> tuple[list[tuple[int, int | None]], int]:
         try:
             frame = framer.take(piece)
             while frame is not None:
-                _, _, serial, _, _, count = packet.HEADER.unpack_from(frame)
+                _, _, serial, _, function_id, count = packet.HEADER.unpack_from(frame)
                 try:
                     if 5 < count <= len(frame) // 10:
-                        raise ProtocolError("no function has so many arguments", hresult.E_INVALIDARG)
+                        known = function_id in FUNCTIONS
+                        raise ProtocolError("too many", hresult.E_INVALIDARG if known else hresult.E_NOTIMPL)
                     packet.decode_arguments(frame, count, len(frame) - 1, exact=True)
                 except ProtocolError as error:
                     answers.append((serial, error.code))

@@ -108,7 +108,7 @@ class ServerConversation:
         if self._current is not None:
             return _answer(serial, hresult.E_BUSY_PROC)
         if _MOST_ARGUMENTS < count <= len(frame) // 10:  # not worth reading: no function has so many
-            return _answer(serial, hresult.E_INVALIDARG)
+            return _answer(serial, hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL)
         try:
             arguments, _ = packet.decode_arguments(frame, count, len(frame) - 1, self._limits, exact=True)
         except ProtocolError as error:
@@ -130,8 +130,10 @@ class ServerConversation:
             options = Options(coerce.to_text(arguments[0]))
             wdt = options.number("WDT")
             timeout = options.number("InvokeTimeout")
-        except (ValueError, CallError) as error:
-            return getattr(error, "code", 0) == hresult.E_INVALIDARGTYPE  # the session will say so
+        except ValueError:
+            return False
+        except CallError as error:
+            return error.code == hresult.E_INVALIDARGTYPE  # the session will say so
         if wdt is not None and not _LEAST_MS < wdt <= _MOST_MS:
             return False
         if timeout is not None and not _LEAST_MS <= timeout <= _MOST_MS:
