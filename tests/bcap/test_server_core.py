@@ -206,6 +206,15 @@ def test_a_new_start_sets_everything_anew():
     assert (server.wdt, server.invoke_timeout) == (None, 60.0)
 
 
+def test_a_call_that_was_put_off_has_its_whole_time():
+    server = ServerConversation(invoke_timeout=5.0)
+    actions = server.receive(request(1, 72, 1, 1, "P1") + request(2, 72, 1, 1, "P2"), 100.0)
+    server.finish(next(actions), 0, None)
+    server.go_on(1000.0)
+    assert next(actions).serial == 2
+    assert server.deadline() == 1005.0
+
+
 def test_options_may_come_in_a_one_element_array():
     server = ServerConversation()
     assert executed(server, request(1, 1, ["WDT=400"])).function_id == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import gc
 import pickle
 from collections.abc import Callable, Iterator
@@ -274,6 +275,15 @@ def test_a_closed_parent_closes_what_is_below_it(both: Both, server: Server, rec
     assert "Variable_GetValue" not in [call.function for call in recorder.calls]
     both.run(variable.close())
     assert releases(recorder) == ["RC/Arm/b", "RC/Arm"]
+    both.run(controller.close())
+
+
+def test_an_object_is_not_copied(both: Both, server: Server) -> None:
+    controller = both.connect(server.url, provider=PROVIDER, name="RC")
+    variable = both.run(controller.variable("a"))
+    for copier in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match="cannot be copied"):
+            copier(variable)
     both.run(controller.close())
 
 

@@ -78,6 +78,7 @@ class ServerConversation:
         self._current: Execute | None = None
         self.timed_out = False
         self._next_wdt = 0.0
+        self._now = 0.0
         self._give_up = 0.0
 
     @property
@@ -94,16 +95,21 @@ class ServerConversation:
             data: what has been received.
             now: the time, in seconds of any steady clock.
         """
+        self._now = now
         try:
             frame = self._framer.take(data)
             while frame is not None:
-                yield self._request(frame, now)
+                yield self._request(frame)
                 frame = self._framer.next_frame()
         except ProtocolError as error:
             yield Send(packet.pack(0, error.code, 0, b""))
             yield Close(str(error))
 
-    def _request(self, frame: bytes, now: float) -> Action:
+    def go_on(self, now: float) -> None:
+        """Tell the time before taking up what :meth:`receive` yields again, where that was put off."""
+        self._now = now
+
+    def _request(self, frame: bytes) -> Action:
         _, _, serial, _, function_id, count = packet.HEADER.unpack_from(frame)
         if self._current is not None:
             return _answer(serial, hresult.E_BUSY_PROC)
@@ -117,9 +123,9 @@ class ServerConversation:
             return _answer(serial, hresult.E_INVALIDARG)
         self._current = call = Execute(serial, function_id, arguments)
         self.timed_out = False
-        self._give_up = now + self.invoke_timeout
+        self._give_up = self._now + self.invoke_timeout
         if self.wdt is not None:
-            self._next_wdt = now + self.wdt
+            self._next_wdt = self._now + self.wdt
         return call
 
     def _set_options(self, arguments: list[Variant]) -> bool:

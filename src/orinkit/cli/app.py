@@ -101,7 +101,8 @@ def _guarded(run: Callable[[], int | None]) -> int:
     """Run a command; whatever goes wrong becomes one line on stderr and an exit code."""
     try:
         code = run() or DONE
-        sys.stdout.flush()
+        if sys.stdout is not None:  # it is where a shell was told to close it
+            sys.stdout.flush()
     except CycloptsError as error:
         return _say(usage_text(error), USAGE)
     except Failure as error:

@@ -56,6 +56,14 @@ class AsyncNode:
         state = "" if self._open else " closed"
         return f"<{type(self).__name__} {self._label!r} handle {self.handle}{state}>"
 
+    def __reduce__(self) -> str:
+        raise TypeError(
+            pick(
+                f"{self!r} cannot be copied or pickled: it stands for one handle of one connection",
+                f"{self!r} は複製や pickle ができません (1 つの接続の 1 つのハンドルを表します)",
+            )
+        )
+
     def __del__(self) -> None:
         if getattr(self, "_open", False) and self._parent is not None:
             self.client.garbage.add(self.functions.release, self.handle)

@@ -182,6 +182,7 @@ class TcpConnection(asyncio.BufferedProtocol):
         self._transport.resume_reading()
         waiting, self._waiting = self._waiting, None
         if waiting is not None:
+            self._conversation.go_on(self._loop.time())
             self._act(waiting)
 
     def connection_lost(self, exc: Exception | None) -> None:
