@@ -239,7 +239,19 @@ def codec(count: int) -> None:
 
     encode = turn(lambda: encode_request(functions.robot_execute, ARGUMENTS, 1))
     line("encode a slvMove request", *alternate(encode, turn(pack)), "us", "aim <= 1.7 us")
-    line("decode its reply", *alternate(turn(decode), turn(lambda: answer(REPLY))), "us", "aim <= 1.3 us")
+    line(
+        "decode its reply, as the client does",
+        *alternate(turn(decode), turn(lambda: answer(REPLY))),
+        "us",
+        "aim <= 1.3 us",
+    )
+    whole_packet = turn(lambda: packet.decode(REPLY))
+    line(
+        "decode its reply into a Packet object",
+        *alternate(whole_packet, turn(lambda: answer(REPLY))),
+        "us",
+        "aim <= 1.3 us",
+    )
     line("a whole conversation: encode, match, decode", *alternate(turn(both), turn(both_bare)), "us")
 
 

@@ -376,8 +376,14 @@ class _PartObject(OwnerObject):
         if isinstance(below, CaoObject):
             return below
         if kind not in _KINDS or not isinstance(below, Part):
-            wanted = "a Part or an object of orinkit.cao.provider" if kind in _KINDS else "a CommandObject"
-            raise TypeError(f"{declared.method.__qualname__} must return {wanted}, not {below!r:.100}")
+            wanted = "Part, orinkit.cao.provider.CaoObject" if kind in _KINDS else "orinkit.cao.provider.CommandObject"
+            name = declared.method.__qualname__
+            raise TypeError(
+                pick(
+                    f"{name} must return {wanted}, not {below!r:.100}",
+                    f"{name} は {wanted} を返す必要があります: {below!r:.100}",
+                )
+            )
         return _KINDS[kind](below, declared.name, declared.help)
 
 

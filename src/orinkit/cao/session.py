@@ -230,7 +230,12 @@ class Session:
                 code, variant(result) if function.result is VarType.VARIANT else Variant(function.result, result)
             )
         except InvalidValue as error:  # the device's fault, not the client's
-            raise TypeError(f"{function.name} cannot return {type(result).__name__}: {error}") from error
+            kind = type(result).__name__
+            raise TypeError(
+                pick(
+                    f"{function.name} cannot return {kind}: {error}", f"{function.name} は {kind} を返せません: {error}"
+                )
+            ) from error
 
     def _failed(self, function: Function[..., Any], error: BaseException) -> Reply:
         if isinstance(error, CallError) and hresult.failed(error.code):
@@ -258,9 +263,12 @@ class Session:
                 pick(f"{self.host.objects} objects per client", f"1 クライアント {self.host.objects} 個まで"),
             )
 
-    def _add(self, interface: str, served: CaoObject, parent: int, label: str) -> int:
+    def _add(self, interface: str, served: object, parent: int, label: str) -> int:
         if not isinstance(served, CaoObject):
-            raise TypeError(f"the device gave {type(served).__name__} for a {interface}")
+            kind = type(served).__name__
+            raise TypeError(
+                pick(f"the device gave {kind} for a {interface}", f"デバイスが {interface} として {kind} を返しました")
+            )
         if self._closed or (parent and parent not in self._entries):  # the client left while the device was at work
             served.release()
             raise error_for(hresult.E_ABORT, label)
