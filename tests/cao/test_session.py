@@ -631,7 +631,7 @@ PLAIN = {VarType.I4: 1, VarType.R4: 1.5, VarType.BSTR: "x", VarType.VARIANT: [1.
 @pytest.mark.parametrize("entry", FUNCTIONS.values(), ids=lambda entry: entry.name)
 def test_every_function_reaches_its_object(session, entry):
     """What a bare object does: names are empty, the common properties work, all else is not implemented."""
-    handle = session._add(entry.interface, BARE.get(entry.interface, p.CaoObject)("it", attribute=2, help="h"), 0, "it")
+    handle = session._add(entry.interface, BARE.get(entry.interface, p.CaoObject)("it", attribute=2, help="h"), 0, "it", p.Provider())
     arguments = [variant(handle if each.is_handle else PLAIN[each.vt]) for each in entry.arguments]
     if entry.name == "Controller_Connect":
         arguments[1] = variant(PROVIDER)
@@ -812,3 +812,123 @@ def test_results_of_dates_and_money(session):
     controller = connect(session)
     for item in (datetime(2026, 11, 21, 10), Decimal("1.5")):
         assert value(session, "Controller_Execute", controller, "echo", item) == item
+
+
+# --- results that come later, and locks ------------------------------------------------------------------------------
+
+
+class _Lock:
+    """Counts how often it is held, and how deep."""
+
+    def __init__(self) -> None:
+        self.entered = 0
+        self.held = 0
+
+    def __enter__(self) -> None:
+        self.entered += 1
+        self.held += 1
+
+    def __exit__(self, *_: object) -> None:
+        self.held -= 1
+
+
+class _Guarded(p.Provider):
+    provider_names = ("Guarded",)
+
+    def __init__(self) -> None:
+        self.guard = _Lock()
+        self.promise = p.Later[int]()
+        self.seen: list[int] = []
+
+    def connect(self, name, machine, option, client):
+        self.seen.append(self.guard.held)
+        return _GuardedController(self)
+
+
+class _GuardedController(p.ControllerObject):
+    def __init__(self, provider: _Guarded) -> None:
+        super().__init__()
+        self._provider = provider
+
+    def get_task(self, name, option):
+        self._provider.seen.append(self._provider.guard.held)
+        return p.TaskObject(name)
+
+    def execute(self, command, parameter):
+        self._provider.seen.append(self._provider.guard.held)
+        return self._provider.promise
+
+    def release(self):
+        self._provider.seen.append(self._provider.guard.held)
+
+
+def _execute(session, handle):
+    return session.invoke(17, [Variant(VarType.I4, handle), Variant(VarType.BSTR, "x"), Variant(VarType.EMPTY)])
+
+
+def _connected(provider):
+    session = Session(Host(provider))
+    texts = [Variant(VarType.BSTR, text) for text in ("", "Guarded", "", "")]
+    return session, session.invoke(3, texts).result.value
+
+
+def test_methods_and_releases_run_inside_the_guard():
+    provider = _Guarded()
+    session, handle = _connected(provider)
+    _execute(session, handle)
+    task = session.invoke(8, [Variant(VarType.I4, handle), Variant(VarType.BSTR, "t"), Variant(VarType.BSTR, "")])
+    assert task.code == 0
+    session.close()
+    assert provider.seen == [1, 1, 1, 1]
+    assert provider.guard.held == 0
+
+
+def test_a_promise_is_pending_until_it_is_kept():
+    provider = _Guarded()
+    session, handle = _connected(provider)
+    pending = _execute(session, handle)
+    assert isinstance(pending, Pending)
+    assert pending.work is provider.promise
+    called = []
+    provider.promise.when_done(lambda: called.append(1))
+    assert called == []
+    provider.promise.finish(7)
+    provider.promise.finish(8)
+    provider.promise.fail(ValueError("late"))
+    assert called == [1]
+    assert session.complete(pending, provider.promise.result()).result == Variant(VarType.I4, 7)
+
+
+def test_a_promise_that_is_kept_already_is_an_ordinary_result():
+    provider = _Guarded()
+    session, handle = _connected(provider)
+    provider.promise.finish(7)
+    assert _execute(session, handle).result == Variant(VarType.I4, 7)
+
+
+def test_a_broken_promise_is_an_error_at_once():
+    provider = _Guarded()
+    session, handle = _connected(provider)
+    provider.promise.fail(CallError(0x83500076))
+    assert _execute(session, handle).code == 0x83500076
+    called = []
+    provider.promise.when_done(lambda: called.append(1))
+    assert called == [1]
+
+
+def test_two_threads_share_the_callbacks_of_a_promise():
+    """A callback that the other thread has taken is not called again."""
+    promise = p.Later[int]()
+    called = []
+
+    def steal():
+        promise._callbacks.clear()
+        called.append("first")
+
+    class Emptied(list):
+        def __bool__(self) -> bool:  # as if another thread took the last one between the look and the taking
+            return True
+
+    promise._callbacks = Emptied([lambda: called.append("second"), steal])
+    promise.finish()
+    assert called == ["first"]

@@ -15,7 +15,7 @@ from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
 
-_NUMBER: Final = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
+_NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 
 
 def wrong_type(given: Variant, wanted: str) -> CallError:

@@ -6,7 +6,8 @@ returns the result. It may
 
 * return at once: it then runs on the server's own thread and must not wait for anything;
 * be ``async def``: it may ``await``, and is cancelled when its client goes away;
-* return :class:`Blocking` with a function to run in a worker thread.
+* return :class:`Blocking` with a function to run in a worker thread;
+* return :class:`Later`, and finish it when the result has come, from whatever thread.
 
 To answer with an error code, raise it: ``raise error_for(0x80020005)``. Any other exception is logged and answered
 with E_FAIL. For a device of your own, :class:`orinkit.Device` is the comfortable way; this is what lies beneath.
@@ -15,7 +16,8 @@ with E_FAIL. For a device of your own, :class:`orinkit.Device` is the comfortabl
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
@@ -37,8 +39,59 @@ class Coded(NamedTuple):
     value: Any = None
 
 
-Result: TypeAlias = T | Coded | Awaitable[T] | Blocking
-"""What a method returns: the result, alone or with a success code, something to await, or work for a thread."""
+class Later(Generic[T]):
+    """A result that comes by itself, for example when a motion is over.
+
+    The device keeps it and calls :meth:`finish` or :meth:`fail` once; whoever waits for it has said so with
+    :meth:`when_done`. Each may be called from any thread: each of their steps is one that Python does not interrupt.
+    """
+
+    __slots__ = ("_callbacks", "_error", "_value", "done")
+
+    def __init__(self) -> None:
+        self.done = False
+        self._value: T | None = None
+        self._error: BaseException | None = None
+        self._callbacks: list[Callable[[], None]] = []
+
+    def finish(self, value: T | None = None) -> None:
+        """The result is there; nothing happens if there was one already."""
+        self._settle(value, None)
+
+    def fail(self, error: BaseException) -> None:
+        """There will be no result but this exception; nothing happens if there was a result already."""
+        self._settle(None, error)
+
+    def result(self) -> T | None:
+        """Return the result, or raise what the call failed with; to be called when it is done."""
+        if self._error is not None:
+            raise self._error
+        return self._value
+
+    def when_done(self, callback: Callable[[], None]) -> None:
+        """Have a function called once when the result is there, at once if it is; in the thread that finishes."""
+        self._callbacks.append(callback)
+        if self.done:
+            self._call_back()
+
+    def _settle(self, value: T | None, error: BaseException | None) -> None:
+        if self.done:
+            return
+        self._value, self._error = value, error
+        self.done = True  # before the callbacks are taken: one that is added meanwhile is called by when_done
+        self._call_back()
+
+    def _call_back(self) -> None:
+        while self._callbacks:
+            try:
+                callback = self._callbacks.pop()
+            except IndexError:  # the other thread took the last one
+                return
+            callback()
+
+
+Result: TypeAlias = T | Coded | Awaitable[T] | Blocking | Later[T]
+"""What a method returns: the result, alone or with a success code, something to await, work for a thread, a promise."""
 
 
 class ClientInfo(NamedTuple):
@@ -413,9 +466,12 @@ class Provider:
 
     Attributes:
         provider_names: for example ``("CaoProv.DENSO.VRC",)``; upper and lower case do not matter.
+        guard: is entered around every method that a client's call runs on the server's own thread, and around every
+            release; a lock, for a device that changes in other threads too. Nothing by default.
     """
 
     provider_names: Sequence[str] = ()
+    guard: AbstractContextManager[object] = nullcontext()
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Return the controller object for one client.

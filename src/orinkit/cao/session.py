@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import logging
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from inspect import isawaitable
 from traceback import format_exception_only
@@ -19,7 +20,7 @@ from orinkit import hresult
 from orinkit.cao import coerce
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Provider
+from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Later, Provider
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, InvalidValue, error_for
 from orinkit.language import pick
@@ -48,7 +49,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """A call whose method waits for something; ``work`` is an awaitable or :class:`Blocking`."""
+    """A call whose method waits for something; ``work`` is an awaitable, :class:`Blocking` or :class:`Later`."""
 
     function: Function[..., Any]
     handle: int
@@ -124,6 +125,7 @@ class _Entry:
     served: CaoObject
     parent: int
     label: str
+    guard: AbstractContextManager[object]
 
 
 class Session:
@@ -196,8 +198,11 @@ class Session:
             existing = self._existing(function.creates, handle, label, values[-1])
             if existing is not None:
                 return existing
-        result = getattr(entry.served, function.method)(*values[1:])
-        if type(result) is Blocking or isawaitable(result):
+        with entry.guard:
+            result = getattr(entry.served, function.method)(*values[1:])
+        if type(result) is Later and result.done:
+            result = result.result()
+        elif type(result) in (Blocking, Later) or isawaitable(result):
             return Pending(function, handle, label, result)
         return self._reply(function, handle, label, result)
 
@@ -217,12 +222,14 @@ class Session:
                 return entry
         return None
 
-    def _reply(self, function: Function[..., Any], parent: int, label: str, result: Any) -> Reply:
+    def _reply(
+        self, function: Function[..., Any], parent: int, label: str, result: Any, provider: Provider | None = None
+    ) -> Reply:
         code = hresult.S_OK
         if type(result) is Coded:
             code, result = hresult.unsigned(result.code), result.value
         if function.creates:
-            result = self._add(function.creates, result, parent, label)
+            result = self._add(function.creates, result, parent, label, provider)
         if function.result is None:
             return Reply(code)
         try:
@@ -263,7 +270,7 @@ class Session:
                 pick(f"{self.host.objects} objects per client", f"1 クライアント {self.host.objects} 個まで"),
             )
 
-    def _add(self, interface: str, served: object, parent: int, label: str) -> int:
+    def _add(self, interface: str, served: object, parent: int, label: str, provider: Provider | None) -> int:
         if not isinstance(served, CaoObject):
             kind = type(served).__name__
             raise TypeError(
@@ -276,7 +283,8 @@ class Session:
             self._next = _following(self._next)
         handle = self._next
         self._next = _following(handle)
-        self._entries[handle] = _Entry(handle, interface, served, parent, label)
+        guard = self._entries[parent].guard if provider is None else provider.guard
+        self._entries[handle] = _Entry(handle, interface, served, parent, label, guard)
         return handle
 
     def _remove(self, handle: int) -> None:
@@ -289,7 +297,8 @@ class Session:
     def _let_go(self, handle: int) -> None:
         entry = self._entries.pop(handle)
         try:
-            entry.served.release()
+            with entry.guard:
+                entry.served.release()
         except BaseException:
             logger.exception("release of %s %r", entry.interface, entry.label)
 
@@ -322,8 +331,10 @@ class Session:
                 raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
         else:
             self._check_room()
-            name = next(made for n in self._numbers if self._named("Controller", 0, made := f"Controller{n}") is None)
-        return self._reply(function, 0, name, provider.connect(name, machine, option, self.client))
+            name = next(free for n in self._numbers if self._named("Controller", 0, free := f"Controller{n}") is None)
+        with provider.guard:
+            made = provider.connect(name, machine, option, self.client)
+        return self._reply(function, 0, name, made, provider)
 
     def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:
         handle = values[0]

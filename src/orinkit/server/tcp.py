@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from orinkit import hresult
 from orinkit.bcap.server import Action, Close, Execute, Send, ServerConversation
-from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.provider import Blocking, ClientInfo, Later
 from orinkit.cao.session import Host, Pending, Reply, Session
 from orinkit.variant_bytes import Limits
 
@@ -121,6 +121,26 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     if isinstance(value, StopIteration):  # would end the coroutine instead of telling of the error
         raise RuntimeError(f"StopIteration: {value}") from value  # noqa: TRY004 - as Python itself does
     raise value
+
+
+async def later(promise: Later[Any]) -> Any:
+    """Wait for a result that the device has promised and return it, or raise what the call failed with."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[None] = loop.create_future()
+
+    def finish() -> None:
+        if not done.done():
+            done.set_result(None)
+
+    def finish_from_anywhere() -> None:
+        try:
+            loop.call_soon_threadsafe(finish)
+        except RuntimeError:  # the server has been closed meanwhile
+            pass
+
+    promise.when_done(finish_from_anywhere)
+    await done
+    return promise.result()
 
 
 class TcpConnection(asyncio.BufferedProtocol):
@@ -242,8 +262,7 @@ class TcpConnection(asyncio.BufferedProtocol):
 
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
         try:
-            work: Any = pending.work
-            result = await (in_thread(work.run) if type(work) is Blocking else work)
+            result = await _awaitable(pending.work)
         except BaseException as error:
             if isinstance(error, asyncio.CancelledError) and self._transport.is_closing():
                 raise  # it is the client that has gone
@@ -278,3 +297,9 @@ class TcpConnection(asyncio.BufferedProtocol):
     def abort(self) -> None:
         """Close the connection at once, whatever was to be sent."""
         self._transport.abort()
+
+
+def _awaitable(work: Any) -> Any:
+    if type(work) is Blocking:
+        return in_thread(work.run)
+    return later(work) if type(work) is Later else work

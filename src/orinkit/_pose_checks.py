@@ -1,0 +1,184 @@
+"""What the numbers of poses are, how many a pose has, and how they are checked and written (:mod:`orinkit.poses`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from decimal import Decimal
+from itertools import islice
+from typing import Any, Final, SupportsFloat, SupportsIndex
+
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+from orinkit.variant import plain
+
+MAX_JOINTS: Final = 8
+MAX_WHOLE: Final = 2**31 - 1
+"""The largest number of a variable, and the largest Fig."""
+EXTRA_JOINTS: Final = (7, 8)
+COUNTS: Final[dict[str, tuple[int, int]]] = {"P": (6, 7), "T": (9, 10), "J": (1, MAX_JOINTS), "V": (3, 3), "": (1, 10)}
+"""The fewest and the most numbers of each kind; ``""`` is that of a pose whose kind is not said."""
+FIELDS: Final[dict[str, tuple[str, ...]]] = {
+    "P": ("x", "y", "z", "rx", "ry", "rz", "fig"),
+    "T": ("x", "y", "z", "ox", "oy", "oz", "ax", "ay", "az", "fig"),
+    "V": ("x", "y", "z"),
+    "J": tuple(f"J{joint}" for joint in range(1, MAX_JOINTS + 1)),
+    "": tuple(f"value {place}" for place in range(1, 11)),
+}
+
+_SURELY_FINITE: Final = 1e300
+_SHOWN: Final = 40  # characters of a value that an error message quotes
+
+
+def listed(kind: str, values: object) -> list[Any]:
+    """Return values as a list of a length that the kind can have.
+
+    Raises:
+        InvalidValue: they are no sequence, or too few or too many.
+    """
+    least, most = COUNTS[kind]
+    values = plain(values)
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise InvalidValue(
+            pick(
+                f"{named(kind)}: {brief(values)} is no sequence of numbers",
+                f"{named(kind)}: {brief(values)} は数値の並びではありません",
+            )
+        )
+    items = list(islice(values, most + 1))
+    if not least <= len(items) <= most:
+        count = len(items)
+        given = pick(f"{count} values were", f"{count} 個")
+        if count > most:
+            given = pick(f"more than {most} values were", f"{most} 個より多く")
+        raise InvalidValue(
+            pick(
+                f"{named(kind)}: {given} given, {counted(kind)} are wanted",
+                f"{named(kind)}: 値は {counted(kind)} 個必要ですが、{given}指定されています",
+            )
+        )
+    return items
+
+
+def conform(kind: str, values: Iterable[object]) -> list[float]:
+    """Return values of a kind as finite ``float``, the figure as a whole one.
+
+    Raises:
+        InvalidValue: one is not, by its name.
+    """
+    return [
+        (whole if name == "fig" else finite)(named(kind), name, value)
+        for name, value in zip(FIELDS[kind], values, strict=False)
+    ]
+
+
+def finite(owner: str, name: str, value: Any) -> float:
+    """Return a number as finite ``float``.
+
+    Raises:
+        InvalidValue: it is none, or NaN, infinite or too large.
+    """
+    if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # the quick way for most
+        return float(value)
+    try:
+        if isinstance(value, SupportsFloat | SupportsIndex) and not isinstance(value, bool):
+            number = float(value)
+            if math.isfinite(number):
+                return number
+    except (TypeError, ValueError, OverflowError):  # an array of several numbers, an int of hundreds of digits
+        pass
+    raise InvalidValue(
+        pick(
+            f"{owner}: {name} is {brief(value)}, a finite number is wanted",
+            f"{owner}: {name} の値 {brief(value)} は有限の数値ではありません",
+        )
+    )
+
+
+def whole(owner: str, name: str, value: object) -> float:
+    """Return a whole number of 32 bits as ``float``.
+
+    Raises:
+        InvalidValue: it is none.
+    """
+    number = finite(owner, name, value)
+    if not is_whole(number):
+        raise InvalidValue(
+            pick(
+                f"{owner}: {name} is {brief(value)}, a whole number of 32 bits is wanted",
+                f"{owner}: {name} の値 {brief(value)} は 32 ビットの整数ではありません",
+            )
+        )
+    return number
+
+
+def check_kind(kind: str) -> None:
+    """Make sure that a target can be of this kind.
+
+    Raises:
+        InvalidValue: it cannot.
+    """
+    if kind not in COUNTS:
+        raise InvalidValue(
+            pick(
+                f'a target of kind {brief(kind)}: "P", "T", "J", "V" or "" is wanted',
+                f'kind {brief(kind)} は使えません。"P", "T", "J", "V", "" のいずれかを指定してください',
+            )
+        )
+
+
+def check_index(kind: str, index: int) -> None:
+    """Make sure that there can be such a variable.
+
+    Raises:
+        InvalidValue: no kind is said, or the number is negative or beyond 32 bits.
+    """
+    if not kind or isinstance(index, bool) or not 0 <= index <= MAX_WHOLE:
+        raise InvalidValue(
+            pick(
+                f"a target of kind {kind!r} with variable number {brief(index)}: a kind and a number from 0 are wanted",
+                f"kind {kind!r}、変数番号 {brief(index)} の組は使えません。kind と 0 以上の番号を指定してください",
+            )
+        )
+
+
+def is_whole(number: float) -> bool:
+    """Tell whether a number can be a figure."""
+    return number.is_integer() and abs(number) <= MAX_WHOLE
+
+
+def written(kind: str, values: Iterable[float]) -> str:
+    """Return numbers as a controller reads them: ``J(45, 30, 120)``."""
+    return f"{kind}({', '.join(map(plain_decimal, values))})"
+
+
+def plain_decimal(number: float) -> str:
+    """Return the shortest decimal digits that are read as the same number, without an exponent: ``45``, ``0.0001``."""
+    text = repr(number)
+    if "e" in text:
+        text = f"{Decimal(text):f}"
+    return "0" if number == 0 else text.removesuffix(".0")
+
+
+def counted(kind: str) -> str:
+    """Return how many numbers a kind has, in words."""
+    least, most = COUNTS[kind]
+    if least == most:
+        return str(most)
+    if most - least == 1:
+        return pick(f"{least} or {most}", f"{least} または {most}")
+    return pick(f"{least} to {most}", f"{least}～{most}")
+
+
+def named(kind: str) -> str:
+    """Return what a message calls a kind."""
+    return kind or pick("a pose", "ポーズ")
+
+
+def brief(value: object) -> str:
+    """Return a value for a message: short, and whatever the value is."""
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001 - an int of 4300 digits, somebody's __repr__
+        return f"<{type(value).__name__}>"
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
