@@ -10,7 +10,7 @@ help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
 
 demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
-	@$(RUN) orinkit demo
+	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
 
 # The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others.
 CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \

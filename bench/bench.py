@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import orinkit
+import virtual as bench_virtual
 from orinkit import aio, functions, variant_bytes
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation, encode_request
@@ -306,6 +307,16 @@ def server(seconds: float) -> None:
         line("server, requests/s on 50 connections", many, echo, ratio, "/s")
 
 
+def virtual(count: int) -> None:
+    """The virtual RC8: what a cycle costs, and how fast programs are."""
+    run = bench_virtual.statements()
+    ours, bare, ratio = alternate(run, bench_virtual.plain_statements, 3)
+    line("PacScript in the controller, statements/s", ours, bare, ratio, "/s", "aim >= 10,000 /s")
+    line("8 ms cycle with the arm moving", *in_turn(bench_virtual.cycle(), bench_virtual.sines, count), "us")
+    for what, action in bench_virtual.kinematics().items():
+        line(f"{what}, VS-050", *in_turn(action, bench_virtual.sines, count), "us")
+
+
 def start_up(runs: int) -> None:
     """How long it takes to import the package and to show the command line's help, against a bare interpreter."""
 
@@ -342,6 +353,7 @@ def main() -> None:
     round_trip(3000 // scale)
     codec(20_000 // scale)
     server(2.0 / scale)
+    virtual(500 // scale)
     start_up(15 // scale or 1)
 
 

@@ -32,15 +32,45 @@ def test_importing_is_light():
     assert not loaded & {"asyncio", "concurrent", "numpy", "logging", "sqlite3", "cyclopts", "rich", "ssl"}
 
 
+def run(program: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+
+
+WITHOUT_PACKAGES = (
+    "import sys; sys.modules.update(dict.fromkeys(('cyclopts', 'rich', 'numpy', 'lark', 'matplotlib')))\n"
+)
+
+
 def test_the_library_needs_only_the_standard_library():
-    program = (
-        "import sys; sys.modules.update(dict.fromkeys(('cyclopts', 'rich', 'numpy')))\n"
-        "import orinkit\n"
-        "from orinkit import aio, notation\n"
+    done = run(
+        WITHOUT_PACKAGES + "import orinkit\n"
+        "from orinkit import aio, notation, poses\n"
         "from orinkit.bcap import explain\n"
-        "from orinkit.virtual.rc8 import VirtualRC8\n"
-        "with orinkit.serve(VirtualRC8(), 'tcp://127.0.0.1:0') as server, orinkit.connect(server.url) as rc8:\n"
-        "    print(rc8.variable('@MODE').value)\n"
+        "class Gripper(orinkit.Device):\n"
+        "    provider_names = ('CaoProv.Gripper',)\n"
+        "    @orinkit.variable('WIDTH')\n"
+        "    def width(self) -> float:\n"
+        "        return 3.0\n"
+        "with orinkit.serve(Gripper(), 'tcp://127.0.0.1:0') as server:\n"
+        "    with orinkit.connect(server.url, provider='CaoProv.Gripper') as gripper:\n"
+        "        print(gripper.variable('WIDTH').value)\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stdout.strip()) == (0, "3"), done.stderr
+    assert (done.returncode, done.stdout.strip()) == (0, "3.0"), done.stderr
+
+
+def test_what_the_virtual_rc8_needs_is_told():
+    done = run(
+        "import importlib.machinery, sys\n"
+        "class Hidden(importlib.machinery.PathFinder):\n"
+        "    @classmethod\n"
+        "    def find_spec(cls, name, path=None, target=None):\n"
+        "        return None if name in ('numpy', 'lark') else super().find_spec(name, path, target)\n"
+        "sys.meta_path[-1] = Hidden\n"
+        "from orinkit import errors\n"
+        "try:\n"
+        "    import orinkit.virtual.rc8\n"
+        "except errors.MissingExtra as error:\n"
+        "    print(error)\n"
+    )
+    assert "pip install 'orinkit[virtual]'" in done.stdout, done.stderr
+    assert "numpy, lark" in done.stdout

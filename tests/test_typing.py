@@ -62,7 +62,7 @@ from orinkit import Variant, VarType, functions
 
 OBJECTS = """
 import orinkit
-from orinkit import {module}
+from orinkit import P, {module}
 
 
 {async_}def objects() -> None:
@@ -84,11 +84,24 @@ from orinkit import {module}
         reveal_type(({await_}controller.errors())[0].code)  # reveals int
         {async_}with {await_}controller.task("Pro1") as task:
             {await_}task.start(2)
+            {await_}task.start("continuous")
             {await_}task.stop()
+            reveal_type({await_}task.wait(1.0))  # reveals TaskStatus
 
-        {await_}robot.move(1)  # rejects Missing positional argument "pose"
-        {await_}robot.move("P", "P1")  # rejects "str"; expected "int"
-        {await_}robot.move(1, "P1", speed=5)  # rejects Unexpected keyword argument "speed"
+        pose = P(400, 0, 300, 180, 0, 180, 5)
+        reveal_type({await_}robot.move(pose, "@E", speed=20, wait=False))  # reveals {prefix}Motion
+        reveal_type({await_}robot.move_l("P1"))  # reveals {prefix}Motion
+        reveal_type({await_}robot.drive({{1: 10, 2: -5.5}}, absolute=True))  # reveals {prefix}Motion
+        reveal_type({await_}robot.drive(1, 10.0))  # reveals None
+        reveal_type({await_}robot.to_joints(pose))  # reveals J
+        reveal_type({await_}robot.get_position())  # reveals P
+
+        {await_}robot.move(1)  # rejects No overload variant of "move"
+        {await_}robot.move(1, "P1", speed=5)  # rejects No overload variant of "move"
+        {await_}robot.move(pose, sped=5)  # rejects No overload variant of "move"
+        {await_}robot.move_l(pose, sped=5)  # rejects Unexpected keyword argument "sped"
+        {await_}robot.move_l(pose, speed="fast")  # rejects "str"; expected "float"
+        {await_}robot.move_l([1.0, 2.0])  # rejects "list[float]"; expected "P | T | J | V | Target | str"
         {await_}controller.variable(1)  # rejects "int"; expected "str"
         {await_}controller.variabel("I1")  # rejects has no attribute "variabel"
         {await_}variable.put_value({{1: 2}})  # rejects "dict[int, int]"
@@ -114,6 +127,22 @@ def properties(controller: orinkit.Controller) -> None:
     variable.id = 5
     controller.file("Pro1.pcs").value = "text"
 
+    robot = controller.robot()
+    reveal_type(robot.position)  # reveals P
+    reveal_type(robot.joints)  # reveals J
+    reveal_type(robot.moving)  # reveals bool
+    robot.ext_speed = 50
+    robot.tool = 1
+    with robot.arm(keep=True), robot.motor():
+        for fraction in robot.move("P1", wait=False):
+            reveal_type(fraction)  # reveals float
+    reveal_type(controller.task("Pro1").status)  # reveals TaskStatus
+    reveal_type(controller.file("Pro1.pcs", create=True).text)  # reveals str
+    controller.file("a.bin").data = b"x"
+
+    robot.joints = robot.joints  # rejects read-only
+    robot.tool = "Tool1"  # rejects expression has type "str"
+    controller.file("a.txt").text = b"x"  # rejects expression has type "bytes"
     variable.value = {1: 2}  # rejects expression has type "dict[int, int]"
     variable.help = "x"  # rejects read-only
     variable.microsecond = 5  # rejects read-only
@@ -134,7 +163,7 @@ ASYNC = {
 PROGRAMS = {
     "raw_sync": RAW.format(**SYNC),
     "raw_async": RAW.replace("import orinkit\n", "import orinkit.aio\n", 1).format(**ASYNC),
-    "objects_sync": OBJECTS.format(**SYNC).replace("from orinkit import connect\n", ""),
+    "objects_sync": OBJECTS.format(**SYNC),
     "objects_async": OBJECTS.format(**ASYNC),
     "properties_sync": PROPERTIES,
 }

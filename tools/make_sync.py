@@ -1,6 +1,7 @@
 """Make the synchronous client from the asynchronous one: ``python tools/make_sync.py [--check]``.
 
-Words are replaced by a table; every ``get_x`` without arguments (and its ``put_x``) becomes a property ``x`` as well.
+Words are replaced by a table; ``__await__`` is left out; every ``get_x`` without arguments (and its ``put_x``) becomes a
+property ``x`` as well.
 ``--check`` changes nothing and fails when the file is not current.
 """
 
@@ -13,7 +14,13 @@ import sys
 from pathlib import Path
 
 CLIENT = Path(__file__).parent.parent / "src" / "orinkit" / "client"
-PAIRS = (("_async_client.py", "_sync_client.py"), ("_async_nodes.py", "_sync_nodes.py"), ("_async.py", "_sync.py"))
+PAIRS = (
+    ("_async_client.py", "_sync_client.py"),
+    ("_async_nodes.py", "_sync_nodes.py"),
+    ("_async_motion.py", "_sync_motion.py"),
+    ("_async_robot.py", "_sync_robot.py"),
+    ("_async.py", "_sync.py"),
+)
 
 HEADER = '''"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
 
@@ -28,11 +35,19 @@ REPLACEMENTS = (
     (r"\bawait ", ""),
     (r"__aenter__", "__enter__"),
     (r"__aexit__", "__exit__"),
+    (r"__aiter__", "__iter__"),
+    (r"__anext__", "__next__"),
+    (r"StopAsyncIteration", "StopIteration"),
+    (r"\bAwaitable\[None\]", "None"),
     (r"import asyncio\n", "import threading\n"),
     (r"asyncio\.Lock\(\)", "threading.RLock()"),
     (r"_async_client\b", "_sync_client"),
     (r"_async_nodes\b", "_sync_nodes"),
+    (r"_async_motion\b", "_sync_motion"),
+    (r"_async_robot\b", "_sync_robot"),
     (r"\barun\b", "run"),
+    (r"\bapause\b", "pause"),
+    (r"orinkit\.aio\.Async", "orinkit."),
     (r"transport\.aio_tcp", "transport.tcp"),
     (r"AsyncTcpLink\.connect\(", "TcpLink("),
     (r"\bAsync([A-Z]\w*)", r"\1"),
@@ -51,7 +66,7 @@ def properties(class_node: ast.ClassDef) -> str:
         if not name.startswith("get_") or len(node.args.args) != 1:
             continue
         attribute = name.removeprefix("get_")
-        text = ast.get_docstring(node) or ""
+        text = _indented(ast.get_docstring(node) or "")
         result = ast.unparse(node.returns) if node.returns else "None"
         made.append(
             f'    @property\n    def {attribute}(self) -> {result}:\n        """{text}"""\n        return self.{name}()\n'
@@ -65,16 +80,25 @@ def properties(class_node: ast.ClassDef) -> str:
     return "\n".join(made)
 
 
+def _indented(docstring: str) -> str:
+    first, *more = docstring.split("\n")
+    return "\n".join([first, *(line and f"        {line}" for line in more), "        "]) if more else first
+
+
 def make(source: Path, used: set[str]) -> str:
     """Return the synchronous module's text; notes in ``used`` which replacements occurred."""
     original = source.read_text(encoding="utf-8")
     tree = ast.parse(original)
     lines = original.split("\n")
     for node in reversed([n for n in tree.body if isinstance(n, ast.ClassDef)]):
+        assert node.end_lineno is not None
         extra = properties(node)
         if extra:
-            assert node.end_lineno is not None
             lines[node.end_lineno : node.end_lineno] = ["", *extra.rstrip().split("\n")]
+        for method in node.body:
+            if isinstance(method, ast.FunctionDef) and method.name == "__await__":
+                assert method.end_lineno is not None
+                del lines[method.lineno - 1 : method.end_lineno + 1]
     docstring = tree.body[0].end_lineno
     assert docstring is not None
     text = "\n".join(lines[docstring:])
@@ -86,7 +110,7 @@ def make(source: Path, used: set[str]) -> str:
 
 
 def _formatted(text: str, path: Path) -> str:
-    for command in (["check", "--fix", "--quiet", "--select", "I"], ["format", "--quiet"]):
+    for command in (["check", "--fix", "--quiet", "--select", "I,F401"], ["format", "--quiet"]):
         ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", str(path), "-"]
         text = subprocess.run(ruff, input=text, capture_output=True, text=True, check=True).stdout
     return text

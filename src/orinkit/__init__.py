@@ -15,14 +15,16 @@ from orinkit.client._sync import (
     Extension,
     File,
     Message,
-    Robot,
     Task,
 )
 from orinkit.client._sync import open_controller as connect
 from orinkit.client._sync_client import Client
+from orinkit.client._sync_motion import Motion
 from orinkit.client._sync_nodes import Variable
+from orinkit.client._sync_robot import Robot
 from orinkit.device import Device, Part, command, variable
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
+from orinkit.poses import J, P, T, V
 from orinkit.server.background import Server, serve
 from orinkit.variant import Variant, VarType
 
@@ -40,13 +42,18 @@ __all__ = [
     "Device",
     "Extension",
     "File",
+    "J",
     "Message",
+    "Motion",
     "OrinError",
+    "P",
     "Part",
     "Provider",
     "Robot",
     "Server",
+    "T",
     "Task",
+    "V",
     "VarType",
     "Variable",
     "Variant",

@@ -20,12 +20,13 @@ from orinkit.client._async import (
     AsyncExtension,
     AsyncFile,
     AsyncMessage,
-    AsyncRobot,
     AsyncTask,
     open_controller,
 )
 from orinkit.client._async_client import AsyncClient
+from orinkit.client._async_motion import AsyncMotion
 from orinkit.client._async_nodes import AsyncVariable
+from orinkit.client._async_robot import AsyncRobot
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "AsyncExtension",
     "AsyncFile",
     "AsyncMessage",
+    "AsyncMotion",
     "AsyncRobot",
     "AsyncServer",
     "AsyncTask",

@@ -12,6 +12,7 @@
     │   ├── ConnectFailed                  could not be opened
     │   ├── ConnectionLost                 ended while in use
     │   └── ConnectionClosed               used after it was closed here
+    ├── MissingExtra (ImportError)         a part of orinkit needs a package that is not installed
     ├── ObjectReleased                     an object was used after it was closed here
     ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
     └── CallError                          the controller answered with an error code
@@ -62,6 +63,10 @@ class NotationError(OrinError, ValueError):
 
 class InvalidAddress(OrinError, ValueError):
     """A URL or DENSO connection string that cannot be read, or names a transport that is not there."""
+
+
+class MissingExtra(OrinError, ImportError):
+    """A part of orinkit whose packages are not installed; the message says how to install them."""
 
 
 class ProtocolError(OrinError):

@@ -631,7 +631,9 @@ PLAIN = {VarType.I4: 1, VarType.R4: 1.5, VarType.BSTR: "x", VarType.VARIANT: [1.
 @pytest.mark.parametrize("entry", FUNCTIONS.values(), ids=lambda entry: entry.name)
 def test_every_function_reaches_its_object(session, entry):
     """What a bare object does: names are empty, the common properties work, all else is not implemented."""
-    handle = session._add(entry.interface, BARE.get(entry.interface, p.CaoObject)("it", attribute=2, help="h"), 0, "it", p.Provider())
+    handle = session._add(
+        entry.interface, BARE.get(entry.interface, p.CaoObject)("it", attribute=2, help="h"), 0, "it", p.Provider()
+    )
     arguments = [variant(handle if each.is_handle else PLAIN[each.vt]) for each in entry.arguments]
     if entry.name == "Controller_Connect":
         arguments[1] = variant(PROVIDER)

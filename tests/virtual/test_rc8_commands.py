@@ -31,7 +31,7 @@ def test_clear_error(name, parameter, controller, rc8):
     assert controller.execute("GetErrorLogCount", EMPTY) == 2
 
 
-@pytest.mark.parametrize("name", ["", "NoSuchCommand", "ClearError2", "ManualReset", "TakeArm"])
+@pytest.mark.parametrize("name", ["", "NoSuchCommand", "ClearError2", "TakeArm"])
 def test_a_command_that_is_none(name, controller, refused):
     assert refused(controller.execute, name, EMPTY) == 0x80000904
 
@@ -172,20 +172,46 @@ def bits(number):
     return {bit for bit in range(32) if number >> bit & 1}
 
 
+FOREVER = b"Sub Main\n  Do\n    I1 = I1 + 1\n  Loop\nEnd Sub\n"
+
+
 def test_system_state_bits_are_live(rc8, run, clock):
-    assert bits(run("SysState")) == {3, 4, 11}
+    still = {3, 17, 24}
+    assert bits(run("SysState")) == {4, 5, 11} | still
+    rc8.pendant.token("tp")
+    assert bits(run("SysState")) == {4, 11} | still
     rc8.set_mode(1)
     rc8.raise_error(DELAY)
-    assert bits(run("SysState")) == {1, 3, 11, 18}
+    assert bits(run("SysState")) == {1, 11, 18} | still
     rc8.emergency_stop(True)
     rc8.clear_errors()
     rc8.set_mode(2)
-    assert bits(run("SysState")) == {3, 10, 11}
-    rc8.state.pendant.protective_stop = True
-    rc8.state.pendant.auto_enable = False
-    rc8.state.programs_running = 1
+    assert bits(run("SysState")) == {10, 11} | still
+    rc8.pendant.protective_stop()
+    rc8.state.switches.auto_enable = False
     clock.advance(731 * 86400)
-    assert bits(run("SysState")) == {0, 3, 6, 10, 12}
+    assert bits(run("SysState")) == {6, 10, 12} | still
+
+
+def test_system_state_of_robot_and_programs(rc8, run, clock, controller):
+    rc8.state.files.write("P.pcs", FOREVER)
+    task, robot = controller.get_task("P", ""), controller.get_robot("", "")
+    rc8.pendant.motor()
+    assert 2 not in bits(run("SysState"))
+    clock.advance(1.1)
+    assert 2 in bits(run("SysState"))
+    task.start(1, "")
+    assert 0 in bits(run("SysState"))
+    task.stop(4, "")
+    robot.execute("TakeArm", variant([0, 0]))
+    robot.move(1, variant("J(90, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(0.1)
+    assert bits(run("SysState")) & {13, 20, 21, 24} == {20, 21}
+    robot.halt("")
+    clock.advance(0.008)
+    assert bits(run("SysState")) & {13, 20, 21, 24} == {13, 20, 21}
+    clock.advance(1.0)
+    assert bits(run("SysState")) & {0, 2, 13, 20, 21, 24} == {2, 24}
 
 
 def test_the_safety_state(rc8, run):
@@ -193,7 +219,7 @@ def test_the_safety_state(rc8, run):
     rc8.emergency_stop(True)
     assert run("StoState") is True
     rc8.emergency_stop(False)
-    rc8.state.pendant.protective_stop = True
+    rc8.state.switches.protective_stop = True
     assert run("StoState") is True
 
 
@@ -203,9 +229,11 @@ def test_the_controller_object(controller, refused):
     controller.put_tag(variant(1))
     controller.put_id(variant("a"))
     assert (controller.get_tag(), controller.get_id()) == (variant(1), variant("a"))
-    for names in (controller.get_robot_names, controller.get_task_names, controller.get_file_names):
-        assert names("") == []
-    assert refused(controller.get_robot, "Arm", "") == 0x80004001
+    assert controller.get_robot_names("") == ["Arm0"]
+    assert controller.get_task_names("") == ["Pro1", "Pro2", "Pro3"]
+    assert controller.get_file_names("") == ["Pro1.pcs", "Pro2.pcs", "Pro3.pcs"]
+    assert controller.get_robot("Arm", "ID=0").get_name() == "Arm"
+    assert refused(controller.get_robot, "Arm", "ID=1") == 0x80000204
 
 
 def test_provider_names():

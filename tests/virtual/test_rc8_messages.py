@@ -64,7 +64,7 @@ def test_a_mode_that_is_none(rc8):
     for mode in (0, 4, -1):
         with pytest.raises(ValueError, match="mode"):
             rc8.set_mode(mode)
-    assert rc8.state.pendant.mode == 3
+    assert rc8.state.switches.mode == 3
 
 
 def test_notices_are_not_told(rc8, controller, refused):

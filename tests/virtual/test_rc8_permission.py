@@ -89,7 +89,7 @@ def test_a_client_that_may_only_read(device, connect, refused):
     assert refused(controller.execute, "ClearError", EMPTY) == NO_WRITE
     assert controller.execute("GetCurErrorCount", EMPTY) == 1
     assert controller.get_message().get_number() == 1
-    assert device.state.pendant.machine_lock is False
+    assert device.state.switches.machine_lock is False
     assert connect(device=device, address="10.0.0.3").get_variable("I1", "").get_value().value == 0
 
 

@@ -60,13 +60,13 @@ def test_values_are_live(rc8, value):
     rc8.set_mode(1)
     rc8.emergency_stop(True)
     rc8.raise_error(0x84201482)
-    pendant = rc8.state.pendant
-    pendant.deadman = pendant.protective_stop = True
-    pendant.auto_enable = False
-    rc8.state.programs_running, rc8.state.supervisors_running = 2, 1
+    switches = rc8.state.switches
+    switches.deadman = switches.protective_stop = True
+    switches.auto_enable = False
+    rc8.state.supervisors_running = 1
     assert (value("@MODE"), value("@EMERGENCY_STOP"), value("@DEADMAN_SW")) == (1, True, True)
     assert (value("@AUTO_ENABLE"), value("@PROTECTIVE_STOP")) == (False, True)
-    assert (value("@BUSY_STATUS"), value("@TSR_BUSY_STATUS"), value("@NORMAL_STATUS")) == (True, True, False)
+    assert (value("@BUSY_STATUS"), value("@TSR_BUSY_STATUS"), value("@NORMAL_STATUS")) == (False, True, False)
     assert value("@ERROR_CODE") == 0x84201482 - 2**32
     assert value("@ERROR_CODE_HEX") == "84201482"
     assert value("@ERROR_DESCRIPTION").startswith("The next pose came too late")

@@ -5,6 +5,7 @@ A further program of the document is a further list here and an entry in :data:`
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -43,6 +44,7 @@ class Step:
         check: tells whether the answer is right.
         keep: name under which the handle in the answer is kept.
         before: what happens in the controller before the call, nothing by default.
+        watch: show where the arm is while the call is at work.
     """
 
     en: str
@@ -53,6 +55,7 @@ class Step:
     check: Check
     keep: str = ""
     before: Callable[[VirtualRC8], None] | None = None
+    watch: bool = False
 
     @property
     def title(self) -> str:
@@ -154,5 +157,116 @@ LIST_3_1: Final[tuple[Step, ...]] = (
 )
 # fmt: on
 
-LISTS: Final[dict[str, tuple[Step, ...]]] = {"List 3-1": LIST_3_1}
+# --- List 3-2 ---------------------------------------------------------------------------------------------------------
+
+
+def _motor_on(rc8: VirtualRC8) -> None:
+    """A person switches the motor on at the pendant: the program of the list does not."""
+    rc8.pendant.motor()
+    while rc8.pendant.status()["motor"] != "on":
+        time.sleep(_LOOK)
+
+
+_LOOK: Final = 0.02
+_TASK: Final = Handle("Pro1")
+_CONTINUOUS: Final = 2
+_CYCLE_STOP: Final = 3
+_CONNECT: Final = ("", "CaoProv.DENSO.VRC", "localhost", "")
+
+# fmt: off
+LIST_3_2: Final[tuple[Step, ...]] = (
+    Step("Start the service of this connection", "この接続のサービスを開始する", "RC8 3.1.1",
+         f.service_start, (), nothing),
+    Step("Connect to the controller", "コントローラに接続する", "RC8 3.1.2",
+         f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
+    Step("Connect to the task Pro1", "タスク Pro1 に接続する", "RC8 3.2.1",
+         f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, keep=_TASK.name),
+    Step("Start it, continuous; the motor has been switched on at the pendant",
+         "連続実行で開始する (モータはペンダントで ON 済み)", "RC8 3.2.2",
+         f.task_start, (_TASK, _CONTINUOUS, ""), nothing, before=_motor_on),
+    Step("It runs", "実行中であることを確かめる", "RC8 3.2",
+         f.task_execute, (_TASK, "GetStatus", None), exactly(VarType.I4, 3)),
+    Step("Stop it at the end of its cycle", "サイクル停止で停止する", "RC8 3.2.2",
+         f.task_stop, (_TASK, _CYCLE_STOP, ""), nothing),
+    Step("Release the task", "タスクを解放する", "RC8 3.2.3",
+         f.task_release, (_TASK,), nothing),
+    Step("Disconnect from the controller", "コントローラから切断する", "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step("Stop the service", "サービスを停止する", "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+# --- List 3-3 ---------------------------------------------------------------------------------------------------------
+
+_ROBOT: Final = Handle("Arm")
+_P1: Final = (330.0, 180.0, 320.0, 180.0, 0.0, 180.0, 5.0)
+_SLOW: Final = 20.0
+
+
+def _teach(rc8: VirtualRC8) -> None:
+    """A person has taught P1 and set the speed at the pendant."""
+    rc8.pendant.teach("P", 1, _P1)
+    rc8.pendant.speed(_SLOW)
+
+
+def near_p1(answer: list[Variant]) -> str:
+    """A position within a thousandth of P1: seven numbers."""
+    right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_P1)
+    right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, _P1, strict=True))
+    return "" if right else f"P{_P1}"
+
+
+# fmt: off
+LIST_3_3: Final[tuple[Step, ...]] = (
+    Step("Start the service of this connection", "この接続のサービスを開始する", "RC8 3.1.1",
+         f.service_start, (), nothing),
+    Step("Connect to the controller", "コントローラに接続する", "RC8 3.1.2",
+         f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
+    Step("Connect to the robot", "ロボットに接続する", "RC8 3.3.1",
+         f.controller_get_robot, (_CONTROLLER, "Arm", ""), a_handle, keep=_ROBOT.name),
+    Step("Take the arm, as the sample does: an empty text", "サンプルと同じく空文字列でアーム制御権を取得する", "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Takearm", ""), exactly(VarType.EMPTY)),
+    Step("Switch the motor on, as the sample does: the text 1", "サンプルと同じく文字列 1 でモータを起動する", "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", "1"), exactly(VarType.EMPTY)),
+    Step("Move to P1; the joints are read over a second connection meanwhile",
+         "P1 へ動作させる (動作中、別の接続で関節角を読み出す)", "RC8 3.3.4",
+         f.robot_move, (_ROBOT, 1, "P1", ""), nothing, before=_teach, watch=True),
+    Step("It is there", "到着したことを確かめる", "RC8 3.3.6",
+         f.robot_execute, (_ROBOT, "DestPos", None), near_p1),
+    Step("Switch the motor off", "モータを停止する", "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", "0"), exactly(VarType.EMPTY)),
+    Step("Give the arm back", "アーム制御権を解放する", "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Givearm", ""), exactly(VarType.EMPTY)),
+    Step("Release the robot", "ロボットを解放する", "RC8 3.3.5",
+         f.robot_release, (_ROBOT,), nothing),
+    Step("Disconnect from the controller", "コントローラから切断する", "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step("Stop the service", "サービスを停止する", "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """One program of the document.
+
+    Attributes:
+        en, ja: what it is about.
+        steps: what it does.
+    """
+
+    en: str
+    ja: str
+    steps: tuple[Step, ...]
+
+
+LISTS: Final[dict[str, Program]] = {
+    "List 3-1": Program(
+        "variables, and a look at @MODE and at errors", "変数アクセス、および @MODE とエラーの確認", LIST_3_1
+    ),
+    "List 3-2": Program("a task", "タスク制御", LIST_3_2),
+    "List 3-3": Program("the robot", "ロボット制御", LIST_3_3),
+}
 """The programs of the RC8 document that the demo runs, by their names there."""

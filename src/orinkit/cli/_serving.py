@@ -8,7 +8,7 @@ import logging
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Final
 
@@ -20,6 +20,7 @@ from orinkit.language import pick
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.transport.address import parse_address
 
+_CONTROL_CLIENTS: Final = 16
 LISTENING: Final = Group(pick("Network", "ネットワーク"), sort_key=8)
 
 
@@ -63,8 +64,38 @@ def check(listening: Listening) -> None:
             raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
 
 
-def run(provider: Provider, listening: Listening) -> int:
-    """Serve a device until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener."""
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A second listener, for this machine only.
+
+    Attributes:
+        provider: what is served there.
+        url: where; :func:`check_control` has seen it.
+    """
+
+    provider: Provider
+    url: str
+
+
+def check_control(url: str) -> None:
+    """Refuse a control port that other machines could reach: whoever reaches it can press every button.
+
+    Raises:
+        Failure: its host is not this machine's loopback address.
+        InvalidAddress: it is none.
+    """
+    if not _is_loopback(parse_address(url).host):
+        raise unusable(
+            f"--control {url}: only an address of this machine itself is allowed, as 127.0.0.1:5008 or [::1]:5008",
+            f"--control {url}: 127.0.0.1:5008 や [::1]:5008 など、このマシン自身のアドレスのみ指定できます",
+        )
+
+
+def run(provider: Provider, listening: Listening, control: Control | None = None) -> int:
+    """Serve a device until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener.
+
+    With a control port it says ``ready control URL`` after these.
+    """
     logging.basicConfig(
         stream=sys.stderr,
         level=logging.DEBUG if listening.verbose else logging.INFO,
@@ -73,16 +104,23 @@ def run(provider: Provider, listening: Listening) -> int:
     for url in listening.tcp:
         if not _is_loopback(parse_address(url).host):
             print(_warning(url), file=sys.stderr)
-    asyncio.run(_serve(provider, listening.tcp, listening))
+    asyncio.run(_serve(provider, listening.tcp, listening, control))
     return 0
 
 
-async def _serve(provider: Provider, urls: Sequence[str], listening: Listening) -> None:
+async def _serve(provider: Provider, urls: Sequence[str], listening: Listening, control: Control | None) -> None:
     stop = asyncio.Event()
     with _set_by_signals(stop):
-        async with AsyncServer(provider, *urls, clients=listening.clients, objects=listening.objects) as server:
-            for url in server.urls:
-                print(f"ready {url}", flush=True)
+        async with AsyncExitStack() as servers:
+            server = AsyncServer(provider, *urls, clients=listening.clients, objects=listening.objects)
+            await servers.enter_async_context(server)
+            ready = [f"ready {url}" for url in server.urls]
+            if control is not None:
+                second = AsyncServer(control.provider, control.url, clients=_CONTROL_CLIENTS)
+                await servers.enter_async_context(second)
+                ready += [f"ready control {url}" for url in second.urls]
+            for line in ready:
+                print(line, flush=True)
             await stop.wait()
 
 

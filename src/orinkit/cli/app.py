@@ -73,6 +73,12 @@ def build() -> App:
         "16 進で与えた b-CAP パケットを項目ごとに説明する。"))  # fmt: skip
     app.command(_command_of("functions"), name="functions", sort_key=8, help=pick(
         "List the 137 functions.", "137 関数の一覧を表示する。"))  # fmt: skip
+    app.command(_command_of("pendant"), name="pendant", sort_key=9, help=pick(
+        "Press the buttons of a virtual RC8.", "仮想 RC8 の操作盤のボタンを押す。"))  # fmt: skip
+    app.command(_command_of("move"), name="move", sort_key=10, help=pick(
+        "Move a robot to a pose.", "ロボットを指定したポーズへ動かす。"))  # fmt: skip
+    app.command(_command_of("plot"), name="plot", sort_key=11, help=pick(
+        "Plot a recorded motion.", "記録した動作をグラフにする。"))  # fmt: skip
     _translate_flags(app)
     _translate_flags(serve)
     return app

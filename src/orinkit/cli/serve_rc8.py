@@ -7,12 +7,19 @@ from typing import Annotated, Final
 from cyclopts import Group, Parameter
 
 from orinkit.cli._errors import Failure, unusable, whole_number
-from orinkit.cli._serving import Listening, check, run
+from orinkit.cli._serving import LISTENING, Control, Listening, check, check_control, run
+from orinkit.cli.pendant import read_mode
+from orinkit.errors import InvalidValue, NotationError
 from orinkit.language import pick
+from orinkit.poses import J, parse_target
+from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import Permission, VirtualRC8
+from orinkit.virtual.rc8.control import ControlProvider
 from orinkit.virtual.rc8.memory import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.models import MODEL_NAMES
 
 _CONTROLLER: Final = Group(pick("Controller", "コントローラ"), sort_key=7)
+_ROBOT: Final = Group(pick("Robot", "ロボット"), sort_key=7)
 _LISTENING: Final = Listening()
 
 
@@ -53,10 +60,66 @@ def serve_rc8(
                       "実機が拒否する CaoProv.DENSO.RC8 (一部のクライアントが送る) も受け付ける。"),
         ),
     ] = False,
+    model: Annotated[
+        str,
+        Parameter(
+            group=_ROBOT,
+            help=pick(f"Its arm: {', '.join(MODEL_NAMES)}, or a TOML file of your own.",
+                      f"アーム: {'、'.join(MODEL_NAMES)}、または独自の TOML ファイル。"),
+        ),
+    ] = "VS-050",
+    mode: Annotated[
+        str, Parameter(group=_ROBOT, help=pick("Mode switch: manual, teach or auto.", "モード: manual、teach、auto。"))
+    ] = "auto",
+    token: Annotated[
+        str,
+        Parameter(
+            group=_ROBOT,
+            help=pick("Executable token: any, tp, io, ethernet or ethernet:ADDRESS.",
+                      "起動権: any、tp、io、ethernet、ethernet:アドレス。"),
+        ),
+    ] = "any",  # noqa: S107 - a start right
+    motor_on: Annotated[
+        bool, Parameter(group=_ROBOT, help=pick("The motor is on from the beginning.", "モータ ON の状態で起動する。"))
+    ] = False,
+    joints: Annotated[
+        str | None,
+        Parameter(
+            group=_ROBOT,
+            allow_leading_hyphen=True,
+            help=pick('Where the arm stands, in degrees: "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0; its home pose by default.',
+                      'アームの初期姿勢 (度): "J(0, 30, 90, 0, 60, 0)" または 0,30,90,0,60,0。既定はホーム姿勢。'),
+        ),
+    ] = None,
+    no_samples: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=pick("Put no sample programs into an empty file store.", "ファイル領域が空でもサンプルプログラムを置かない。"),
+        ),
+    ] = False,
+    time_scale: Annotated[
+        float,
+        Parameter(
+            group=_CONTROLLER,
+            help=pick("How many seconds of the controller pass in a real one; 20 makes motions 20 times as fast.",
+                      "実時間 1 秒あたりに進むコントローラの秒数。20 なら動作が 20 倍速になる。"),
+        ),
+    ] = 1.0,
+    control: Annotated[
+        str | None,
+        Parameter(
+            group=LISTENING,
+            help=pick("HOST:PORT of this machine for orinkit pendant; said as \"ready control tcp://HOST:PORT\". Port 0 takes a free one.",
+                      "orinkit pendant 用の、このマシン自身の HOST:PORT。\"ready control tcp://HOST:PORT\" と表示する。ポート 0 は空きポート。"),
+        ),
+    ] = None,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve a virtual RC8; each listener is told on stdout as "ready tcp://HOST:PORT". Stops on SIGINT and SIGTERM."""
     check(listening)
+    if control is not None:
+        check_control(control)
     try:
         rc8 = VirtualRC8(
             counts=read_counts(count),
@@ -64,11 +127,18 @@ def serve_rc8(
             state=state,
             permission=Permission.parse(permission),
             accept_pc_provider=accept_pc_provider,
+            model=model,
+            mode=read_mode(mode),
+            token=token,
+            motor=motor_on,
+            joints=None if joints is None else read_joints(joints),
+            samples=not no_samples,
+            clock=Clock(time_scale),
         )
     except ValueError as error:
         raise Failure(str(error), 2) from None
     try:
-        return run(rc8, listening)
+        return run(rc8, listening, None if control is None else Control(ControlProvider(rc8), control))
     finally:
         rc8.close()
 
@@ -88,3 +158,29 @@ def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
             )
         counts[name.strip().upper()] = int(number)
     return counts
+
+
+def read_joints(text: str) -> tuple[float, ...]:
+    """Return joints from ``J(0, 30, 90, 0, 60, 0)`` or their numbers alone.
+
+    Raises:
+        Failure: the text is neither.
+    """
+    try:
+        if text.strip()[:1] not in ("J", "j"):
+            return tuple(J.of([float(part) for part in text.replace(",", " ").split()]))
+        target = parse_target(text)
+    except (NotationError, InvalidValue) as error:
+        raise _no_joints(text, f": {error}") from None
+    except ValueError:
+        raise _no_joints(text) from None
+    if target.kind != "J" or target.mark or target.extra or isinstance(target.value, int):
+        raise _no_joints(text)
+    return target.value
+
+
+def _no_joints(text: str, reason: str = "") -> Failure:
+    return unusable(
+        f'--joints {text:.60}: "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0 is the form{reason}',
+        f'--joints {text:.60}: "J(0, 30, 90, 0, 60, 0)" または 0,30,90,0,60,0 の形で指定してください{reason}',
+    )

@@ -14,18 +14,31 @@ from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._async_nodes import AsyncNamed, AsyncNode, AsyncOwner
+from orinkit.client._async_robot import AsyncRobot
 from orinkit.client._common import (
     DEFAULT_TIMEOUT,
     RC8,
     ErrorInfo,
     NodeFunctions,
+    StopMode,
+    TaskMode,
+    TaskStatus,
+    check_content,
     error_count,
     error_info,
+    file_data,
+    file_option,
+    file_text,
+    moment,
     no_such_error,
     service_option,
+    task_mode,
+    task_status,
     text_list,
 )
+from orinkit.client._robot_common import POLL, not_in_time
 from orinkit.errors import CallError, ObjectNotFound, OrinError
+from orinkit.transport.drive import Deadline, apause
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -57,9 +70,9 @@ class AsyncFile(AsyncOwner):
         f.file_get_variable, f.file_get_variable_names, f.file_execute,
     )  # fmt: skip
 
-    async def file(self, name: str, option: str = "") -> AsyncFile:
-        """Connect to a file below this one."""
-        return await self._child(AsyncFile, f.file_get_file, name, option)
+    async def file(self, name: str, option: str = "", *, create: bool = False) -> AsyncFile:
+        """Connect to a file below this folder; with ``create`` it is made if it is not there."""
+        return await self._child(AsyncFile, f.file_get_file, name, file_option(option, create=create))
 
     async def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
@@ -78,20 +91,44 @@ class AsyncFile(AsyncOwner):
         await self._call(f.file_move, name, option)
 
     async def run(self, option: str = "") -> str:
-        """Run the file and return the name of its task."""
+        """Run the program, one cycle, and return the name of its task."""
         return await self._call(f.file_run, option)
 
     async def get_date_created(self) -> Any:
-        """When the file was created."""
-        return await self._call(f.file_get_date_created)
+        """When the file was created: a local ``datetime`` where the controller's answer can be read as one."""
+        return moment(await self._call(f.file_get_date_created))
 
     async def get_date_last_accessed(self) -> Any:
         """When the file was last read."""
-        return await self._call(f.file_get_date_last_accessed)
+        return moment(await self._call(f.file_get_date_last_accessed))
 
     async def get_date_last_modified(self) -> Any:
         """When the file was last changed."""
-        return await self._call(f.file_get_date_last_modified)
+        return moment(await self._call(f.file_get_date_last_modified))
+
+    async def get_names(self) -> list[str]:
+        """Names of the files below this folder."""
+        return await self.file_names()
+
+    async def get_text(self) -> str:
+        """Content as text.
+
+        Raises:
+            InvalidValue: it is none; ``data`` has the bytes.
+        """
+        return file_text(await self.get_value())
+
+    async def put_text(self, text: str) -> None:
+        """Set the content to text."""
+        await self.put_value(check_content(str, text))
+
+    async def get_data(self) -> bytes:
+        """Content as bytes; of a file that the controller answers as text, that text in UTF-8."""
+        return file_data(await self.get_value())
+
+    async def put_data(self, data: bytes) -> None:
+        """Set the content to bytes."""
+        await self.put_value(check_content(bytes, data))
 
     async def get_path(self) -> str:
         """Path in the controller."""
@@ -114,66 +151,6 @@ class AsyncFile(AsyncOwner):
         await self._call(f.file_put_value, value)
 
 
-class AsyncRobot(AsyncOwner):
-    """A robot (RC8 3.3). A motion is never repeated by the client."""
-
-    __slots__ = ()
-
-    functions = NodeFunctions(
-        f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
-        f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
-        f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
-    )  # fmt: skip
-
-    async def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in percent; -1 keeps one."""
-        await self._call(f.robot_accelerate, axis, accel, decel)
-
-    async def change(self, name: str) -> None:
-        """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
-        await self._call(f.robot_change, name)
-
-    async def chuck(self, option: str = "") -> None:
-        """Close the chuck."""
-        await self._call(f.robot_chuck, option)
-
-    async def drive(self, axis: int, value: float, option: str = "") -> None:
-        """Move one joint by degrees (mm for a linear one)."""
-        await self._call(f.robot_drive, axis, value, option)
-
-    async def go_home(self) -> None:
-        """Move to the home pose."""
-        await self._call(f.robot_go_home)
-
-    async def halt(self, option: str = "") -> None:
-        """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
-        await self._call(f.robot_halt, option)
-
-    async def hold(self, option: str = "") -> None:
-        """Pause the motion."""
-        await self._call(f.robot_hold, option)
-
-    async def move(self, interpolation: int, pose: Value, option: str = "") -> None:
-        """Move to a pose: ``move(1, "@E J(45, 30, 120, 0, -60, 0)")``; 1 point to point, 2 line, 3 arc, 4 free curve."""
-        await self._call(f.robot_move, interpolation, pose, option)
-
-    async def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
-        """Rotate by degrees in a plane about a pivot."""
-        await self._call(f.robot_rotate, plane, angle, pivot, option)
-
-    async def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed in percent; axis -1 is the tool tip."""
-        await self._call(f.robot_speed, axis, speed)
-
-    async def unchuck(self, option: str = "") -> None:
-        """Open the chuck."""
-        await self._call(f.robot_unchuck, option)
-
-    async def unhold(self, option: str = "") -> None:
-        """Go on with a paused motion."""
-        await self._call(f.robot_unhold, option)
-
-
 class AsyncTask(AsyncOwner):
     """A program task (RC8 3.2)."""
 
@@ -185,13 +162,44 @@ class AsyncTask(AsyncOwner):
         f.task_get_variable, f.task_get_variable_names, f.task_execute,
     )  # fmt: skip
 
-    async def start(self, mode: int = 1, option: str = "") -> None:
-        """Start: 1 one cycle, 2 continuous, 3 step."""
-        await self._call(f.task_start, mode, option)
+    async def start(self, mode: TaskMode | str | int = TaskMode.CYCLE, option: str = "") -> None:
+        """Start: ``"cycle"`` (1) once, ``"continuous"`` (2) again and again, ``"step"`` (3) one statement."""
+        await self._call(f.task_start, task_mode(TaskMode, mode), option)
 
-    async def stop(self, mode: int = 0, option: str = "") -> None:
-        """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
-        await self._call(f.task_stop, mode, option)
+    async def stop(self, mode: StopMode | str | int = StopMode.DEFAULT, option: str = "") -> None:
+        """Stop: ``"default"`` (0), ``"instant"`` (1), after the statement ``"step"`` (2) or ``"cycle"`` (3), ``"initialize"`` (4)."""
+        await self._call(f.task_stop, task_mode(StopMode, mode), option)
+
+    async def wait(self, timeout: float | None = None) -> TaskStatus:
+        """Wait until it does not run any more, and return its status.
+
+        A program that an error has ended is ready again: what the error was is in the controller's ``errors()``.
+
+        Args:
+            timeout: seconds; by default as long as it takes.
+
+        Raises:
+            TimeoutError: it still runs.
+        """
+        deadline = Deadline(timeout)
+        while (status := await self.get_status()) is TaskStatus.RUNNING:
+            if timeout is not None and deadline.passed:
+                raise not_in_time(timeout, "the task still runs", "タスクが実行中です")
+            await apause(min(POLL, deadline.left))
+        return status
+
+    async def get_status(self) -> TaskStatus:
+        """What it is doing (GetStatus)."""
+        return task_status(await self.execute("GetStatus"))
+
+    async def get_running(self) -> bool:
+        """Whether it runs."""
+        return await self.get_status() is TaskStatus.RUNNING
+
+    async def get_line(self) -> int:
+        """Line of the program that is executed next (@LINE_NO)."""
+        async with await self.variable("@LINE_NO") as variable:
+            return int(await variable.get_value())
 
     async def delete(self, option: str = "") -> None:
         """Delete the task."""
@@ -304,9 +312,15 @@ class AsyncController(AsyncOwner):
         """Connect to an extension board by name."""
         return await self._child(AsyncExtension, f.controller_get_extension, name, option)
 
-    async def file(self, name: str, option: str = "") -> AsyncFile:
-        """Connect to a file by name."""
-        return await self._child(AsyncFile, f.controller_get_file, name, option)
+    async def file(self, name: str, option: str = "", *, create: bool = False) -> AsyncFile:
+        r"""Connect to a file or folder by name, ``dir\Pro1.pcs``.
+
+        Args:
+            name: from the root folder; that of a folder may end in a separator.
+            option: of Controller_GetFile.
+            create: make it if it is not there; without, that is an error.
+        """
+        return await self._child(AsyncFile, f.controller_get_file, name, file_option(option, create=create))
 
     async def robot(self, name: str = "Arm", option: str = "") -> AsyncRobot:
         """Connect to a robot; the name is free, option ``ID=1`` picks the second arm."""

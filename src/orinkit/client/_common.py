@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Final, NamedTuple
+from datetime import datetime
+from enum import IntEnum
+from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit import hresult
 from orinkit.cao.table import Function
@@ -15,6 +17,7 @@ RC8: Final = "CaoProv.DENSO.VRC"
 """The provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
 
 DEFAULT_TIMEOUT: Final = 3.0
+T = TypeVar("T", str, bytes)
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
 _MOST_SECONDS: Final = 2e6
@@ -56,6 +59,13 @@ class ErrorInfo(NamedTuple):
         return f"ErrorInfo(code=0x{self.code:08X}, message={self.message!r}, details={self.details!r})"
 
 
+def not_understood(command: str, answer: Any) -> ProtocolError:
+    """Return the error of a command whose answer is not what it should be."""
+    return ProtocolError(
+        pick(f"{command} was answered with {answer!r:.80}", f"{command} の応答 {answer!r:.80} を解釈できません")
+    )
+
+
 def error_count(answer: Any) -> int:
     """Read what GetCurErrorCount answers with.
 
@@ -64,7 +74,7 @@ def error_count(answer: Any) -> int:
     """
     if isinstance(answer, int | float) and 0 <= answer < 2**31:
         return int(answer)
-    raise _not_understood("GetCurErrorCount", answer)
+    raise not_understood("GetCurErrorCount", answer)
 
 
 def no_such_error(error: CallError) -> bool:
@@ -80,13 +90,7 @@ def error_info(answer: Any) -> ErrorInfo:
     """
     if isinstance(answer, list) and len(answer) > 1 and isinstance(answer[0], int) and isinstance(answer[1], str):
         return ErrorInfo(hresult.unsigned(answer[0]), answer[1], tuple(answer[2:]))
-    raise _not_understood("GetCurErrorInfo", answer)
-
-
-def _not_understood(command: str, answer: Any) -> ProtocolError:
-    return ProtocolError(
-        pick(f"{command} was answered with {answer!r:.80}", f"{command} の応答 {answer!r:.80} を解釈できません")
-    )
+    raise not_understood("GetCurErrorInfo", answer)
 
 
 def service_option(option: str | None, timeout: float) -> str | None:
@@ -123,6 +127,147 @@ def _is_number(value: object) -> bool:
 def text_list(answer: Any) -> list[str]:
     """Return a list of names; a controller without any answers VT_EMPTY."""
     return [] if answer is None else [answer] if isinstance(answer, str) else [str(name) for name in answer]
+
+
+# --- tasks ------------------------------------------------------------------------------------------------------------
+
+
+class TaskMode(IntEnum):
+    """How a program is started (Task_Start)."""
+
+    CYCLE = 1
+    CONTINUOUS = 2
+    STEP = 3
+
+
+class StopMode(IntEnum):
+    """How a program is stopped (Task_Stop)."""
+
+    DEFAULT = 0
+    INSTANT = 1
+    STEP = 2
+    CYCLE = 3
+    INITIALIZE = 4
+
+
+class TaskStatus(IntEnum):
+    """What a task is doing (GetStatus)."""
+
+    NON_EXISTENT = 0
+    SUSPENDED = 1
+    READY = 2
+    RUNNING = 3
+    STEP_STOPPED = 4
+
+
+def task_mode(kind: type[TaskMode | StopMode], mode: str | int) -> int:
+    """Return the number of a mode from its name; a number is sent as it is.
+
+    Raises:
+        InvalidValue: there is no mode of that name.
+    """
+    if not isinstance(mode, str):
+        return int(mode)
+    try:
+        return int(kind[mode.strip().upper()])
+    except KeyError:
+        known = ", ".join(f'"{each.name.lower()}"' for each in kind)
+        raise InvalidValue(
+            pick(f"there is no mode {mode!r:.40}; {known}", f"モード {mode!r:.40} はありません ({known})")
+        ) from None
+
+
+def task_status(answer: Any) -> TaskStatus:
+    """Read what GetStatus answers with.
+
+    Raises:
+        ProtocolError: it is no status.
+    """
+    try:
+        return TaskStatus(answer)
+    except ValueError:
+        raise not_understood("GetStatus", answer) from None
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def file_option(option: str, *, create: bool) -> str:
+    """Return the option for connecting to a file, which is made if it is not there."""
+    return ",".join(filter(None, ("@Create=1", option))) if create else option
+
+
+def moment(answer: Any) -> Any:
+    """Return a date that a controller has written, ``2024-04-01 09:00:00``, as ``datetime``; others as they are."""
+    if isinstance(answer, str):
+        try:
+            return datetime.fromisoformat(answer.strip())
+        except ValueError:
+            pass
+    return answer
+
+
+def file_text(content: Any) -> str:
+    """Return a file's content as text; bytes are read as UTF-8, or else as Shift_JIS (code page 932).
+
+    Raises:
+        InvalidValue: they are neither.
+    """
+    if content is None:
+        return ""
+    if isinstance(content, str):
+        return content
+    if isinstance(content, bytes):
+        for encoding in ("utf-8-sig", "cp932"):
+            try:
+                return content.decode(encoding)
+            except UnicodeDecodeError:
+                pass
+    raise InvalidValue(
+        pick(
+            "the content of the file is no text; read .data",
+            "ファイルの内容はテキストではありません (.data で読めます)",
+        )
+    )
+
+
+def file_data(content: Any) -> bytes:
+    """Return a file's content as bytes.
+
+    Raises:
+        InvalidValue: it is neither text nor bytes.
+    """
+    if content is None:
+        return b""
+    if isinstance(content, str):
+        return content.encode("utf-8", "surrogatepass")
+    if isinstance(content, bytes):
+        return content
+    raise InvalidValue(
+        pick(
+            f"the content of the file is {content!r:.40}, neither text nor bytes; read .value",
+            f"ファイルの内容 {content!r:.40} はテキストでもバイト列でもありません (.value で読めます)",
+        )
+    )
+
+
+def check_content(kind: type[T], content: T) -> T:
+    """Return what a file is to contain.
+
+    Raises:
+        InvalidValue: it is of another type.
+    """
+    given: object = content
+    if isinstance(given, bytearray) and kind is bytes:
+        given = bytes(given)
+    if isinstance(given, kind):
+        return given
+    raise InvalidValue(
+        pick(
+            f"{content!r:.40} is no {kind.__name__}; a file has .text (str) and .data (bytes)",
+            f"{content!r:.40} は {kind.__name__} ではありません。ファイルには .text (str) と .data (bytes) があります",
+        )
+    )
 
 
 class Garbage:

@@ -15,15 +15,28 @@ from orinkit.client._common import (
     RC8,
     ErrorInfo,
     NodeFunctions,
+    StopMode,
+    TaskMode,
+    TaskStatus,
+    check_content,
     error_count,
     error_info,
+    file_data,
+    file_option,
+    file_text,
+    moment,
     no_such_error,
     service_option,
+    task_mode,
+    task_status,
     text_list,
 )
+from orinkit.client._robot_common import POLL, not_in_time
 from orinkit.client._sync_client import Client
 from orinkit.client._sync_nodes import Named, Node, Owner
+from orinkit.client._sync_robot import Robot
 from orinkit.errors import CallError, ObjectNotFound, OrinError
+from orinkit.transport.drive import Deadline, pause
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -55,9 +68,9 @@ class File(Owner):
         f.file_get_variable, f.file_get_variable_names, f.file_execute,
     )  # fmt: skip
 
-    def file(self, name: str, option: str = "") -> File:
-        """Connect to a file below this one."""
-        return self._child(File, f.file_get_file, name, option)
+    def file(self, name: str, option: str = "", *, create: bool = False) -> File:
+        """Connect to a file below this folder; with ``create`` it is made if it is not there."""
+        return self._child(File, f.file_get_file, name, file_option(option, create=create))
 
     def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
@@ -76,20 +89,44 @@ class File(Owner):
         self._call(f.file_move, name, option)
 
     def run(self, option: str = "") -> str:
-        """Run the file and return the name of its task."""
+        """Run the program, one cycle, and return the name of its task."""
         return self._call(f.file_run, option)
 
     def get_date_created(self) -> Any:
-        """When the file was created."""
-        return self._call(f.file_get_date_created)
+        """When the file was created: a local ``datetime`` where the controller's answer can be read as one."""
+        return moment(self._call(f.file_get_date_created))
 
     def get_date_last_accessed(self) -> Any:
         """When the file was last read."""
-        return self._call(f.file_get_date_last_accessed)
+        return moment(self._call(f.file_get_date_last_accessed))
 
     def get_date_last_modified(self) -> Any:
         """When the file was last changed."""
-        return self._call(f.file_get_date_last_modified)
+        return moment(self._call(f.file_get_date_last_modified))
+
+    def get_names(self) -> list[str]:
+        """Names of the files below this folder."""
+        return self.file_names()
+
+    def get_text(self) -> str:
+        """Content as text.
+
+        Raises:
+            InvalidValue: it is none; ``data`` has the bytes.
+        """
+        return file_text(self.get_value())
+
+    def put_text(self, text: str) -> None:
+        """Set the content to text."""
+        self.put_value(check_content(str, text))
+
+    def get_data(self) -> bytes:
+        """Content as bytes; of a file that the controller answers as text, that text in UTF-8."""
+        return file_data(self.get_value())
+
+    def put_data(self, data: bytes) -> None:
+        """Set the content to bytes."""
+        self.put_value(check_content(bytes, data))
 
     def get_path(self) -> str:
         """Path in the controller."""
@@ -113,7 +150,7 @@ class File(Owner):
 
     @property
     def date_created(self) -> Any:
-        """When the file was created."""
+        """When the file was created: a local ``datetime`` where the controller's answer can be read as one."""
         return self.get_date_created()
 
     @property
@@ -125,6 +162,33 @@ class File(Owner):
     def date_last_modified(self) -> Any:
         """When the file was last changed."""
         return self.get_date_last_modified()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the files below this folder."""
+        return self.get_names()
+
+    @property
+    def text(self) -> str:
+        """Content as text.
+
+        Raises:
+            InvalidValue: it is none; ``data`` has the bytes.
+        """
+        return self.get_text()
+
+    @text.setter
+    def text(self, new: str) -> None:
+        self.put_text(new)
+
+    @property
+    def data(self) -> bytes:
+        """Content as bytes; of a file that the controller answers as text, that text in UTF-8."""
+        return self.get_data()
+
+    @data.setter
+    def data(self, new: bytes) -> None:
+        self.put_data(new)
 
     @property
     def path(self) -> str:
@@ -151,66 +215,6 @@ class File(Owner):
         self.put_value(new)
 
 
-class Robot(Owner):
-    """A robot (RC8 3.3). A motion is never repeated by the client."""
-
-    __slots__ = ()
-
-    functions = NodeFunctions(
-        f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
-        f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
-        f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
-    )  # fmt: skip
-
-    def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in percent; -1 keeps one."""
-        self._call(f.robot_accelerate, axis, accel, decel)
-
-    def change(self, name: str) -> None:
-        """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
-        self._call(f.robot_change, name)
-
-    def chuck(self, option: str = "") -> None:
-        """Close the chuck."""
-        self._call(f.robot_chuck, option)
-
-    def drive(self, axis: int, value: float, option: str = "") -> None:
-        """Move one joint by degrees (mm for a linear one)."""
-        self._call(f.robot_drive, axis, value, option)
-
-    def go_home(self) -> None:
-        """Move to the home pose."""
-        self._call(f.robot_go_home)
-
-    def halt(self, option: str = "") -> None:
-        """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
-        self._call(f.robot_halt, option)
-
-    def hold(self, option: str = "") -> None:
-        """Pause the motion."""
-        self._call(f.robot_hold, option)
-
-    def move(self, interpolation: int, pose: Value, option: str = "") -> None:
-        """Move to a pose: ``move(1, "@E J(45, 30, 120, 0, -60, 0)")``; 1 point to point, 2 line, 3 arc, 4 free curve."""
-        self._call(f.robot_move, interpolation, pose, option)
-
-    def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
-        """Rotate by degrees in a plane about a pivot."""
-        self._call(f.robot_rotate, plane, angle, pivot, option)
-
-    def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed in percent; axis -1 is the tool tip."""
-        self._call(f.robot_speed, axis, speed)
-
-    def unchuck(self, option: str = "") -> None:
-        """Open the chuck."""
-        self._call(f.robot_unchuck, option)
-
-    def unhold(self, option: str = "") -> None:
-        """Go on with a paused motion."""
-        self._call(f.robot_unhold, option)
-
-
 class Task(Owner):
     """A program task (RC8 3.2)."""
 
@@ -222,13 +226,44 @@ class Task(Owner):
         f.task_get_variable, f.task_get_variable_names, f.task_execute,
     )  # fmt: skip
 
-    def start(self, mode: int = 1, option: str = "") -> None:
-        """Start: 1 one cycle, 2 continuous, 3 step."""
-        self._call(f.task_start, mode, option)
+    def start(self, mode: TaskMode | str | int = TaskMode.CYCLE, option: str = "") -> None:
+        """Start: ``"cycle"`` (1) once, ``"continuous"`` (2) again and again, ``"step"`` (3) one statement."""
+        self._call(f.task_start, task_mode(TaskMode, mode), option)
 
-    def stop(self, mode: int = 0, option: str = "") -> None:
-        """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
-        self._call(f.task_stop, mode, option)
+    def stop(self, mode: StopMode | str | int = StopMode.DEFAULT, option: str = "") -> None:
+        """Stop: ``"default"`` (0), ``"instant"`` (1), after the statement ``"step"`` (2) or ``"cycle"`` (3), ``"initialize"`` (4)."""
+        self._call(f.task_stop, task_mode(StopMode, mode), option)
+
+    def wait(self, timeout: float | None = None) -> TaskStatus:
+        """Wait until it does not run any more, and return its status.
+
+        A program that an error has ended is ready again: what the error was is in the controller's ``errors()``.
+
+        Args:
+            timeout: seconds; by default as long as it takes.
+
+        Raises:
+            TimeoutError: it still runs.
+        """
+        deadline = Deadline(timeout)
+        while (status := self.get_status()) is TaskStatus.RUNNING:
+            if timeout is not None and deadline.passed:
+                raise not_in_time(timeout, "the task still runs", "タスクが実行中です")
+            pause(min(POLL, deadline.left))
+        return status
+
+    def get_status(self) -> TaskStatus:
+        """What it is doing (GetStatus)."""
+        return task_status(self.execute("GetStatus"))
+
+    def get_running(self) -> bool:
+        """Whether it runs."""
+        return self.get_status() is TaskStatus.RUNNING
+
+    def get_line(self) -> int:
+        """Line of the program that is executed next (@LINE_NO)."""
+        with self.variable("@LINE_NO") as variable:
+            return int(variable.get_value())
 
     def delete(self, option: str = "") -> None:
         """Delete the task."""
@@ -237,6 +272,21 @@ class Task(Owner):
     def get_file_name(self) -> str:
         """File that the task came from."""
         return self._call(f.task_get_file_name)
+
+    @property
+    def status(self) -> TaskStatus:
+        """What it is doing (GetStatus)."""
+        return self.get_status()
+
+    @property
+    def running(self) -> bool:
+        """Whether it runs."""
+        return self.get_running()
+
+    @property
+    def line(self) -> int:
+        """Line of the program that is executed next (@LINE_NO)."""
+        return self.get_line()
 
     @property
     def file_name(self) -> str:
@@ -409,9 +459,15 @@ class Controller(Owner):
         """Connect to an extension board by name."""
         return self._child(Extension, f.controller_get_extension, name, option)
 
-    def file(self, name: str, option: str = "") -> File:
-        """Connect to a file by name."""
-        return self._child(File, f.controller_get_file, name, option)
+    def file(self, name: str, option: str = "", *, create: bool = False) -> File:
+        r"""Connect to a file or folder by name, ``dir\Pro1.pcs``.
+
+        Args:
+            name: from the root folder; that of a folder may end in a separator.
+            option: of Controller_GetFile.
+            create: make it if it is not there; without, that is an error.
+        """
+        return self._child(File, f.controller_get_file, name, file_option(option, create=create))
 
     def robot(self, name: str = "Arm", option: str = "") -> Robot:
         """Connect to a robot; the name is free, option ``ID=1`` picks the second arm."""

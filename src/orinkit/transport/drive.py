@@ -1,13 +1,14 @@
 """The two drivers, side by side: one protocol operation, on the caller's own thread or in asyncio.
 
 An operation is a generator as :meth:`orinkit.bcap.client.Conversation.call`: it yields bytes to send and how many
-seconds to wait for an answer, and is sent what was received.
+seconds to wait for an answer, and is sent what was received. Beside them, waiting without receiving: :func:`pause`,
+:func:`apause`, and :class:`Deadline` for how long.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
-from time import monotonic
+from time import monotonic, sleep
 from typing import Protocol, TypeAlias, TypeVar
 
 from orinkit.errors import OrinError
@@ -90,3 +91,38 @@ async def arun(operation: Operation[T], link: AsyncLink) -> T:
     except StopIteration as stop:
         result: T = stop.value
         return result
+
+
+def pause(seconds: float) -> None:
+    """Wait on the caller's thread; nothing is received meanwhile."""
+    sleep(max(0.0, seconds))
+
+
+async def apause(seconds: float) -> None:
+    """Wait in asyncio."""
+    import asyncio  # a synchronous program needs none
+
+    await asyncio.sleep(max(0.0, seconds))
+
+
+class Deadline:
+    """A limit on how long something may take.
+
+    Args:
+        seconds: from now on; ``None`` for no limit.
+    """
+
+    __slots__ = ("_end",)
+
+    def __init__(self, seconds: float | None) -> None:
+        self._end = float("inf") if seconds is None else monotonic() + seconds
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left, infinite where there is no limit, never below 0."""
+        return max(0.0, self._end - monotonic())
+
+    @property
+    def passed(self) -> bool:
+        """Whether no time is left."""
+        return not self.left

@@ -1,8 +1,15 @@
-"""The clock of a virtual device: real time, scaled time, or time that a test moves by hand."""
+"""The clock of a virtual device: real time, scaled time, or time that a test moves by hand.
+
+A device that does things by itself has the clock drive it (:meth:`Clock.drive`): in a thread where time passes by
+itself, from :meth:`ManualClock.advance` where it does not.
+"""
 
 from __future__ import annotations
 
+import threading
 import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -11,11 +18,34 @@ from orinkit.language import pick
 _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
 
 
+_PATIENCE: Final = 0.25
+_MOST_PATIENCE: Final = 20.0  # what a fast clock's device can make up for in a moment
+_SHORTEST_PAUSE: Final = 0.0002  # s; others need a chance to look at the device too
+_JOIN_TIMEOUT: Final = 5.0
+
+
+class Driver(ABC):
+    """What has a device go on as its clock does."""
+
+    @abstractmethod
+    def wake(self) -> None:
+        """Tell that the device has something to do; may be called from any thread."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Drive no more; what is being done is finished first."""
+
+
 class Clock:
     """Real time, or a multiple of it.
 
     Args:
         scale: seconds of the device per real second; 1 is real time, 10 makes a motion ten times as fast.
+
+    Attributes:
+        scale: as given.
+        patience: how many seconds of its own a device that could not keep up tries to make up for; beyond that it
+            goes on late.
 
     Raises:
         ValueError: the scale is not positive.
@@ -25,6 +55,7 @@ class Clock:
         if not 0 < scale < float("inf"):
             raise ValueError(pick(f"the time scale must be positive, not {scale}", f"時間倍率は正の数です: {scale}"))
         self.scale = scale
+        self.patience = min(_PATIENCE * scale, _MOST_PATIENCE)
         self._began = time.monotonic()
         self._began_wall = datetime.now()
 
@@ -38,6 +69,64 @@ class Clock:
             return datetime.now()  # follows corrections of the computer's clock, as now() must not
         return self._began_wall + timedelta(seconds=self.now())
 
+    def drive(self, advance: Callable[[], float | None]) -> Driver:
+        """Have a device go on with time.
+
+        Args:
+            advance: does what is due and returns after how many seconds of the device it wants to be called again,
+                ``None`` when it has nothing to do until it is woken.
+        """
+        return _Thread(advance, self.scale)
+
+
+class _Thread(Driver):
+    """Calls the device from a thread that lives as long as there is something to do."""
+
+    def __init__(self, advance: Callable[[], float | None], scale: float) -> None:
+        self._advance = advance
+        self._scale = scale
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+        self._woken = False
+        self._closed = False
+
+    def wake(self) -> None:
+        with self._changed:
+            self._woken = True
+            self._changed.notify()
+            if self._thread is None and not self._closed:
+                self._thread = threading.Thread(target=self._run, name="orinkit-device", daemon=True)
+                self._thread.start()
+
+    def close(self) -> None:
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+            thread = self._thread
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(_JOIN_TIMEOUT)
+
+    def _run(self) -> None:
+        pause: float | None = 0.0
+        try:
+            while self._wait(pause):
+                pause = self._advance()
+        finally:
+            with self._changed:
+                if self._thread is threading.current_thread():  # the device has raised an exception
+                    self._thread = None
+
+    def _wait(self, pause: float | None) -> bool:
+        """Wait until the device is to be called again; returns whether it is."""
+        with self._changed:
+            if pause is not None and not self._woken and not self._closed:
+                self._changed.wait(min(max(pause / self._scale, _SHORTEST_PAUSE), threading.TIMEOUT_MAX))
+            if self._closed or (pause is None and not self._woken):
+                self._thread = None
+                return False
+            self._woken = False
+            return True
+
 
 class ManualClock(Clock):
     """A clock that stands still until :meth:`advance` moves it.
@@ -48,18 +137,31 @@ class ManualClock(Clock):
 
     def __init__(self, start: datetime = _MANUAL_START) -> None:
         super().__init__()
+        self.patience = float("inf")
         self._start = start
         self._seconds = 0.0
+        self._driven: list[Callable[[], float | None]] = []
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward.
+        """Move the clock forward; the devices that it drives do what is due before this returns.
 
         Raises:
-            ValueError: the step is negative.
+            ValueError: the step is negative, or no finite number.
         """
-        if not seconds >= 0:
-            raise ValueError(pick(f"a clock does not go back: {seconds} s", f"時計は戻せません: {seconds} 秒"))
+        if not 0 <= seconds < float("inf"):
+            raise ValueError(
+                pick(
+                    f"a clock goes on by a number of seconds and never back: {seconds} s",
+                    f"時計を進める秒数は 0 以上の有限の数値です (戻すことはできません): {seconds} 秒",
+                )
+            )
         self._seconds += seconds
+        for advance in list(self._driven):
+            advance()
+
+    def drive(self, advance: Callable[[], float | None]) -> Driver:
+        """Have a device go on whenever the clock is moved."""
+        return _ByHand(self._driven, advance)
 
     def now(self) -> float:
         """Return the seconds that the clock has been moved by."""
@@ -68,3 +170,17 @@ class ManualClock(Clock):
     def wall(self) -> datetime:
         """Return the start and the seconds together."""
         return self._start + timedelta(seconds=self._seconds)
+
+
+class _ByHand(Driver):
+    def __init__(self, driven: list[Callable[[], float | None]], advance: Callable[[], float | None]) -> None:
+        self._driven = driven
+        self._advance = advance
+        driven.append(advance)
+
+    def wake(self) -> None:
+        """Nothing happens until the clock is moved."""
+
+    def close(self) -> None:
+        if self._advance in self._driven:
+            self._driven.remove(self._advance)

@@ -1,12 +1,18 @@
 """The virtual RC8: a provider that answers as DENSO's RC8 controller does (b-CAP specification for RC8).
 
 :class:`VirtualRC8` is what a server is given. Below it ``state`` holds what all clients share, ``controller`` and
-``variables`` are the objects one client holds, and each other module has one concern of the controller.
+``variables`` are the objects one client holds, ``robot`` and ``motion`` are the arm, ``pacscript`` its programs, and each
+other module has one concern of the controller. Needs the extra ``virtual`` (numpy, lark).
 """
 
-from orinkit.virtual.rc8.pendant import Mode
-from orinkit.virtual.rc8.permission import Access, Permission
-from orinkit.virtual.rc8.provider import VirtualRC8
-from orinkit.virtual.rc8.store import StateError
+from orinkit.virtual.extra import require
 
-__all__ = ["Access", "Mode", "Permission", "StateError", "VirtualRC8"]
+require("orinkit.virtual.rc8", "virtual", "numpy", "lark")
+
+from orinkit.virtual.rc8.pendant import Pendant  # noqa: E402 - what is missing is to be told first
+from orinkit.virtual.rc8.permission import Access, Permission  # noqa: E402
+from orinkit.virtual.rc8.provider import VirtualRC8  # noqa: E402
+from orinkit.virtual.rc8.store import StateError  # noqa: E402
+from orinkit.virtual.rc8.switches import Mode, Token  # noqa: E402
+
+__all__ = ["Access", "Mode", "Pendant", "Permission", "StateError", "Token", "VirtualRC8"]

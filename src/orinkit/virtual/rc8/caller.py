@@ -8,9 +8,10 @@ from orinkit import hresult
 from orinkit.errors import CallError, error_for
 from orinkit.virtual.rc8.permission import Access
 from orinkit.virtual.rc8.state import Origin, State
+from orinkit.virtual.rc8.switches import Switches
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)  # one is itself: it is who holds the arm
 class Caller:
     """One client's connection to the controller; every object that it holds has it.
 
@@ -41,6 +42,24 @@ class Caller:
         """
         if not self.access & Access.WRITE:
             raise self._refused(hresult.NO_WRITE_RIGHT)
+
+    # --- as an operator of the robot (orinkit.virtual.rc8.robot.conditions) -----------------------------------------
+
+    @property
+    def program(self) -> bool:
+        """Whether it is a program of the controller: no."""
+        return False
+
+    def right(self) -> int:
+        """Return the code with which a write is refused, 0 if it may write."""
+        return 0 if self.access & Access.WRITE else hresult.NO_WRITE_RIGHT
+
+    def token(self, switches: Switches) -> int:
+        """Return the code with which a start is refused, 0 if it has the executable token (RC8 2.1)."""
+        return switches.token.refusal(self.origin.address)
+
+    def __str__(self) -> str:
+        return self.origin.caller
 
     def _refused(self, code: int) -> CallError:
         return error_for(code, self.origin.address)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from orinkit import hresult
 from orinkit.errors import error_for
@@ -16,8 +16,9 @@ from orinkit.language import pick
 from orinkit.variant import Value, Variant
 from orinkit.virtual.rc8 import conversion
 from orinkit.virtual.rc8.caller import Caller
-from orinkit.virtual.rc8.pendant import Mode
+from orinkit.virtual.rc8.extension import CONTROLLER_COMMANDS as HAND_COMMANDS
 from orinkit.virtual.rc8.state import State
+from orinkit.virtual.rc8.switches import Mode, TokenKind
 
 _SERIAL_NUMBER: Final = 0
 _BATTERY_DATE: Final = 15
@@ -35,11 +36,11 @@ class Command:
     """
 
     name: str
-    run: Callable[[Caller, Variant], Value]
+    run: Callable[[Caller, Variant], Any]
     writes: bool = False
 
 
-def execute(caller: Caller, name: str, parameter: Variant) -> Value:
+def execute(caller: Caller, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
@@ -110,17 +111,25 @@ def _system_info(caller: Caller, parameter: Variant) -> Value:
 
 def system_state(state: State) -> int:
     """Return the 32 bits of SysState; a bit of what this controller does not have yet is 0."""
-    pendant = state.pendant
+    switches = state.switches
     bits = {
         0: state.programs_running > 0,
         1: state.faults.code != 0,
+        2: state.arm.motor.on,
         3: True,  # initialised: a client that asks is past the start
-        4: pendant.mode is Mode.AUTOMATIC,
+        4: switches.mode is Mode.AUTOMATIC,
+        5: switches.mode is Mode.AUTOMATIC and switches.token.kind is not TokenKind.TP,
         6: state.battery_passed,
-        10: pendant.emergency_stop,
-        11: pendant.auto_enable,
-        12: pendant.protective_stop,
-        18: pendant.mode is Mode.MANUAL,
+        10: switches.emergency_stop,
+        11: switches.auto_enable,
+        12: switches.protective_stop,
+        13: state.arm.stopping,
+        17: True,  # CALSET: a virtual arm has nothing to adjust
+        18: switches.mode is Mode.MANUAL,
+        19: state.tasks.cycle_complete,
+        20: state.arm.busy,
+        21: not state.arm.settled,
+        24: not state.arm.busy,
     }
     return sum(1 << bit for bit, on in bits.items() if on)
 
@@ -129,8 +138,18 @@ def _system_state(caller: Caller, _: Variant) -> Value:
     return system_state(caller.state)
 
 
+def _manual_reset(caller: Caller, _: Variant) -> Value:
+    """Leave the safety state: here the stop itself is all there is to leave."""
+    switches = caller.state.switches
+    if switches.emergency_stop:
+        raise error_for(hresult.EMERGENCY_STOP_NOT_RELEASED)
+    if switches.protective_stop:
+        raise error_for(hresult.PROTECTIVE_STOP_ON)
+    return None
+
+
 def _torque_off(caller: Caller, _: Variant) -> Value:
-    return caller.state.pendant.torque_off
+    return caller.state.switches.torque_off
 
 
 COMMANDS: Final[dict[str, Command]] = {
@@ -147,5 +166,9 @@ COMMANDS: Final[dict[str, Command]] = {
         Command("SysInfo", _system_info),
         Command("SysState", _system_state),
         Command("StoState", _torque_off),
+        Command("ManualReset", _manual_reset, writes=True),
+        Command("ManualResetPreparation", _manual_reset, writes=True),
+        Command("ResetStoState", _manual_reset, writes=True),
+        *(Command(each.name, each.execute, each.writes) for each in HAND_COMMANDS),
     )
 }

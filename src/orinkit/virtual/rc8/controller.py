@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Final
 
 from orinkit.cao.options import Options
-from orinkit.cao.provider import ControllerObject, MessageObject, VariableObject, not_found
-from orinkit.variant import Value, Variant
+from orinkit.cao.provider import (
+    CommandObject,
+    ControllerObject,
+    ExtensionObject,
+    FileObject,
+    MessageObject,
+    RobotObject,
+    TaskObject,
+    VariableObject,
+    not_found,
+)
+from orinkit.variant import Variant
 from orinkit.virtual.rc8 import commands
 from orinkit.virtual.rc8.caller import Caller
+from orinkit.virtual.rc8.command import command_names, find_command
 from orinkit.virtual.rc8.events import EventQueue
+from orinkit.virtual.rc8.extension import HAND_NAME, find_extension
+from orinkit.virtual.rc8.file import find_file
 from orinkit.virtual.rc8.messages import EventMessage
+from orinkit.virtual.rc8.robot.robot import RC8Robot
 from orinkit.virtual.rc8.state import Operation
+from orinkit.virtual.rc8.task import find_task, run_file
 from orinkit.virtual.rc8.variables import find_variable, variable_names
+
+ROBOT_NAME: Final = "Arm0"
 
 
 class RC8Controller(ControllerObject):
@@ -49,7 +67,71 @@ class RC8Controller(ControllerObject):
         """Names of the system variables, and the pattern of each class of user variables (``I*``)."""
         return variable_names()
 
-    def execute(self, command: str, parameter: Variant) -> Value:
+    def get_robot(self, name: str, option: str) -> RobotObject:
+        """Connect to the robot; its name is free, there is one arm (``ID=0``).
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND, another arm is asked for.
+        """
+        if Options(option).text_of("ID", "0").strip() not in ("0", "True"):
+            raise not_found(f"{name} {option}")
+        return RC8Robot(self._caller, name or ROBOT_NAME)
+
+    def get_robot_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the robots: one."""
+        return [ROBOT_NAME]
+
+    def get_task(self, name: str, option: str) -> TaskObject:  # noqa: ARG002
+        r"""Connect to the task of a program: ``Pro1``, ``folder\Pro1``.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND, there is no such program.
+        """
+        return find_task(self._caller, name)
+
+    def get_task_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the tasks: one for each program in the file store."""
+        self._caller.require_read()
+        return self._caller.state.tasks.names()
+
+    def get_file(self, name: str, option: str) -> FileObject:
+        """Connect to a file or folder; ``@Create=1`` makes one that there is not.
+
+        Raises:
+            CallError: FILE_NOT_FOUND; E_INVALIDARG, it cannot be a name.
+        """
+        return find_file(self._caller, self._caller.state.files, name, option, run_file)
+
+    def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the files and folders at the root of the store."""
+        self._caller.require_read()
+        return self._caller.state.files.names("")
+
+    def get_extension(self, name: str, option: str) -> ExtensionObject:  # noqa: ARG002
+        """Connect to an extension: the hand, ``Hand0``.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+        """
+        return find_extension(self._caller, name)
+
+    def get_extension_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the extensions: one."""
+        return [HAND_NAME]
+
+    def get_command(self, name: str, option: str) -> CommandObject:  # noqa: ARG002
+        """Connect to a command of Controller_Execute, of the robot (``Robot.Motor``) or of the hand (``Hand0.Chuck``).
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+        """
+        return find_command(self._caller, name)
+
+    def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the commands."""
+        return command_names()
+
+    def execute(self, command: str, parameter: Variant) -> Any:
         """Execute an extended command (:mod:`orinkit.virtual.rc8.commands`)."""
         return commands.execute(self._caller, command, parameter)
 

@@ -19,6 +19,7 @@ class EventKind(IntEnum):
     ERROR = 1  #: an error was raised; the value is its code, signed
     MODE = 2  #: the mode was changed; the value is that of ``@MODE``
     EMERGENCY_STOP = 3  #: the emergency stop was pressed (value 1) or released (value 0)
+    MESSAGE = 4  #: a program has said something with PrintMsg; the description is what it said
 
 
 @dataclass(frozen=True, slots=True)

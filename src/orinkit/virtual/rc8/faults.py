@@ -9,6 +9,7 @@ from orinkit.hresult import Family
 from orinkit.virtual.rc8.logs import ErrorLog, ErrorRecord
 from orinkit.virtual.rc8.speech import Say
 
+FATAL: Final = 5
 _CURRENT_LENGTH: Final = 100
 _NOT_THE_CONTROLLERS: Final = frozenset(
     {Family.GENERAL, Family.CAO, Family.PACKET, Family.BUSY, Family.SOCKET, Family.USER, Family.UNKNOWN}
@@ -40,6 +41,11 @@ class Faults:
         self.current.clear()
 
     @property
+    def fatal(self) -> bool:
+        """Whether one of the current errors is of level 5: only a restart clears it."""
+        return any(level_of(self.current.at(index).code) >= FATAL for index in range(len(self.current)))
+
+    @property
     def code(self) -> int:
         """The newest current error, unsigned; 0 when there is none."""
         newest = self.current.newest
@@ -60,6 +66,12 @@ class Faults:
         """Return the text under which a code is raised: for an unknown one what its range tells."""
         info = hresult.lookup(code)
         return self._say(info.en, info.ja)
+
+
+def level_of(code: int) -> int:
+    """Return the level of a code, 0 a notice to 5 fatal; 1 of an error that has none, as those of CAO."""
+    info = hresult.lookup(code)
+    return info.level if info.family not in _NOT_THE_CONTROLLERS else int(info.failed)
 
 
 def is_notice(code: int) -> bool:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,12 +16,19 @@ from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.controller import RC8Controller
 from orinkit.virtual.rc8.memory import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.models import Model, load_model
+from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
+from orinkit.virtual.rc8.robot.motor import MotorState
+from orinkit.virtual.rc8.samples import sample_programs
 from orinkit.virtual.rc8.speech import speaker
-from orinkit.virtual.rc8.state import Identity, Origin, State
+from orinkit.virtual.rc8.state import Identity, Origin, State, read_mode
 from orinkit.virtual.rc8.store import Store
+from orinkit.virtual.rc8.switches import Mode, Switches, Token
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
+_FILES: Final = "files"
+ANYONE: Final = Token()
 _PC_NAME: Final = "CaoProv.DENSO.RC8"
 
 
@@ -29,6 +39,13 @@ class VirtualRC8(Provider):
         counts: how many variables of each class I F D V P J T S; 100 of one that is not named.
         io_points: how many I/O points.
         state: directory in which the variables are kept; ``None`` to forget them at the end.
+        model: its arm: a name of :data:`orinkit.virtual.rc8.models.MODEL_NAMES`, a TOML file, or a
+            :class:`~orinkit.virtual.rc8.models.Model`.
+        mode: what the mode switch is at.
+        token: the executable token: a :class:`Token`, or its text (:meth:`Token.parse`).
+        motor: whether the motor is on from the beginning.
+        joints: where the arm stands, degrees; its home pose if not given.
+        samples: put the sample programs into a file store that is empty.
         permission: who may read and write; everyone both, if not given.
         clock: its clock; real time, if not given.
         accept_pc_provider: answer also to ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
@@ -39,9 +56,11 @@ class VirtualRC8(Provider):
 
     Attributes:
         state: what its clients share: :class:`~orinkit.virtual.rc8.state.State`.
+        pendant: its buttons, for a person or a test.
 
     Raises:
-        ValueError: a count, a class or a language that there is not.
+        ValueError: a count, a class, a language, a model, a mode or a token that there is not; joints that the arm
+            cannot take.
         StateError: the state directory cannot be used.
     """
 
@@ -51,6 +70,12 @@ class VirtualRC8(Provider):
         counts: Mapping[str, int] | None = None,
         io_points: int = DEFAULT_IO_POINTS,
         state: str | os.PathLike[str] | None = None,
+        model: str | os.PathLike[str] | Model = "VS-050",
+        mode: int = Mode.AUTOMATIC,
+        token: Token | str = ANYONE,
+        motor: bool = False,
+        joints: Sequence[float] | None = None,
+        samples: bool = True,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -69,7 +94,15 @@ class VirtualRC8(Provider):
                     f'permission は Permission で指定してください (例: Permission.parse("*=r")): {permission!r}',
                 )
             )
-        store = None if state is None else Store(Path(state))
+        switches = Switches(mode=read_mode(mode), token=token if isinstance(token, Token) else Token.parse(token))
+        arm = model if isinstance(model, Model) else load_model(os.fspath(model))
+        self._forget: Callable[[], object] = lambda: None
+        if state is None:
+            directory = Path(tempfile.mkdtemp(prefix="orinkit-"))
+            self._forget = weakref.finalize(self, shutil.rmtree, directory, ignore_errors=True)
+        else:
+            directory = Path(state)
+        store = None if state is None else Store(directory)
         try:
             self.state = State(
                 clock=clock or Clock(),
@@ -79,11 +112,23 @@ class VirtualRC8(Provider):
                 counts=counts,
                 io_points=io_points,
                 store=store,
+                model=arm,
+                files=directory / _FILES,
+                switches=switches,
             )
+            if joints is not None:
+                self.state.arm.place(joints)
         except BaseException:
             if store is not None:
                 store.close()
             raise
+        if motor:
+            self.state.arm.motor.state = MotorState.ON
+        if samples and not self.state.files.names(""):
+            for name, text in sample_programs().items():
+                self.state.files.write(name, text.encode())
+        self.guard = self.state.cycles
+        self.pendant = Pendant(self.state)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name does not matter."""
@@ -91,8 +136,9 @@ class VirtualRC8(Provider):
         return RC8Controller(Caller(self.state, Origin(name, client.address), access), option)
 
     def close(self) -> None:
-        """Write down the variables and let go of the state directory; closing twice is no error."""
+        """Stop everything, write down the variables, let go of the state directory; closing twice is no error."""
         self.state.close()
+        self._forget()
 
     def raise_error(
         self,

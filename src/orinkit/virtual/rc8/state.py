@@ -1,31 +1,49 @@
-"""What all clients of one virtual RC8 share: variables, errors, logs, switches, time.
+"""What all clients of one virtual RC8 share: variables, arm, programs, files, errors, logs, switches, time.
 
-Objects that clients hold (controller, variables; robots, tasks and files beside them) refer to one :class:`State` and
-keep nothing of the controller themselves. Clients are served on one thread; the switches (raising an error, the mode,
-the emergency stop) may be thrown from another, as each of their steps is one that Python does not interrupt.
+Objects that clients hold (controller, variables, robots, tasks, files) refer to one :class:`State` and keep nothing of
+the controller themselves. Whoever looks at it or changes it holds ``cycles`` as a lock: the server around every call of
+a client, the cycle itself while it steps, and the methods here, which may be called from any thread.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from enum import IntEnum
+from pathlib import Path
 from typing import Final
 
 from orinkit import hresult
+from orinkit.errors import CallError, error_for
+from orinkit.hresult import Family
 from orinkit.language import pick
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.calendar import Calendar
+from orinkit.virtual.rc8.cycle import Cycles
 from orinkit.virtual.rc8.events import EventKind, Events
-from orinkit.virtual.rc8.faults import Faults
+from orinkit.virtual.rc8.faults import Faults, level_of
+from orinkit.virtual.rc8.files import FileStore
+from orinkit.virtual.rc8.hand import Hand
 from orinkit.virtual.rc8.logs import ErrorRecord, OperationLog, OperationRecord
 from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.pendant import Mode, Pendant
+from orinkit.virtual.rc8.models import Model
 from orinkit.virtual.rc8.permission import Permission
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.motor import MotorState
+from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.speech import Say
 from orinkit.virtual.rc8.store import Store
+from orinkit.virtual.rc8.switches import Mode, Switches, Token
+from orinkit.virtual.rc8.tasks import StartMode, Task, Tasks
+from orinkit.virtual.rc8.timers import Timers
 
+logger = logging.getLogger("orinkit.rc8")
+
+_STOPPING_LEVEL: Final = 2
+_CUTTING_MOTION_LEVEL: Final = 3
+_CUTTING_LEVEL: Final = 4
 _BATTERY_LIFE: Final = timedelta(days=2 * 365)
 _MODE_NAMES: Final[Mapping[Mode, tuple[str, str]]] = {
     Mode.MANUAL: ("manual", "手動"),
@@ -44,6 +62,11 @@ class Operation(IntEnum):
     EMERGENCY_STOP = 5
     MACHINE_LOCK = 6
     SET_TIME = 7
+    PROTECTIVE_STOP = 8
+    AUTO_ENABLE = 9
+    TOKEN = 10
+    RESTART = 11
+    PROGRAM_OUTPUT = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +108,15 @@ class State:
         counts: how many of each class of variables it has.
         io_points: how many I/O points it has.
         store: where its variables are kept, ``None`` for nowhere.
+        model: its arm.
+        files: directory in which its files are kept.
+        switches: how they are set at the beginning.
 
     Attributes:
-        programs_running: how many program tasks run.
+        cycles: the 8 ms cycle, and the lock around everything here.
+        arm, moves: the robot, and what plans its motions.
+        hand, timers: the electric hand; what ends by time.
+        tasks: the programs.
         supervisors_running: how many supervisory (TSR) tasks run.
         battery_due: when the encoder batteries have to be replaced.
     """
@@ -102,6 +131,9 @@ class State:
         counts: Mapping[str, int] | None,
         io_points: int,
         store: Store | None,
+        model: Model,
+        files: Path,
+        switches: Switches,
     ) -> None:
         self.clock = clock
         self.identity = identity
@@ -109,19 +141,39 @@ class State:
         self.say = say
         self.calendar = Calendar(clock)
         self.variables = Variables(counts, io_points, store, self.calendar.now)
-        self.pendant = Pendant()
+        self.switches = switches
         self.faults = Faults(say)
         self.operations = OperationLog()
         self.events = Events()
-        self.programs_running = 0
         self.supervisors_running = 0
         self.battery_due = self.calendar.now() + _BATTERY_LIFE
         self._began = clock.now()
+        self.cycles = Cycles(clock)
+        self.files = FileStore(files, self.calendar.now)
+        self.arm = Arm(model, self.cycles, self.switches, self.faults, self.variables, lambda: self.cycle_seconds)
+        self.hand = Hand(self.cycles, self.switches)
+        self.timers = Timers(self.cycles)
+        self.moves = Moves(self.arm, self.variables, self._motion_fault)
+        self.tasks = Tasks(
+            self.cycles, self.arm, self.moves, self.variables, self.files,
+            lambda: self.cycle_seconds, self._program_fault, self._show,
+        )  # fmt: skip
+        self.cycles.add(self.tasks, self.arm, self.hand, self.timers, failed=self._crashed)
 
     @property
     def seconds(self) -> float:
         """Seconds since the controller was switched on."""
         return self.clock.now() - self._began
+
+    @property
+    def cycle_seconds(self) -> float:
+        """Seconds from when the controller was switched on to its last cycle: when the arm's joints were last read."""
+        return max(0.0, self.cycles.seconds - self._began) if self.cycles.busy else self.seconds
+
+    @property
+    def programs_running(self) -> int:
+        """How many program tasks run."""
+        return self.tasks.running
 
     @property
     def battery_passed(self) -> bool:
@@ -162,53 +214,191 @@ class State:
         record = ErrorRecord(
             code, text, moment, subcode, program, line, file_id, original, origin.caller, origin.address
         )
-        if self.faults.add(record):
-            self.events.publish(EventKind.ERROR, hresult.signed(code), text, moment)
+        with self.cycles:
+            if self.faults.add(record):
+                self.events.publish(EventKind.ERROR, hresult.signed(code), text, moment)
+                self._react(code)
+
+    def _react(self, code: int) -> None:
+        """Do to robot and programs what an error of this code does (docs/howto/robot.md)."""
+        level = level_of(code)
+        if level < _STOPPING_LEVEL:
+            return
+        motion = hresult.family(code) in (Family.MOTION, Family.SERVO)
+        if level >= _CUTTING_LEVEL or (motion and level >= _CUTTING_MOTION_LEVEL):
+            self.arm.cut(code)
+        else:
+            self.arm.stop(code)
+        self.tasks.stop_all()
 
     def clear_errors(self, origin: Origin = _NOBODY) -> None:
-        """Forget the current errors; the log keeps them."""
-        self.faults.clear()
-        self.log(Operation.CLEAR_ERROR, self.say("Errors cleared", "エラーをクリア"), origin)
+        """Forget the current errors; the log keeps them.
+
+        Raises:
+            CallError: FATAL_ERROR_BEFORE, one of them is of level 5: the controller has to be restarted.
+        """
+        with self.cycles:
+            if self.faults.fatal:
+                raise error_for(hresult.FATAL_ERROR_BEFORE)
+            self.faults.clear()
+            self.log(Operation.CLEAR_ERROR, self.say("Errors cleared", "エラーをクリア"), origin)
+
+    def restart(self) -> None:
+        """Do what switching it off and on does for errors, motor, motions and programs; clients stay connected."""
+        with self.cycles:
+            self.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
+            self.tasks.stop_all(initialise=True)
+            self.arm.give()
+            self.hand.stop()
+            self.faults.clear()
+            self.log(Operation.RESTART, self.say("Restarted", "再起動"))
 
     def set_mode(self, mode: int) -> None:
-        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.
+        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic; a motion is stopped and the motor goes off.
 
         Raises:
             ValueError: another number.
         """
-        wanted = _read_mode(mode)
-        if wanted is self.pendant.mode:
-            return
-        self.pendant.mode = wanted
-        en, ja = _MODE_NAMES[wanted]
-        text = self.say(f"Mode: {en}", f"モード: {ja}")
-        self.log(Operation.MODE, text)
-        self.events.publish(EventKind.MODE, wanted, text, self.calendar.now())
+        wanted = read_mode(mode)
+        with self.cycles:
+            if wanted is self.switches.mode:
+                return
+            self.switches.mode = wanted
+            self._halt_all(hresult.EMERGENCY_STOP_OR_MODE_CHANGE)
+            en, ja = _MODE_NAMES[wanted]
+            text = self.say(f"Mode: {en}", f"モード: {ja}")
+            self.log(Operation.MODE, text)
+            self.events.publish(EventKind.MODE, wanted, text, self.calendar.now())
+
+    def set_token(self, token: Token) -> None:
+        """Give the executable token to somebody else; what runs goes on."""
+        with self.cycles:
+            if token != self.switches.token:
+                self.switches.token = token
+                self.log(Operation.TOKEN, self.say(f"Executable token: {token}", f"起動権: {token}"))
 
     def emergency_stop(self, on: bool) -> None:
-        """Press or release the emergency stop."""
+        """Press or release the emergency stop; pressed, it brings the arm to rest and the motor goes off."""
         on = bool(on)
-        if on is self.pendant.emergency_stop:
-            return
-        self.pendant.emergency_stop = on
-        text = (
-            self.say("Emergency stop pressed", "非常停止 ON")
-            if on
-            else self.say("Emergency stop released", "非常停止 OFF")
-        )
-        self.log(Operation.EMERGENCY_STOP, text)
-        self.events.publish(EventKind.EMERGENCY_STOP, int(on), text, self.calendar.now())
+        with self.cycles:
+            if on is self.switches.emergency_stop:
+                return
+            self.switches.emergency_stop = on
+            if on:
+                self._halt_all(hresult.EMERGENCY_STOP_ON)
+            text = (
+                self.say("Emergency stop pressed", "非常停止 ON")
+                if on
+                else self.say("Emergency stop released", "非常停止 OFF")
+            )
+            self.log(Operation.EMERGENCY_STOP, text)
+            self.events.publish(EventKind.EMERGENCY_STOP, int(on), text, self.calendar.now())
+
+    def protective_stop(self, on: bool) -> None:
+        """Set or take away the protective stop; set, it brings the arm to rest and the motor goes off."""
+        with self.cycles:
+            if bool(on) is self.switches.protective_stop:
+                return
+            self.switches.protective_stop = bool(on)
+            if on:
+                self._halt_all(hresult.PROTECTIVE_STOP_ON)
+            text = (
+                self.say("Protective stop on", "防護停止 ON") if on else self.say("Protective stop off", "防護停止 OFF")
+            )
+            self.log(Operation.PROTECTIVE_STOP, text)
+
+    def auto_enable(self, on: bool) -> None:
+        """Set the auto-enable input; when it goes off the arm is brought to rest and that is an error."""
+        with self.cycles:
+            if bool(on) is self.switches.auto_enable:
+                return
+            self.switches.auto_enable = bool(on)
+            text = (
+                self.say("Auto enable on", "自動イネーブル ON")
+                if on
+                else self.say("Auto enable off", "自動イネーブル OFF")
+            )
+            self.log(Operation.AUTO_ENABLE, text)
+            if not on:
+                self.raise_error(hresult.AUTO_ENABLE_WENT_OFF)
+                self._halt_all(hresult.AUTO_ENABLE_WENT_OFF)
+
+    def machine_lock(self, on: bool, origin: Origin = _NOBODY) -> None:
+        """Set the machine lock: motions run, the arm stays where it is.
+
+        Raises:
+            CallError: MOTOR_IS_ON: a lock that comes off while it is on would have the arm jump.
+        """
+        with self.cycles:
+            if self.arm.motor.state is not MotorState.OFF:
+                raise error_for(hresult.MOTOR_IS_ON)
+            self.arm.lock(on)
+            text = (
+                self.say("Machine lock on", "マシンロック ON")
+                if on
+                else self.say("Machine lock off", "マシンロック OFF")
+            )
+            self.log(Operation.MACHINE_LOCK, text, origin)
+
+    def _halt_all(self, code: int) -> None:
+        self.arm.cut(code)
+        self.tasks.stop_all()
+
+    def start_task(self, task: Task, mode: StartMode, origin: Origin) -> None:
+        """Start a program; what is wrong with its text goes into the error log.
+
+        Raises:
+            CallError: as :meth:`Tasks.start`.
+        """
+        try:
+            self.tasks.start(task, mode)
+        except CallError as error:
+            if error.code == hresult.SYNTAX_ERROR:
+                self.faults.log.add(
+                    ErrorRecord(
+                        error.code, error.detail, self.calendar.now(), program=task.name,
+                        caller=origin.caller, address=origin.address,
+                    )
+                )  # fmt: skip
+            raise
+
+    def _motion_fault(self, code: int, detail: str) -> None:
+        text = self.faults.text(code)
+        self.raise_error(code, f"{text}: {detail}" if detail else text)
+
+    def _show(self, program: str, kind: str, text: str) -> None:
+        """A program prints: PrintMsg is an event for the clients, both are lines of the operation log."""
+        self.log(Operation.PROGRAM_OUTPUT, f"{program}: {text}")
+        logger.info("%s: %s", program, text)
+        if kind == "msg":
+            self.events.publish(EventKind.MESSAGE, 0, f"{program}: {text}", self.calendar.now())
+
+    def _program_fault(self, code: int, detail: str, program: str, line: int) -> None:
+        text = self.faults.text(code)
+        self.raise_error(code, f"{text}: {detail}" if detail else text, program=program, line=line)
+
+    def _crashed(self, error: Exception) -> None:
+        """A part of the cycle has let out an exception: nothing moves on as if all were well."""
+        self.raise_error(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
+        self._halt_all(hresult.UNDEFINED_ERROR)
 
     def log(self, operation: Operation, text: str, origin: Origin = _NOBODY) -> None:
         """Write a line into the operation log."""
         self.operations.add(OperationRecord(operation, text, self.calendar.now(), origin.caller, origin.address))
 
     def close(self) -> None:
-        """Write down what has to be kept."""
-        self.variables.close()
+        """Stop everything and write down what has to be kept."""
+        self.cycles.close()
+        with self.cycles:
+            self.variables.close()
 
 
-def _read_mode(mode: int) -> Mode:
+def read_mode(mode: int) -> Mode:
+    """Return a position of the mode switch.
+
+    Raises:
+        ValueError: it is none of 1, 2, 3.
+    """
     try:
         return Mode(mode)
     except ValueError:

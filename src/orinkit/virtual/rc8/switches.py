@@ -1,9 +1,13 @@
-"""What a person sets at the controller: mode switch, emergency stop, enabling inputs, machine lock."""
+"""What a person sets at the controller: mode switch, executable token, emergency stop, enabling inputs, machine lock."""
 
 from __future__ import annotations
 
+import ipaddress
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
+
+from orinkit import hresult
+from orinkit.language import pick
 
 
 class Mode(IntEnum):
@@ -14,14 +18,73 @@ class Mode(IntEnum):
     AUTOMATIC = 3
 
 
+class TokenKind(Enum):
+    """Who has the executable token (start right, RC8 2.1): may start programs, switch the motor on, move the robot."""
+
+    TP = "tp"
+    IO = "io"
+    ETHERNET = "ethernet"
+    ANY = "any"
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """The executable token.
+
+    Attributes:
+        kind: with whom it is.
+        address: with ``ETHERNET``, the address of the client that has it; ``""`` for every client.
+    """
+
+    kind: TokenKind = TokenKind.ANY
+    address: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> Token:
+        """Return the token written as ``any``, ``tp``, ``io``, ``ethernet`` or ``ethernet:192.168.0.7``.
+
+        Raises:
+            ValueError: it is none of these.
+        """
+        name, _, address = (part.strip() for part in text.partition(":"))
+        try:
+            kind = TokenKind(name.lower())
+            if address:
+                ipaddress.ip_address(address)
+            if address and kind is not TokenKind.ETHERNET:
+                raise ValueError(address)
+        except ValueError:
+            raise ValueError(
+                pick(
+                    f"{text!r} is no token; any, tp, io, ethernet or ethernet:ADDRESS",
+                    f"{text!r} は起動権として使えません (any、tp、io、ethernet、ethernet:アドレス のいずれか)",
+                )
+            ) from None
+        return cls(kind, address)
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}:{self.address}" if self.address else self.kind.value
+
+    def refusal(self, address: str) -> int:
+        """Return the code with which a client at this address is refused, 0 if it has the token."""
+        if self.kind is TokenKind.ANY:
+            return 0
+        if self.kind is not TokenKind.ETHERNET or not address:  # without an address it is no network client
+            return hresult.START_RIGHT_NOT_ETHERNET
+        if not self.address or _same(self.address, address):
+            return 0
+        return hresult.START_RIGHT_NOT_THIS_ADDRESS
+
+
 @dataclass(slots=True)
-class Pendant:
+class Switches:
     """The switches and inputs. It starts in automatic mode (RC8 2.2), with nothing pressed and nothing stopped.
 
-    ``mode`` and ``emergency_stop`` are changed by :class:`~orinkit.virtual.rc8.state.State`, which tells the clients.
+    They are changed through :class:`~orinkit.virtual.rc8.state.State`, which tells the clients and stops the robot.
     """
 
     mode: Mode = Mode.AUTOMATIC
+    token: Token = Token()
     emergency_stop: bool = False
     deadman: bool = False
     auto_enable: bool = True
@@ -32,3 +95,15 @@ class Pendant:
     def torque_off(self) -> bool:
         """Whether a stop keeps the torque off (STO)."""
         return self.emergency_stop or self.protective_stop
+
+
+def _same(first: str, second: str) -> bool:
+    try:
+        return _plain(first) == _plain(second)
+    except ValueError:
+        return False
+
+
+def _plain(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    found = ipaddress.ip_address(address)
+    return found.ipv4_mapped or found if isinstance(found, ipaddress.IPv6Address) else found

@@ -63,11 +63,7 @@ def _set_time(caller: Caller, given: Variant) -> None:
 
 
 def _set_lock(caller: Caller, given: Variant) -> None:
-    state = caller.state
-    on = conversion.boolean(given)
-    state.pendant.machine_lock = on
-    text = state.say("Machine lock on", "マシンロック ON") if on else state.say("Machine lock off", "マシンロック OFF")
-    state.log(Operation.MACHINE_LOCK, text, caller.origin)
+    caller.state.machine_lock(conversion.boolean(given), caller.origin)
 
 
 def _count(name: str) -> SystemVariable:
@@ -83,7 +79,7 @@ def _count(name: str) -> SystemVariable:
 SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
     entry.name: entry
     for entry in (
-        SystemVariable("@MODE", VarType.I4, lambda s: s.pendant.mode,
+        SystemVariable("@MODE", VarType.I4, lambda s: s.switches.mode,
                        "Mode: 1 manual, 2 teach check, 3 automatic", "モード: 1 手動、2 ティーチチェック、3 自動"),
         SystemVariable("@ERROR_CODE", VarType.I4, lambda s: hresult.signed(s.faults.code),
                        "Newest current error, 0 none; writing 0 clears the errors",
@@ -92,15 +88,15 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
                        "Newest current error as eight hexadecimal digits", "最新のエラーコード (16 進 8 桁)"),
         SystemVariable("@ERROR_DESCRIPTION", VarType.BSTR, lambda s: s.faults.message,
                        "Text of the newest current error", "最新のエラーの内容"),
-        SystemVariable("@EMERGENCY_STOP", VarType.BOOL, lambda s: s.pendant.emergency_stop,
+        SystemVariable("@EMERGENCY_STOP", VarType.BOOL, lambda s: s.switches.emergency_stop,
                        "Emergency stop is pressed", "非常停止状態"),
-        SystemVariable("@DEADMAN_SW", VarType.BOOL, lambda s: s.pendant.deadman,
+        SystemVariable("@DEADMAN_SW", VarType.BOOL, lambda s: s.switches.deadman,
                        "Enable (deadman) switch is held", "イネーブル (デッドマン) スイッチの状態"),
-        SystemVariable("@AUTO_ENABLE", VarType.BOOL, lambda s: s.pendant.auto_enable,
+        SystemVariable("@AUTO_ENABLE", VarType.BOOL, lambda s: s.switches.auto_enable,
                        "Auto-enable input is on", "自動イネーブル入力の状態"),
-        SystemVariable("@PROTECTIVE_STOP", VarType.BOOL, lambda s: s.pendant.protective_stop,
+        SystemVariable("@PROTECTIVE_STOP", VarType.BOOL, lambda s: s.switches.protective_stop,
                        "Protective stop is on", "防護停止状態"),
-        SystemVariable("@LOCK", VarType.BOOL, lambda s: s.pendant.machine_lock,
+        SystemVariable("@LOCK", VarType.BOOL, lambda s: s.switches.machine_lock,
                        "Machine lock: the robot does not really move", "マシンロックの状態", _set_lock),
         SystemVariable("@BUSY_STATUS", VarType.BOOL, lambda s: s.programs_running > 0,
                        "A program task is running", "プログラム実行中"),

@@ -1,0 +1,228 @@
+"""What an arm did, cycle by cycle: from the controller's control log, and as a CSV file.
+
+The file has a row for each 8 ms: ``time_s``, then ``J1_command``, ``J2_command`` ... and ``J1_encoder`` ... in degrees (mm
+for linear joints).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, Self
+
+import orinkit
+from orinkit.cli._errors import Failure
+from orinkit.errors import TransportError
+from orinkit.language import pick
+
+PERIOD: Final = 0.008
+"""Seconds between two records (RC8 4.1)."""
+
+_AXES: Final = 8
+_ALWAYS: Final = 6  # joints that are written even if they stay at 0
+_COLUMNS: Final = 4  # of a joint in a record: command, encoder, current, load
+_MOST_ROWS: Final = 1_000_000
+_TIME: Final = "time_s"
+_COMMAND: Final = re.compile(r"J([1-8])_command")
+_ENCODER: Final = re.compile(r"J([1-8])_encoder")
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Joints over time.
+
+    Attributes:
+        times: seconds, rising.
+        joints: numbers of the joints, from 1.
+        command: for each time, the command of each joint, degrees or mm.
+        encoder: the same of the encoders; empty where there are none.
+    """
+
+    times: Sequence[float]
+    joints: Sequence[int]
+    command: Sequence[Sequence[float]]
+    encoder: Sequence[Sequence[float]]
+
+
+class Recorder:
+    """Has the controller record a motion, and writes it to a file when the block ends, however it ends.
+
+    Args:
+        robot: whose motion.
+        path: of the file.
+        tell: is told how many records have been read, and how many there are.
+    """
+
+    def __init__(self, robot: orinkit.Robot, path: Path, tell: Callable[[int, int], None]) -> None:
+        self._robot = robot
+        self._path = path
+        self._tell = tell
+        self._running = False
+        self._started = False
+
+    def __enter__(self) -> Self:
+        if not self._path.parent.is_dir():
+            raise Failure(
+                pick(f"there is no directory {self._path.parent}", f"ディレクトリ {self._path.parent} がありません"), 2
+            )
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if not self._started:
+            return
+        try:
+            self.stop()
+            write_csv(self._path, self._fetch())
+        except TransportError:
+            if error is None:
+                raise
+
+    def start(self) -> None:
+        """Forget what was recorded before, and begin."""
+        self._robot.execute("ClearLog")
+        self._robot.execute("StartLog")
+        self._running = self._started = True
+
+    def stop(self) -> None:
+        """End recording; nothing happens the second time."""
+        if self._running:
+            self._running = False
+            self._robot.execute("StopLog")
+
+    def _fetch(self) -> Recording:
+        count = _whole(self._robot.execute("GetLogCount"))
+        records = []
+        for index in range(count):
+            records.append(joints_of(self._robot.execute("GetLogRecord", index)))
+            self._tell(index + 1, count)
+        return recording_of(records)
+
+
+def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Recording:
+    """Return records of command and encoder, 8 joints each, as a recording; joints 7 and 8 only if they are used."""
+    used = [
+        axis
+        for axis in range(_AXES)
+        if axis < _ALWAYS or any(command[axis] or encoder[axis] for command, encoder in records)
+    ]
+    return Recording(
+        [index * PERIOD for index in range(len(records))],
+        [axis + 1 for axis in used],
+        [[command[axis] for axis in used] for command, _ in records],
+        [[encoder[axis] for axis in used] for _, encoder in records],
+    )
+
+
+def write_csv(path: Path, recording: Recording) -> None:
+    """Write a recording.
+
+    Raises:
+        Failure: the file cannot be written.
+    """
+    names = [f"J{joint}" for joint in recording.joints]
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow([_TIME, *(f"{name}_command" for name in names), *(f"{name}_encoder" for name in names)])
+            for time, command, encoder in zip(recording.times, recording.command, recording.encoder, strict=True):
+                writer.writerow([f"{time:.3f}", *(f"{value:.6f}" for value in (*command, *encoder))])
+    except OSError as error:
+        raise Failure(
+            pick(f"cannot write {path}: {error.strerror}", f"{path} に書き込めません: {error.strerror}")
+        ) from None
+
+
+def read_csv(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises:
+        Failure: the file cannot be read, or is none.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return _read(path, csv.reader(file, strict=True))
+    except OSError as error:
+        raise Failure(
+            pick(f"cannot read {path}: {error.strerror}", f"{path} を読み込めません: {error.strerror}"), 2
+        ) from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise _wrong(path, 0, pick(f"it is no CSV file ({error})", f"CSV ファイルではありません ({error})")) from None
+
+
+def _read(path: Path, lines: Iterator[list[str]]) -> Recording:
+    header = [name.strip() for name in next(lines, [])]
+    commands, encoders = _columns(header, _COMMAND), _columns(header, _ENCODER)
+    if _TIME not in header or not commands or len(set(header)) < len(header):
+        wanted = f"{_TIME}, J1_command, J2_command, ..."
+        raise _wrong(path, 1, pick(f"the columns {wanted} are wanted", f"列 {wanted} が必要です"))
+    if encoders and encoders.keys() != commands.keys():
+        raise _wrong(
+            path, 1, pick("_command and _encoder are not of the same joints", "_command と _encoder の軸が一致しません")
+        )
+    rows = []
+    for number, line in enumerate(lines, 2):
+        if line:
+            rows.append(_numbers(path, number, line, len(header)))
+        if len(rows) > _MOST_ROWS:
+            raise _wrong(path, number, pick(f"more than {_MOST_ROWS} rows", f"行数が {_MOST_ROWS} を超えています"))
+    times = [row[header.index(_TIME)] for row in rows]
+    if len(times) < 2 or any(after <= before for before, after in pairwise(times)):
+        raise _wrong(
+            path, 0, pick("two or more rows are wanted, with rising times", "時刻が増加する 2 行以上のデータが必要です")
+        )
+    return Recording(
+        times,
+        list(commands),
+        [[row[column] for column in commands.values()] for row in rows],
+        [[row[encoders[joint]] for joint in commands] for row in rows] if encoders else [],
+    )
+
+
+def _columns(header: Sequence[str], pattern: re.Pattern[str]) -> dict[int, int]:
+    """Return the column of each joint, in the order of the joints."""
+    found = {int(match[1]): column for column, name in enumerate(header) if (match := pattern.fullmatch(name))}
+    return dict(sorted(found.items()))
+
+
+def _numbers(path: Path, number: int, line: Sequence[str], count: int) -> list[float]:
+    if len(line) != count:
+        raise _wrong(
+            path, number, pick(f"{len(line)} values, {count} are wanted", f"値が {len(line)} 個です ({count} 個必要)")
+        )
+    try:
+        values = [float(text) for text in line]
+    except ValueError:
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        raise _wrong(path, number, pick("a value is no finite number", "有限の数値でない値があります"))
+    return values
+
+
+def _wrong(path: Path, line: int, text: str) -> Failure:
+    where = pick(f", line {line}", f" の {line} 行目") if line else ""
+    return Failure(f"{path}{where}: {text}", 2)
+
+
+def joints_of(record: Any) -> tuple[list[float], list[float]]:
+    """Return command and encoder of a record of the control log (reference: RC8 provider, GetLogRecord)."""
+    values = record[: _AXES * _COLUMNS] if isinstance(record, list) else []
+    if len(values) < _AXES * _COLUMNS or not all(isinstance(value, int | float) for value in values):
+        raise _not_understood("GetLogRecord", record)
+    return values[0::_COLUMNS], values[1::_COLUMNS]
+
+
+def _whole(answer: Any) -> int:
+    if not isinstance(answer, int):
+        raise _not_understood("GetLogCount", answer)
+    return answer
+
+
+def _not_understood(command: str, answer: Any) -> Failure:
+    return Failure(
+        pick(f"{command} was answered with {answer!r:.80}", f"{command} の応答 {answer!r:.80} を解釈できません")
+    )

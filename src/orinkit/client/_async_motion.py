@@ -1,0 +1,442 @@
+"""Motions that were started, and what holds the arm and the motor for as long as a block lasts.
+
+The synchronous twin is made from this file, as that of :mod:`orinkit.client._async` is; ``__await__`` is left out there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Generator
+from types import TracebackType
+from typing import Any, Final
+
+from orinkit.cao import functions as f
+from orinkit.cao.table import Function
+from orinkit.client import _robot_common as common
+from orinkit.client._async_client import AsyncClient
+from orinkit.client._async_nodes import AsyncNode, AsyncOwner
+from orinkit.client._common import error_count, error_info
+from orinkit.errors import (
+    BusyError,
+    CallError,
+    ObjectReleased,
+    OrinError,
+    ProtocolError,
+    TransportError,
+)
+from orinkit.poses import J, P, T
+from orinkit.transport.drive import Deadline, apause
+from orinkit.variant import Value
+
+_HALT_PATIENCE: Final = 0.3
+_ARM: Final = 1
+
+
+class AsyncTrack:
+    """What a robot object knows of its motions.
+
+    Attributes:
+        newest: number of the last motion that was commanded.
+        running: that motion, until it is known to be over.
+        paused: whether this program has paused it.
+        at_rest: whether the arm surely stands: it was halted, and nothing has been commanded since.
+    """
+
+    __slots__ = ("at_rest", "newest", "paused", "running")
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self.running: AsyncMotion | None = None
+        self.paused = False
+        self.at_rest = False
+
+
+class AsyncMover(AsyncOwner):
+    """Where an arm is, and how its motions are started and stopped: what :class:`AsyncMotion` needs of a robot."""
+
+    __slots__ = ("_track",)
+
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncNode | None = None) -> None:
+        super().__init__(client, handle, label, parent)
+        self._track = AsyncTrack()
+
+    async def _begin(
+        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.Way | None = None
+    ) -> AsyncMotion:
+        """Make the call that starts a motion, and return the motion.
+
+        A call that is broken off, by Ctrl-C or because its task is cancelled, closes the connection: the controller
+        then stops the arm, which would otherwise go on with nobody to wait for it.
+
+        Args:
+            function: the call.
+            arguments: of the call, without the handle.
+            wait: whether the controller answers at the end of the motion.
+            way: is filled in with where the motion begins and ends; by default nothing more is asked of the controller.
+        """
+        track = self._track
+        before = track.running
+        if way is not None and not wait and before is not None and await self.motion_complete():
+            before = None
+        previous, track.newest, track.at_rest = track.newest, track.newest + 1, False
+        number = track.newest
+        try:
+            await self._call(function, *arguments)
+        except OrinError:
+            track.newest = previous
+            raise
+        except BaseException:
+            await self.client.close()
+            raise
+        motion = AsyncMotion(
+            self, track, number, (self._label, function.name, arguments), way or common.Way(), over=wait
+        )
+        track.running = None if wait else motion
+        if way is not None and not wait:
+            await self._note_way(way, None if before is None else before.way)
+        return motion
+
+    async def _note_way(self, way: common.Way, before: common.Way | None) -> None:
+        try:
+            way.begin(await self.get_joints(), await self.get_destination(), before)
+        except CallError as error:
+            if not common.is_missing(error):
+                raise
+
+    async def execute(self, command: str, parameter: Value = None) -> Any:
+        """Execute an extended command, for example ``execute("CurJnt")``, and return its result."""
+        if str(command).strip().lower() not in common.HOLDING_COMMANDS:
+            self._track.at_rest = False
+        return await super().execute(command, parameter)
+
+    async def halt(self, option: str = "") -> None:
+        """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
+        await self._call(f.robot_halt, option)
+        self._track.at_rest = True
+        self._track.paused = False
+
+    async def hold(self, option: str = "") -> None:
+        """Pause the motion."""
+        self._track.paused = True
+        await self._call(f.robot_hold, option)
+
+    async def unhold(self, option: str = "") -> None:
+        """Go on with a paused motion."""
+        await self._call(f.robot_unhold, option)
+        self._track.paused = False
+
+    # --- where it is --------------------------------------------------------------------------------------------
+
+    async def motion_complete(self, mode: int = 0) -> bool:
+        """Return whether all motions are over (MotionComplete): 0 the command's, 1 the arm's too."""
+        return bool(common.read_number("MotionComplete", await self._ask("MotionComplete", [-1, mode])))
+
+    async def get_joints(self) -> J:
+        """Joints of the arm, degrees (CurJnt)."""
+        return common.read_pose(J, "CurJnt", await self._ask("CurJnt"))
+
+    async def get_position(self) -> P:
+        """Where the tool is: mm, degrees, figure (CurPos), in the work frame in use."""
+        return common.read_pose(P, "CurPos", await self._ask("CurPos"))
+
+    async def get_trans(self) -> T:
+        """Where the tool is, as a homogeneous transformation (CurTrn)."""
+        return common.read_pose(T, "CurTrn", await self._ask("CurTrn"))
+
+    async def get_destination(self) -> J:
+        """Where the motion that runs ends, degrees (DestJnt); where the arm is, when nothing moves."""
+        return common.read_pose(J, "DestJnt", await self._ask("DestJnt"))
+
+    async def _locked(self) -> bool:
+        """Return whether the machine lock is on: motions run, the arm stays."""
+        if not isinstance(self._parent, AsyncOwner):
+            return False
+        try:
+            async with await self._parent.variable("@LOCK") as lock:
+                return bool(await lock.get_value())
+        except CallError:  # it has no such variable, or does not tell
+            return False
+
+    async def _reason(self) -> str:
+        """Return the first of the errors that the controller reports, ``""`` for none."""
+        if not isinstance(self._parent, AsyncOwner):
+            return ""
+        try:
+            count = error_count(await self._parent.execute("GetCurErrorCount"))
+            return str(error_info(await self._parent.execute("GetCurErrorInfo", count - 1))) if count else ""
+        except (CallError, ProtocolError):  # it is only a hint
+            return ""
+
+    async def _ask(self, name: str, parameter: Value = None) -> Any:
+        return await self._call(f.robot_execute, name, parameter)
+
+
+class AsyncMotion:
+    """A motion that was commanded: wait for it, or iterate over it to see how far it is.
+
+    The controller is asked each time: MotionComplete tells whether it is over, CurJnt and DestJnt how far it is. A motion
+    that was stopped, by whomever, is an error wherever it is asked for, so that no program goes on as if it had arrived.
+    A motion that another one follows is over when the robot is on its way to where that one ends.
+
+    Attributes:
+        way: from where to where it goes.
+    """
+
+    __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "way")
+
+    def __init__(
+        self,
+        robot: AsyncMover,
+        track: AsyncTrack,
+        number: int,
+        call: tuple[str, str, tuple[Any, ...]],
+        way: common.Way,
+        *,
+        over: bool,
+    ) -> None:
+        self.way = way
+        self._robot = robot
+        self._track = track
+        self._number = number
+        self._call = call  # the robot's name, the function, its arguments
+        self._over = over
+        self._fraction = float(over)
+        self._stop: common.Stop | None = None
+
+    def __repr__(self) -> str:
+        state = "over" if self._over else "stopped" if self._stop is not None else "running"
+        return f"<{type(self).__name__} {self._call[1]} of {self._call[0]!r}: {state}, {self._fraction:.0%}>"
+
+    def __await__(self) -> Generator[Any, Any, None]:
+        return self.wait().__await__()
+
+    def __aiter__(self) -> AsyncFractions:
+        """Give how far it is, 0 to 1, until it is over; the last one is 1."""
+        return AsyncFractions(self)
+
+    async def wait(self, timeout: float | None = None) -> None:
+        """Wait until it is over.
+
+        Args:
+            timeout: seconds; by default as long as it takes. The motion goes on when they have passed.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+            TimeoutError: it is not over yet.
+        """
+        deadline = Deadline(timeout)
+        while not await self.get_done():
+            if timeout is not None and deadline.passed:
+                raise common.not_in_time(timeout, "the motion is not over", "動作が完了しません")
+            await apause(min(common.POLL, deadline.left))
+
+    async def halt(self) -> None:
+        """Stop it and abandon it; from then on it is a motion that was stopped."""
+        await self._robot.halt()
+
+    async def get_done(self) -> bool:
+        """Whether it is over.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+        """
+        if self._stop is None and not self._over:
+            await self._look()
+        if self._stop is not None:
+            subject, function, arguments = self._call
+            raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.way)
+        return self._over
+
+    async def get_progress(self) -> float:
+        """How far it is: the part of its way that the joints have left behind, 1 when it is over; never goes back.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+        """
+        if not await self.get_done():
+            self._fraction = max(self._fraction, self.way.fraction(await self._robot.get_joints()))
+        return self._fraction
+
+    async def _look(self) -> None:
+        """Ask how it goes, and note it if it is over or was stopped."""
+        robot, way = self._robot, self.way
+        followed = self._track.newest != self._number
+        if followed or way.waits:
+            end = await robot.get_destination()
+            complete = await robot.motion_complete()
+            if not complete:  # an arm that stands says where it stands
+                way.reach(end)
+                self._over = followed and way.end is not None and not common.near(end, way.end)
+        else:
+            complete = await robot.motion_complete()
+        if complete:
+            self._over = followed or await self._arrived() or await self._arrived_late()
+        if self._over:
+            self._fraction = 1.0
+        if (self._over or self._stop is not None) and self._track.running is self:
+            self._track.running = None
+
+    async def _arrived(self) -> bool:
+        """Return whether the arm is where the motion ends; True where nobody knows where that is."""
+        robot, way = self._robot, self.way
+        if way.end is not None:
+            return common.near(await robot.get_joints(), way.end)
+        if isinstance(way.target, J):
+            return common.near(await robot.get_joints(), way.target)
+        if way.target is not None:
+            return common.near((await robot.get_position())[:3], way.target[:3])
+        return True
+
+    async def _arrived_late(self) -> bool:
+        """Look again: the encoders are behind the command, and a motion that was just taken may not have begun."""
+        robot = self._robot
+        await apause(common.SETTLE)
+        if not await robot.motion_complete(_ARM):
+            return False
+        if await self._arrived() or await robot._locked():  # noqa: SLF001 - one of us
+            return True
+        self._stop = common.Stop(await robot.get_joints(), await robot._reason())  # noqa: SLF001
+        return False
+
+
+class AsyncFractions:
+    """How far a motion is, again and again, until it is over."""
+
+    __slots__ = ("_begun", "_ended", "_motion")
+
+    def __init__(self, motion: AsyncMotion) -> None:
+        self._motion = motion
+        self._begun = False
+        self._ended = False
+
+    def __aiter__(self) -> AsyncFractions:
+        return self
+
+    async def __anext__(self) -> float:
+        if self._ended:
+            raise StopAsyncIteration
+        if self._begun:
+            await apause(common.POLL)
+        self._begun = True
+        fraction = await self._motion.get_progress()
+        self._ended = fraction >= 1.0
+        return fraction
+
+
+# --- holding the arm and the motor ------------------------------------------------------------------------------------
+
+
+class AsyncHolding:
+    """Something that is taken for as long as a block lasts.
+
+    A block that ends well lets the motion that runs come to its end (one that the program has paused is halted), then
+    gives back. Where a block ends with an exception the arm is halted first; what goes wrong while giving back is noted
+    in the exception, and hides neither it nor the steps that follow. A lost connection ends it: the controller itself
+    then stops the arm and takes it back.
+    """
+
+    __slots__ = ("_robot", "_track")
+
+    def __init__(self, robot: AsyncMover, track: AsyncTrack) -> None:
+        self._robot = robot
+        self._track = track
+
+    async def __aenter__(self) -> None:
+        try:
+            await self._take()
+            self._track.at_rest = False
+        except CallError:  # refused: nothing has changed
+            raise
+        except BaseException as error:  # whether it was taken is not known
+            await self._persist(error, self._give, self._robot.client.timeout)
+            raise
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None:
+            await self._clean_up(error)
+            return
+        try:
+            await self._come_to_rest()
+        except BaseException as failure:
+            await self._clean_up(failure)
+            raise
+        await self._give()
+
+    async def _come_to_rest(self) -> None:
+        motion = self._track.running
+        if motion is None or self._track.at_rest:
+            return
+        if self._track.paused:
+            await self._robot.halt()
+        else:
+            await motion.wait()
+
+    async def _clean_up(self, error: BaseException) -> None:
+        """Halt and give back after an exception; what fails is noted in it."""
+        robot = self._robot
+        if not self._track.at_rest:
+            problem = await self._persist(error, robot.halt, _HALT_PATIENCE)
+            if isinstance(problem, BusyError):
+                await robot.client.close()
+                error.add_note(common.note_closed())
+                return
+            if isinstance(problem, TransportError | ObjectReleased):
+                return
+        await self._persist(error, self._give, robot.client.timeout)
+
+    async def _persist(
+        self, error: BaseException, step: Callable[[], Awaitable[None]], seconds: float
+    ) -> OrinError | None:
+        """Do a step of the clean-up, again and again while the controller is busy with an earlier call.
+
+        Returns:
+            what it failed with; that is noted in the exception.
+        """
+        deadline = Deadline(seconds)
+        while True:
+            try:
+                await step()
+            except OrinError as problem:
+                if isinstance(problem, BusyError) and not deadline.passed:
+                    await apause(common.SETTLE)
+                    continue
+                error.add_note(common.note_failed(problem))
+                return problem
+            return None
+
+    async def _take(self) -> None:
+        raise NotImplementedError
+
+    async def _give(self) -> None:
+        raise NotImplementedError
+
+
+class AsyncArm(AsyncHolding):
+    """The arm, taken (RC8 3.3.2) and given back."""
+
+    __slots__ = ("_group", "_keep")
+
+    def __init__(self, robot: AsyncMover, track: AsyncTrack, group: int, keep: bool) -> None:
+        super().__init__(robot, track)
+        self._group = group
+        self._keep = keep
+
+    async def _take(self) -> None:
+        await self._robot.execute("TakeArm", [self._group, int(self._keep)])
+
+    async def _give(self) -> None:
+        await self._robot.execute("GiveArm")
+
+
+class AsyncMotor(AsyncHolding):
+    """The motor, switched on and off again; each waits until that is done."""
+
+    __slots__ = ()
+
+    async def _take(self) -> None:
+        await self._robot.execute("Motor", [1, 0])
+
+    async def _give(self) -> None:
+        await self._robot.execute("Motor", [0, 0])
+        self._track.at_rest = True

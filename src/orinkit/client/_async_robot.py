@@ -1,0 +1,283 @@
+"""The asynchronous robot: motions in Python's own manner, beside the functions as CAO has them.
+
+The synchronous twin is made from this file, as that of :mod:`orinkit.client._async` is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Unpack, overload
+
+from orinkit.cao import functions as f
+from orinkit.client import _robot_common as common
+from orinkit.client._async_motion import AsyncArm, AsyncMotion, AsyncMotor, AsyncMover
+from orinkit.client._common import NodeFunctions
+from orinkit.client._robot_common import MoveOptions
+from orinkit.poses import J, P, PassMark, PoseLike, T, to_text
+from orinkit.variant import Value
+
+
+class AsyncRobot(AsyncMover):
+    """A robot (RC8 3.3). A motion is never repeated by the client.
+
+    Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``, ``"@E"``,
+    ``"@P"``, ``"@10"``) and options by name: ``speed``, ``accel``, ``decel`` in percent, ``time`` in seconds, and ``wait``.
+    By default the controller answers when the motion is over as its pass mark has it; with ``wait=False`` it answers at
+    once. Both give the motion, :class:`~orinkit.aio.AsyncMotion`.
+    """
+
+    __slots__ = ()
+
+    functions = NodeFunctions(
+        f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
+        f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
+        f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
+    )  # fmt: skip
+
+    # --- holding it ---------------------------------------------------------------------------------------------
+
+    def arm(self, keep: bool = False, group: int = 0) -> AsyncArm:
+        """Take the arm for as long as a block lasts: ``async with robot.arm(), robot.motor():``.
+
+        At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
+
+        Args:
+            keep: keep internal speeds, tool and work; otherwise they are set to 100 %, 0 and 0 (RC8 3.3.2).
+            group: number of the arm group, 0 to 31.
+        """
+        return AsyncArm(self, self._track, group, keep)
+
+    def motor(self) -> AsyncMotor:
+        """Switch the motor on for as long as a block lasts; afterwards it is off, whatever it was before.
+
+        At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
+        """
+        return AsyncMotor(self, self._track)
+
+    # --- motions ------------------------------------------------------------------------------------------------
+
+    @overload
+    async def move(self, interpolation: int, pose: Value, option: str = "") -> None: ...
+    @overload
+    async def move(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> AsyncMotion: ...
+    async def move(self, *arguments: Any, **named: Any) -> AsyncMotion | None:
+        """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
+
+        As CAO has it: ``move(1, "@E P1", "SPEED=20")``; 1 point to point, 2 line, 3 arc, 4 free curve.
+
+        Raises:
+            InvalidValue: the pose, the mark or an option cannot be sent.
+            CallError: the controller refuses, or the motion was stopped.
+        """
+        if "interpolation" in named or (arguments and isinstance(arguments[0], int)):
+            await self._move_raw(*arguments, **named)
+            return None
+        return await self._move_to(common.PTP, *arguments, **named)
+
+    async def move_l(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> AsyncMotion:
+        """Move the tool to a pose along a line."""
+        return await self._move_to(common.LINE, pose, mark, **options)
+
+    async def move_c(
+        self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
+    ) -> AsyncMotion:
+        """Move the tool along the arc through one pose to another."""
+        way = common.Way(common.literal_end(end))
+        return await self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
+
+    async def move_s(
+        self, path: int | Sequence[PoseLike], mark: str | PassMark = "", **options: Unpack[MoveOptions]
+    ) -> AsyncMotion:
+        """Move the tool along a free curve.
+
+        Args:
+            path: number of a path that is stored in the controller (AddPathPoint), or a list of poses.
+            mark: pass mark of its end.
+            options: of every motion.
+        """
+        return await self._interpolate(common.CURVE, common.curve_text(path, mark), options, common.Way())
+
+    async def approach(
+        self,
+        pose: PoseLike,
+        distance: float,
+        mark: str | PassMark = "",
+        *,
+        line: bool = False,
+        **options: Unpack[MoveOptions],
+    ) -> AsyncMotion:
+        """Move to before a pose, ``distance`` mm back along its tool's Z; point to point, or along a line."""
+        comp = common.LINE if line else common.PTP
+        return await self._extended("Approach", [comp, to_text(pose), common.distance_text(distance, mark)], options)
+
+    async def depart(
+        self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
+    ) -> AsyncMotion:
+        """Move back ``distance`` mm along the tool's Z; point to point, or along a line."""
+        comp = common.LINE if line else common.PTP
+        return await self._extended("Depart", [comp, common.distance_text(distance, mark)], options)
+
+    @overload
+    async def drive(self, axis: int, value: float, option: str = "") -> None: ...
+    @overload
+    async def drive(
+        self,
+        axes: Mapping[int, float],
+        mark: str | PassMark = "",
+        *,
+        absolute: bool = False,
+        **options: Unpack[MoveOptions],
+    ) -> AsyncMotion: ...
+    async def drive(self, *arguments: Any, **named: Any) -> AsyncMotion | None:
+        """Move joints by degrees (mm for linear ones), or to them: ``drive({1: 10, 2: -5}, absolute=False)``.
+
+        As CAO has it, one joint: ``drive(1, 10.0, "SPEED=20")``.
+        """
+        if "axis" in named or (arguments and isinstance(arguments[0], int)):
+            await self._drive_raw(*arguments, **named)
+            return None
+        return await self._drive(*arguments, **named)
+
+    async def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
+        """Rotate by degrees in a plane about a pivot."""
+        await self._begin(f.robot_rotate, plane, angle, pivot, option, wait=common.waits(option))
+
+    async def go_home(self) -> None:
+        """Move to the home pose."""
+        await self._begin(f.robot_go_home, wait=True)
+
+    async def chuck(self, option: str = "") -> None:
+        """Close the chuck."""
+        await self._call(f.robot_chuck, option)
+
+    async def unchuck(self, option: str = "") -> None:
+        """Open the chuck."""
+        await self._call(f.robot_unchuck, option)
+
+    # --- settings -----------------------------------------------------------------------------------------------
+
+    async def speed(self, axis: int, speed: float) -> None:
+        """Set the internal speed in percent; axis -1 is the tool tip."""
+        await self._call(f.robot_speed, axis, speed)
+
+    async def accelerate(self, axis: int, accel: float, decel: float) -> None:
+        """Set internal acceleration and deceleration in percent; -1 keeps one."""
+        await self._call(f.robot_accelerate, axis, accel, decel)
+
+    async def change(self, name: str) -> None:
+        """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
+        await self._call(f.robot_change, name)
+
+    async def get_ext_speed(self) -> float:
+        """External speed in percent, which holds for every motion (CurExtSpd)."""
+        return common.read_number("CurExtSpd", await self._ask("CurExtSpd"))
+
+    async def put_ext_speed(self, percent: float) -> None:
+        """Set the external speed in percent; the accelerations become its square by 100."""
+        await self._ask("ExtSpeed", [float(percent)])
+
+    async def get_tool(self) -> int:
+        """Number of the tool in use, 0 for the flange (CurTool)."""
+        return int(common.read_number("CurTool", await self._ask("CurTool")))
+
+    async def put_tool(self, number: int) -> None:
+        """Change to a tool."""
+        await self.change(f"Tool{number}")
+
+    async def get_work(self) -> int:
+        """Number of the work frame in use, 0 for the base (CurWork)."""
+        return int(common.read_number("CurWork", await self._ask("CurWork")))
+
+    async def put_work(self, number: int) -> None:
+        """Change to a work frame."""
+        await self.change(f"Work{number}")
+
+    async def set_tool(self, number: int, frame: PoseLike) -> None:
+        """Define a tool, until the controller is switched off: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``, in the flange."""
+        await self._ask("SetToolDef", [number, to_text(frame)])
+
+    async def set_work(self, number: int, frame: PoseLike) -> None:
+        """Define a work frame, until the controller is switched off; in the base."""
+        await self._ask("SetWorkDef", [number, to_text(frame)])
+
+    # --- how it is ----------------------------------------------------------------------------------------------
+
+    async def get_figure(self) -> int:
+        """Figure of the arm (CurFig); :func:`orinkit.poses.describe_figure` says it in words."""
+        return int(common.read_number("CurFig", await self._ask("CurFig")))
+
+    async def get_motor_on(self) -> bool:
+        """Whether the motor is on (@SERVO_ON)."""
+        return bool(await self._read("@SERVO_ON"))
+
+    async def get_moving(self) -> bool:
+        """Whether a motion runs, whoever commanded it (@BUSY_STATUS)."""
+        return bool(await self._read("@BUSY_STATUS"))
+
+    # --- conversions --------------------------------------------------------------------------------------------
+
+    async def to_joints(self, pose: PoseLike) -> J:
+        """Return the joints of a pose of type P or T, in the tool and work frames in use (P2J, T2J).
+
+        Raises:
+            CallError: the arm does not reach it.
+        """
+        return await self._convert(J, "J", pose)
+
+    async def to_position(self, pose: PoseLike) -> P:
+        """Return joints, or a homogeneous transformation, as a position (J2P, T2P)."""
+        return await self._convert(P, "P", pose)
+
+    async def to_trans(self, pose: PoseLike) -> T:
+        """Return joints, or a position, as a homogeneous transformation (J2T, P2T)."""
+        return await self._convert(T, "T", pose)
+
+    async def out_of_range(self, pose: PoseLike) -> int:
+        """Return whether the arm cannot take a pose (OutRange).
+
+        Returns:
+            0 if it can; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... that would be beyond their limits; -1 out of
+            reach; -2 at a singular point.
+        """
+        return int(common.read_number("OutRange", await self._ask("OutRange", to_text(pose))))
+
+    # --- helpers ------------------------------------------------------------------------------------------------
+
+    async def _move_raw(self, interpolation: int, pose: Value, option: str = "") -> None:
+        await self._begin(f.robot_move, interpolation, pose, option, wait=common.waits(option))
+
+    async def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
+        await self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
+
+    async def _drive(
+        self,
+        axes: Mapping[int, float],
+        mark: str | PassMark = "",
+        *,
+        absolute: bool = False,
+        **options: Unpack[MoveOptions],
+    ) -> AsyncMotion:
+        return await self._extended("DriveAEx" if absolute else "DriveEx", [common.axes_text(axes, mark)], options)
+
+    async def _move_to(
+        self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
+    ) -> AsyncMotion:
+        way = common.Way(common.literal_end(pose))
+        return await self._interpolate(interpolation, to_text(pose, mark), options, way)
+
+    async def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: common.Way) -> AsyncMotion:
+        option, wait = common.option_text(options)
+        return await self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
+
+    async def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> AsyncMotion:
+        option, wait = common.option_text(options)
+        whole = [*parameter, option] if option else parameter
+        return await self._begin(f.robot_execute, name, whole, wait=wait, way=common.Way())
+
+    async def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
+        command = f"{common.kind_of(pose, wanted)}2{wanted}"
+        return common.read_pose(kind, command, await self._ask(command, to_text(pose)))
+
+    async def _read(self, name: str) -> Any:
+        async with await self.variable(name) as variable:
+            return await variable.get_value()

@@ -1,0 +1,473 @@
+"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+
+Made from ``_async_motion.py`` by ``tools/make_sync.py``: do not edit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Final
+
+from orinkit.cao import functions as f
+from orinkit.cao.table import Function
+from orinkit.client import _robot_common as common
+from orinkit.client._common import error_count, error_info
+from orinkit.client._sync_client import Client
+from orinkit.client._sync_nodes import Node, Owner
+from orinkit.errors import (
+    BusyError,
+    CallError,
+    ObjectReleased,
+    OrinError,
+    ProtocolError,
+    TransportError,
+)
+from orinkit.poses import J, P, T
+from orinkit.transport.drive import Deadline, pause
+from orinkit.variant import Value
+
+_HALT_PATIENCE: Final = 0.3
+_ARM: Final = 1
+
+
+class Track:
+    """What a robot object knows of its motions.
+
+    Attributes:
+        newest: number of the last motion that was commanded.
+        running: that motion, until it is known to be over.
+        paused: whether this program has paused it.
+        at_rest: whether the arm surely stands: it was halted, and nothing has been commanded since.
+    """
+
+    __slots__ = ("at_rest", "newest", "paused", "running")
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self.running: Motion | None = None
+        self.paused = False
+        self.at_rest = False
+
+
+class Mover(Owner):
+    """Where an arm is, and how its motions are started and stopped: what :class:`Motion` needs of a robot."""
+
+    __slots__ = ("_track",)
+
+    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+        super().__init__(client, handle, label, parent)
+        self._track = Track()
+
+    def _begin(
+        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.Way | None = None
+    ) -> Motion:
+        """Make the call that starts a motion, and return the motion.
+
+        A call that is broken off, by Ctrl-C or because its task is cancelled, closes the connection: the controller
+        then stops the arm, which would otherwise go on with nobody to wait for it.
+
+        Args:
+            function: the call.
+            arguments: of the call, without the handle.
+            wait: whether the controller answers at the end of the motion.
+            way: is filled in with where the motion begins and ends; by default nothing more is asked of the controller.
+        """
+        track = self._track
+        before = track.running
+        if way is not None and not wait and before is not None and self.motion_complete():
+            before = None
+        previous, track.newest, track.at_rest = track.newest, track.newest + 1, False
+        number = track.newest
+        try:
+            self._call(function, *arguments)
+        except OrinError:
+            track.newest = previous
+            raise
+        except BaseException:
+            self.client.close()
+            raise
+        motion = Motion(self, track, number, (self._label, function.name, arguments), way or common.Way(), over=wait)
+        track.running = None if wait else motion
+        if way is not None and not wait:
+            self._note_way(way, None if before is None else before.way)
+        return motion
+
+    def _note_way(self, way: common.Way, before: common.Way | None) -> None:
+        try:
+            way.begin(self.get_joints(), self.get_destination(), before)
+        except CallError as error:
+            if not common.is_missing(error):
+                raise
+
+    def execute(self, command: str, parameter: Value = None) -> Any:
+        """Execute an extended command, for example ``execute("CurJnt")``, and return its result."""
+        if str(command).strip().lower() not in common.HOLDING_COMMANDS:
+            self._track.at_rest = False
+        return super().execute(command, parameter)
+
+    def halt(self, option: str = "") -> None:
+        """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
+        self._call(f.robot_halt, option)
+        self._track.at_rest = True
+        self._track.paused = False
+
+    def hold(self, option: str = "") -> None:
+        """Pause the motion."""
+        self._track.paused = True
+        self._call(f.robot_hold, option)
+
+    def unhold(self, option: str = "") -> None:
+        """Go on with a paused motion."""
+        self._call(f.robot_unhold, option)
+        self._track.paused = False
+
+    # --- where it is --------------------------------------------------------------------------------------------
+
+    def motion_complete(self, mode: int = 0) -> bool:
+        """Return whether all motions are over (MotionComplete): 0 the command's, 1 the arm's too."""
+        return bool(common.read_number("MotionComplete", self._ask("MotionComplete", [-1, mode])))
+
+    def get_joints(self) -> J:
+        """Joints of the arm, degrees (CurJnt)."""
+        return common.read_pose(J, "CurJnt", self._ask("CurJnt"))
+
+    def get_position(self) -> P:
+        """Where the tool is: mm, degrees, figure (CurPos), in the work frame in use."""
+        return common.read_pose(P, "CurPos", self._ask("CurPos"))
+
+    def get_trans(self) -> T:
+        """Where the tool is, as a homogeneous transformation (CurTrn)."""
+        return common.read_pose(T, "CurTrn", self._ask("CurTrn"))
+
+    def get_destination(self) -> J:
+        """Where the motion that runs ends, degrees (DestJnt); where the arm is, when nothing moves."""
+        return common.read_pose(J, "DestJnt", self._ask("DestJnt"))
+
+    def _locked(self) -> bool:
+        """Return whether the machine lock is on: motions run, the arm stays."""
+        if not isinstance(self._parent, Owner):
+            return False
+        try:
+            with self._parent.variable("@LOCK") as lock:
+                return bool(lock.get_value())
+        except CallError:  # it has no such variable, or does not tell
+            return False
+
+    def _reason(self) -> str:
+        """Return the first of the errors that the controller reports, ``""`` for none."""
+        if not isinstance(self._parent, Owner):
+            return ""
+        try:
+            count = error_count(self._parent.execute("GetCurErrorCount"))
+            return str(error_info(self._parent.execute("GetCurErrorInfo", count - 1))) if count else ""
+        except (CallError, ProtocolError):  # it is only a hint
+            return ""
+
+    def _ask(self, name: str, parameter: Value = None) -> Any:
+        return self._call(f.robot_execute, name, parameter)
+
+    @property
+    def joints(self) -> J:
+        """Joints of the arm, degrees (CurJnt)."""
+        return self.get_joints()
+
+    @property
+    def position(self) -> P:
+        """Where the tool is: mm, degrees, figure (CurPos), in the work frame in use."""
+        return self.get_position()
+
+    @property
+    def trans(self) -> T:
+        """Where the tool is, as a homogeneous transformation (CurTrn)."""
+        return self.get_trans()
+
+    @property
+    def destination(self) -> J:
+        """Where the motion that runs ends, degrees (DestJnt); where the arm is, when nothing moves."""
+        return self.get_destination()
+
+
+class Motion:
+    """A motion that was commanded: wait for it, or iterate over it to see how far it is.
+
+    The controller is asked each time: MotionComplete tells whether it is over, CurJnt and DestJnt how far it is. A motion
+    that was stopped, by whomever, is an error wherever it is asked for, so that no program goes on as if it had arrived.
+    A motion that another one follows is over when the robot is on its way to where that one ends.
+
+    Attributes:
+        way: from where to where it goes.
+    """
+
+    __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "way")
+
+    def __init__(
+        self,
+        robot: Mover,
+        track: Track,
+        number: int,
+        call: tuple[str, str, tuple[Any, ...]],
+        way: common.Way,
+        *,
+        over: bool,
+    ) -> None:
+        self.way = way
+        self._robot = robot
+        self._track = track
+        self._number = number
+        self._call = call  # the robot's name, the function, its arguments
+        self._over = over
+        self._fraction = float(over)
+        self._stop: common.Stop | None = None
+
+    def __repr__(self) -> str:
+        state = "over" if self._over else "stopped" if self._stop is not None else "running"
+        return f"<{type(self).__name__} {self._call[1]} of {self._call[0]!r}: {state}, {self._fraction:.0%}>"
+
+    def __iter__(self) -> Fractions:
+        """Give how far it is, 0 to 1, until it is over; the last one is 1."""
+        return Fractions(self)
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait until it is over.
+
+        Args:
+            timeout: seconds; by default as long as it takes. The motion goes on when they have passed.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+            TimeoutError: it is not over yet.
+        """
+        deadline = Deadline(timeout)
+        while not self.get_done():
+            if timeout is not None and deadline.passed:
+                raise common.not_in_time(timeout, "the motion is not over", "動作が完了しません")
+            pause(min(common.POLL, deadline.left))
+
+    def halt(self) -> None:
+        """Stop it and abandon it; from then on it is a motion that was stopped."""
+        self._robot.halt()
+
+    def get_done(self) -> bool:
+        """Whether it is over.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+        """
+        if self._stop is None and not self._over:
+            self._look()
+        if self._stop is not None:
+            subject, function, arguments = self._call
+            raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.way)
+        return self._over
+
+    def get_progress(self) -> float:
+        """How far it is: the part of its way that the joints have left behind, 1 when it is over; never goes back.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+        """
+        if not self.get_done():
+            self._fraction = max(self._fraction, self.way.fraction(self._robot.get_joints()))
+        return self._fraction
+
+    def _look(self) -> None:
+        """Ask how it goes, and note it if it is over or was stopped."""
+        robot, way = self._robot, self.way
+        followed = self._track.newest != self._number
+        if followed or way.waits:
+            end = robot.get_destination()
+            complete = robot.motion_complete()
+            if not complete:  # an arm that stands says where it stands
+                way.reach(end)
+                self._over = followed and way.end is not None and not common.near(end, way.end)
+        else:
+            complete = robot.motion_complete()
+        if complete:
+            self._over = followed or self._arrived() or self._arrived_late()
+        if self._over:
+            self._fraction = 1.0
+        if (self._over or self._stop is not None) and self._track.running is self:
+            self._track.running = None
+
+    def _arrived(self) -> bool:
+        """Return whether the arm is where the motion ends; True where nobody knows where that is."""
+        robot, way = self._robot, self.way
+        if way.end is not None:
+            return common.near(robot.get_joints(), way.end)
+        if isinstance(way.target, J):
+            return common.near(robot.get_joints(), way.target)
+        if way.target is not None:
+            return common.near((robot.get_position())[:3], way.target[:3])
+        return True
+
+    def _arrived_late(self) -> bool:
+        """Look again: the encoders are behind the command, and a motion that was just taken may not have begun."""
+        robot = self._robot
+        pause(common.SETTLE)
+        if not robot.motion_complete(_ARM):
+            return False
+        if self._arrived() or robot._locked():  # noqa: SLF001 - one of us
+            return True
+        self._stop = common.Stop(robot.get_joints(), robot._reason())  # noqa: SLF001
+        return False
+
+    @property
+    def done(self) -> bool:
+        """Whether it is over.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+        """
+        return self.get_done()
+
+    @property
+    def progress(self) -> float:
+        """How far it is: the part of its way that the joints have left behind, 1 when it is over; never goes back.
+
+        Raises:
+            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+        """
+        return self.get_progress()
+
+
+class Fractions:
+    """How far a motion is, again and again, until it is over."""
+
+    __slots__ = ("_begun", "_ended", "_motion")
+
+    def __init__(self, motion: Motion) -> None:
+        self._motion = motion
+        self._begun = False
+        self._ended = False
+
+    def __iter__(self) -> Fractions:
+        return self
+
+    def __next__(self) -> float:
+        if self._ended:
+            raise StopIteration
+        if self._begun:
+            pause(common.POLL)
+        self._begun = True
+        fraction = self._motion.get_progress()
+        self._ended = fraction >= 1.0
+        return fraction
+
+
+# --- holding the arm and the motor ------------------------------------------------------------------------------------
+
+
+class Holding:
+    """Something that is taken for as long as a block lasts.
+
+    A block that ends well lets the motion that runs come to its end (one that the program has paused is halted), then
+    gives back. Where a block ends with an exception the arm is halted first; what goes wrong while giving back is noted
+    in the exception, and hides neither it nor the steps that follow. A lost connection ends it: the controller itself
+    then stops the arm and takes it back.
+    """
+
+    __slots__ = ("_robot", "_track")
+
+    def __init__(self, robot: Mover, track: Track) -> None:
+        self._robot = robot
+        self._track = track
+
+    def __enter__(self) -> None:
+        try:
+            self._take()
+            self._track.at_rest = False
+        except CallError:  # refused: nothing has changed
+            raise
+        except BaseException as error:  # whether it was taken is not known
+            self._persist(error, self._give, self._robot.client.timeout)
+            raise
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None:
+            self._clean_up(error)
+            return
+        try:
+            self._come_to_rest()
+        except BaseException as failure:
+            self._clean_up(failure)
+            raise
+        self._give()
+
+    def _come_to_rest(self) -> None:
+        motion = self._track.running
+        if motion is None or self._track.at_rest:
+            return
+        if self._track.paused:
+            self._robot.halt()
+        else:
+            motion.wait()
+
+    def _clean_up(self, error: BaseException) -> None:
+        """Halt and give back after an exception; what fails is noted in it."""
+        robot = self._robot
+        if not self._track.at_rest:
+            problem = self._persist(error, robot.halt, _HALT_PATIENCE)
+            if isinstance(problem, BusyError):
+                robot.client.close()
+                error.add_note(common.note_closed())
+                return
+            if isinstance(problem, TransportError | ObjectReleased):
+                return
+        self._persist(error, self._give, robot.client.timeout)
+
+    def _persist(self, error: BaseException, step: Callable[[], None], seconds: float) -> OrinError | None:
+        """Do a step of the clean-up, again and again while the controller is busy with an earlier call.
+
+        Returns:
+            what it failed with; that is noted in the exception.
+        """
+        deadline = Deadline(seconds)
+        while True:
+            try:
+                step()
+            except OrinError as problem:
+                if isinstance(problem, BusyError) and not deadline.passed:
+                    pause(common.SETTLE)
+                    continue
+                error.add_note(common.note_failed(problem))
+                return problem
+            return None
+
+    def _take(self) -> None:
+        raise NotImplementedError
+
+    def _give(self) -> None:
+        raise NotImplementedError
+
+
+class Arm(Holding):
+    """The arm, taken (RC8 3.3.2) and given back."""
+
+    __slots__ = ("_group", "_keep")
+
+    def __init__(self, robot: Mover, track: Track, group: int, keep: bool) -> None:
+        super().__init__(robot, track)
+        self._group = group
+        self._keep = keep
+
+    def _take(self) -> None:
+        self._robot.execute("TakeArm", [self._group, int(self._keep)])
+
+    def _give(self) -> None:
+        self._robot.execute("GiveArm")
+
+
+class Motor(Holding):
+    """The motor, switched on and off again; each waits until that is done."""
+
+    __slots__ = ()
+
+    def _take(self) -> None:
+        self._robot.execute("Motor", [1, 0])
+
+    def _give(self) -> None:
+        self._robot.execute("Motor", [0, 0])
+        self._track.at_rest = True

@@ -1,0 +1,323 @@
+"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+
+Made from ``_async_robot.py`` by ``tools/make_sync.py``: do not edit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Unpack, overload
+
+from orinkit.cao import functions as f
+from orinkit.client import _robot_common as common
+from orinkit.client._common import NodeFunctions
+from orinkit.client._robot_common import MoveOptions
+from orinkit.client._sync_motion import Arm, Motion, Motor, Mover
+from orinkit.poses import J, P, PassMark, PoseLike, T, to_text
+from orinkit.variant import Value
+
+
+class Robot(Mover):
+    """A robot (RC8 3.3). A motion is never repeated by the client.
+
+    Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``, ``"@E"``,
+    ``"@P"``, ``"@10"``) and options by name: ``speed``, ``accel``, ``decel`` in percent, ``time`` in seconds, and ``wait``.
+    By default the controller answers when the motion is over as its pass mark has it; with ``wait=False`` it answers at
+    once. Both give the motion, :class:`~orinkit.Motion`.
+    """
+
+    __slots__ = ()
+
+    functions = NodeFunctions(
+        f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
+        f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
+        f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
+    )  # fmt: skip
+
+    # --- holding it ---------------------------------------------------------------------------------------------
+
+    def arm(self, keep: bool = False, group: int = 0) -> Arm:
+        """Take the arm for as long as a block lasts: ``with robot.arm(), robot.motor():``.
+
+        At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
+
+        Args:
+            keep: keep internal speeds, tool and work; otherwise they are set to 100 %, 0 and 0 (RC8 3.3.2).
+            group: number of the arm group, 0 to 31.
+        """
+        return Arm(self, self._track, group, keep)
+
+    def motor(self) -> Motor:
+        """Switch the motor on for as long as a block lasts; afterwards it is off, whatever it was before.
+
+        At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
+        """
+        return Motor(self, self._track)
+
+    # --- motions ------------------------------------------------------------------------------------------------
+
+    @overload
+    def move(self, interpolation: int, pose: Value, option: str = "") -> None: ...
+    @overload
+    def move(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion: ...
+    def move(self, *arguments: Any, **named: Any) -> Motion | None:
+        """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
+
+        As CAO has it: ``move(1, "@E P1", "SPEED=20")``; 1 point to point, 2 line, 3 arc, 4 free curve.
+
+        Raises:
+            InvalidValue: the pose, the mark or an option cannot be sent.
+            CallError: the controller refuses, or the motion was stopped.
+        """
+        if "interpolation" in named or (arguments and isinstance(arguments[0], int)):
+            self._move_raw(*arguments, **named)
+            return None
+        return self._move_to(common.PTP, *arguments, **named)
+
+    def move_l(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
+        """Move the tool to a pose along a line."""
+        return self._move_to(common.LINE, pose, mark, **options)
+
+    def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
+        """Move the tool along the arc through one pose to another."""
+        way = common.Way(common.literal_end(end))
+        return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
+
+    def move_s(
+        self, path: int | Sequence[PoseLike], mark: str | PassMark = "", **options: Unpack[MoveOptions]
+    ) -> Motion:
+        """Move the tool along a free curve.
+
+        Args:
+            path: number of a path that is stored in the controller (AddPathPoint), or a list of poses.
+            mark: pass mark of its end.
+            options: of every motion.
+        """
+        return self._interpolate(common.CURVE, common.curve_text(path, mark), options, common.Way())
+
+    def approach(
+        self,
+        pose: PoseLike,
+        distance: float,
+        mark: str | PassMark = "",
+        *,
+        line: bool = False,
+        **options: Unpack[MoveOptions],
+    ) -> Motion:
+        """Move to before a pose, ``distance`` mm back along its tool's Z; point to point, or along a line."""
+        comp = common.LINE if line else common.PTP
+        return self._extended("Approach", [comp, to_text(pose), common.distance_text(distance, mark)], options)
+
+    def depart(
+        self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
+    ) -> Motion:
+        """Move back ``distance`` mm along the tool's Z; point to point, or along a line."""
+        comp = common.LINE if line else common.PTP
+        return self._extended("Depart", [comp, common.distance_text(distance, mark)], options)
+
+    @overload
+    def drive(self, axis: int, value: float, option: str = "") -> None: ...
+    @overload
+    def drive(
+        self,
+        axes: Mapping[int, float],
+        mark: str | PassMark = "",
+        *,
+        absolute: bool = False,
+        **options: Unpack[MoveOptions],
+    ) -> Motion: ...
+    def drive(self, *arguments: Any, **named: Any) -> Motion | None:
+        """Move joints by degrees (mm for linear ones), or to them: ``drive({1: 10, 2: -5}, absolute=False)``.
+
+        As CAO has it, one joint: ``drive(1, 10.0, "SPEED=20")``.
+        """
+        if "axis" in named or (arguments and isinstance(arguments[0], int)):
+            self._drive_raw(*arguments, **named)
+            return None
+        return self._drive(*arguments, **named)
+
+    def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
+        """Rotate by degrees in a plane about a pivot."""
+        self._begin(f.robot_rotate, plane, angle, pivot, option, wait=common.waits(option))
+
+    def go_home(self) -> None:
+        """Move to the home pose."""
+        self._begin(f.robot_go_home, wait=True)
+
+    def chuck(self, option: str = "") -> None:
+        """Close the chuck."""
+        self._call(f.robot_chuck, option)
+
+    def unchuck(self, option: str = "") -> None:
+        """Open the chuck."""
+        self._call(f.robot_unchuck, option)
+
+    # --- settings -----------------------------------------------------------------------------------------------
+
+    def speed(self, axis: int, speed: float) -> None:
+        """Set the internal speed in percent; axis -1 is the tool tip."""
+        self._call(f.robot_speed, axis, speed)
+
+    def accelerate(self, axis: int, accel: float, decel: float) -> None:
+        """Set internal acceleration and deceleration in percent; -1 keeps one."""
+        self._call(f.robot_accelerate, axis, accel, decel)
+
+    def change(self, name: str) -> None:
+        """Change to a tool or work frame: ``"Tool1"``, ``"Work2"``."""
+        self._call(f.robot_change, name)
+
+    def get_ext_speed(self) -> float:
+        """External speed in percent, which holds for every motion (CurExtSpd)."""
+        return common.read_number("CurExtSpd", self._ask("CurExtSpd"))
+
+    def put_ext_speed(self, percent: float) -> None:
+        """Set the external speed in percent; the accelerations become its square by 100."""
+        self._ask("ExtSpeed", [float(percent)])
+
+    def get_tool(self) -> int:
+        """Number of the tool in use, 0 for the flange (CurTool)."""
+        return int(common.read_number("CurTool", self._ask("CurTool")))
+
+    def put_tool(self, number: int) -> None:
+        """Change to a tool."""
+        self.change(f"Tool{number}")
+
+    def get_work(self) -> int:
+        """Number of the work frame in use, 0 for the base (CurWork)."""
+        return int(common.read_number("CurWork", self._ask("CurWork")))
+
+    def put_work(self, number: int) -> None:
+        """Change to a work frame."""
+        self.change(f"Work{number}")
+
+    def set_tool(self, number: int, frame: PoseLike) -> None:
+        """Define a tool, until the controller is switched off: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``, in the flange."""
+        self._ask("SetToolDef", [number, to_text(frame)])
+
+    def set_work(self, number: int, frame: PoseLike) -> None:
+        """Define a work frame, until the controller is switched off; in the base."""
+        self._ask("SetWorkDef", [number, to_text(frame)])
+
+    # --- how it is ----------------------------------------------------------------------------------------------
+
+    def get_figure(self) -> int:
+        """Figure of the arm (CurFig); :func:`orinkit.poses.describe_figure` says it in words."""
+        return int(common.read_number("CurFig", self._ask("CurFig")))
+
+    def get_motor_on(self) -> bool:
+        """Whether the motor is on (@SERVO_ON)."""
+        return bool(self._read("@SERVO_ON"))
+
+    def get_moving(self) -> bool:
+        """Whether a motion runs, whoever commanded it (@BUSY_STATUS)."""
+        return bool(self._read("@BUSY_STATUS"))
+
+    # --- conversions --------------------------------------------------------------------------------------------
+
+    def to_joints(self, pose: PoseLike) -> J:
+        """Return the joints of a pose of type P or T, in the tool and work frames in use (P2J, T2J).
+
+        Raises:
+            CallError: the arm does not reach it.
+        """
+        return self._convert(J, "J", pose)
+
+    def to_position(self, pose: PoseLike) -> P:
+        """Return joints, or a homogeneous transformation, as a position (J2P, T2P)."""
+        return self._convert(P, "P", pose)
+
+    def to_trans(self, pose: PoseLike) -> T:
+        """Return joints, or a position, as a homogeneous transformation (J2T, P2T)."""
+        return self._convert(T, "T", pose)
+
+    def out_of_range(self, pose: PoseLike) -> int:
+        """Return whether the arm cannot take a pose (OutRange).
+
+        Returns:
+            0 if it can; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... that would be beyond their limits; -1 out of
+            reach; -2 at a singular point.
+        """
+        return int(common.read_number("OutRange", self._ask("OutRange", to_text(pose))))
+
+    # --- helpers ------------------------------------------------------------------------------------------------
+
+    def _move_raw(self, interpolation: int, pose: Value, option: str = "") -> None:
+        self._begin(f.robot_move, interpolation, pose, option, wait=common.waits(option))
+
+    def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
+        self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
+
+    def _drive(
+        self,
+        axes: Mapping[int, float],
+        mark: str | PassMark = "",
+        *,
+        absolute: bool = False,
+        **options: Unpack[MoveOptions],
+    ) -> Motion:
+        return self._extended("DriveAEx" if absolute else "DriveEx", [common.axes_text(axes, mark)], options)
+
+    def _move_to(
+        self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
+    ) -> Motion:
+        way = common.Way(common.literal_end(pose))
+        return self._interpolate(interpolation, to_text(pose, mark), options, way)
+
+    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: common.Way) -> Motion:
+        option, wait = common.option_text(options)
+        return self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
+
+    def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> Motion:
+        option, wait = common.option_text(options)
+        whole = [*parameter, option] if option else parameter
+        return self._begin(f.robot_execute, name, whole, wait=wait, way=common.Way())
+
+    def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
+        command = f"{common.kind_of(pose, wanted)}2{wanted}"
+        return common.read_pose(kind, command, self._ask(command, to_text(pose)))
+
+    def _read(self, name: str) -> Any:
+        with self.variable(name) as variable:
+            return variable.get_value()
+
+    @property
+    def ext_speed(self) -> float:
+        """External speed in percent, which holds for every motion (CurExtSpd)."""
+        return self.get_ext_speed()
+
+    @ext_speed.setter
+    def ext_speed(self, new: float) -> None:
+        self.put_ext_speed(new)
+
+    @property
+    def tool(self) -> int:
+        """Number of the tool in use, 0 for the flange (CurTool)."""
+        return self.get_tool()
+
+    @tool.setter
+    def tool(self, new: int) -> None:
+        self.put_tool(new)
+
+    @property
+    def work(self) -> int:
+        """Number of the work frame in use, 0 for the base (CurWork)."""
+        return self.get_work()
+
+    @work.setter
+    def work(self, new: int) -> None:
+        self.put_work(new)
+
+    @property
+    def figure(self) -> int:
+        """Figure of the arm (CurFig); :func:`orinkit.poses.describe_figure` says it in words."""
+        return self.get_figure()
+
+    @property
+    def motor_on(self) -> bool:
+        """Whether the motor is on (@SERVO_ON)."""
+        return self.get_motor_on()
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion runs, whoever commanded it (@BUSY_STATUS)."""
+        return self.get_moving()

@@ -1,0 +1,207 @@
+"""The control port: the buttons of the controller for programs on the same machine, over b-CAP.
+
+A provider of its own, to be served on a port of its own that only this machine can reach: whoever presses the emergency
+stop is no client of the controller, needs no permission there, and is not told to wait while a client moves the robot.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from orinkit import hresult
+from orinkit.cao.provider import ClientInfo, ControllerObject, Later, Provider
+from orinkit.errors import error_for
+from orinkit.language import pick
+from orinkit.variant import Variant
+from orinkit.virtual.rc8 import conversion
+from orinkit.virtual.rc8.pendant import Pendant
+from orinkit.virtual.rc8.provider import VirtualRC8
+from orinkit.virtual.rc8.robot import parameters
+from orinkit.virtual.rc8.switches import Mode
+
+PROVIDER_NAME: Final = "CaoProv.orinkit.Pendant"
+
+MODE_NAMES: Final = {"manual": Mode.MANUAL, "teach": Mode.TEACH_CHECK, "auto": Mode.AUTOMATIC}
+
+_LONGEST: Final = 500  # characters of a text; more is cut off
+_HEX: Final = re.compile(r"\s*0[xX]([0-9A-Fa-f]{1,8})\s*")
+
+
+class ControlProvider(Provider):
+    """Serves the buttons of a virtual RC8 to clients of this machine; others are refused with E_ACCESSDENIED.
+
+    Closing it leaves the virtual RC8 as it is.
+
+    Args:
+        rc8: the controller.
+    """
+
+    provider_names: Sequence[str] = (PROVIDER_NAME,)
+
+    def __init__(self, rc8: VirtualRC8) -> None:
+        self.guard = rc8.guard
+        self._rc8 = rc8
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel:  # noqa: ARG002
+        """Return the panel.
+
+        Raises:
+            CallError: E_ACCESSDENIED, the client is on another machine.
+        """
+        if not _is_here(client):
+            raise error_for(hresult.E_ACCESSDENIED, client.address)
+        return ControlPanel(self._rc8, name)
+
+
+class ControlPanel(ControllerObject):
+    """One client's panel: every button is a command of Execute."""
+
+    def __init__(self, rc8: VirtualRC8, name: str) -> None:
+        super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8", "仮想 RC8 の操作盤"))
+        self._rc8 = rc8
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        """Press a button (:data:`CONTROLS`).
+
+        Raises:
+            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; what the controller refuses.
+        """
+        run = CONTROLS.get(command.strip().lower())
+        if run is None:
+            raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
+        try:
+            return run(self._rc8, parameter)
+        except ValueError as error:  # of the pendant: an argument that cannot be
+            raise error_for(hresult.E_INVALIDARG, f"{error}") from error
+
+    def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the buttons."""
+        return list(CONTROL_NAMES)
+
+
+# --- the buttons ------------------------------------------------------------------------------------------------------
+
+
+def _mode(rc8: VirtualRC8, parameter: Variant) -> None:
+    given = parameters.elements(parameter)
+    named = MODE_NAMES.get(given[0].value.strip().lower()) if given and isinstance(given[0].value, str) else None
+    rc8.pendant.mode(parameters.whole_numbers(parameter, None)[0] if named is None else named)
+
+
+def _token(rc8: VirtualRC8, parameter: Variant) -> None:
+    rc8.pendant.token(_text(_first(parameter)))
+
+
+def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[VirtualRC8, Variant], None]:
+    """Return a button that is pressed and released: a truth value, True where there is none."""
+
+    def run(rc8: VirtualRC8, parameter: Variant) -> None:
+        press(rc8.pendant, _flag(parameters.elements(parameter), 0, missing=True))
+
+    return run
+
+
+def _motor(rc8: VirtualRC8, parameter: Variant) -> Later[None] | None:
+    given = parameters.elements(parameter)
+    on, wait = _flag(given, 0, missing=True), _flag(given, 1, missing=False)
+    rc8.pendant.motor(on)
+    return rc8.state.arm.switch_motor(on) if wait else None  # it is on its way: this only asks when it is there
+
+
+def _jog(rc8: VirtualRC8, parameter: Variant) -> Later[None] | None:
+    axis, distance, wait = parameters.numbers(parameter, None, None, 0)
+    ticket = rc8.pendant.jog(parameters.whole(axis), distance)
+    return rc8.state.arm.when_done(ticket) if wait else None
+
+
+def _raise_error(rc8: VirtualRC8, parameter: Variant) -> None:
+    given = parameters.elements(parameter)
+    message = _text(given[1]) if len(given) > 1 else None
+    rc8.pendant.raise_error(_code(_first(parameter)), message)
+
+
+def _clear_errors(rc8: VirtualRC8, _: Variant) -> None:
+    rc8.pendant.clear_errors()
+
+
+def _restart(rc8: VirtualRC8, _: Variant) -> None:
+    rc8.pendant.restart()
+
+
+def _status(rc8: VirtualRC8, _: Variant) -> str:
+    return json.dumps({**rc8.pendant.status(), "hand": rc8.state.hand.status()})
+
+
+def _workpiece(rc8: VirtualRC8, parameter: Variant) -> None:
+    given = parameters.elements(parameter)
+    width = conversion.double(given[0]) if given else None
+    rc8.state.hand.put(width, inside=_flag(given, 1, missing=False))
+
+
+_BUTTONS: Final[dict[str, Callable[[VirtualRC8, Variant], Any]]] = {
+    "Mode": _mode,
+    "Token": _token,
+    "EmergencyStop": _switch(Pendant.emergency_stop),
+    "ProtectiveStop": _switch(Pendant.protective_stop),
+    "AutoEnable": _switch(Pendant.auto_enable),
+    "Deadman": _switch(Pendant.deadman),
+    "Motor": _motor,
+    "Jog": _jog,
+    "MachineLock": _switch(Pendant.machine_lock),
+    "RaiseError": _raise_error,
+    "ClearErrors": _clear_errors,
+    "Restart": _restart,
+    "Status": _status,
+    "Workpiece": _workpiece,
+}
+
+CONTROL_NAMES: Final = tuple(_BUTTONS)
+"""The names of the buttons."""
+
+CONTROLS: Final = {name.lower(): run for name, run in _BUTTONS.items()}
+"""What the buttons do, by their names in lower case."""
+
+
+# --- parameters -------------------------------------------------------------------------------------------------------
+
+
+def _first(parameter: Variant) -> Variant:
+    given = parameters.elements(parameter)
+    if not given:
+        raise error_for(hresult.E_INVALIDARG, pick("a parameter is missing", "パラメータがありません"))
+    return given[0]
+
+
+def _flag(given: Sequence[Variant], index: int, *, missing: bool) -> bool:
+    return conversion.boolean(given[index]) if index < len(given) else missing
+
+
+def _text(given: Variant) -> str:
+    if not isinstance(given.value, str):
+        raise error_for(hresult.DISP_E_TYPEMISMATCH, pick("a text is needed", "文字列が必要です"))
+    return given.value[:_LONGEST]
+
+
+def _code(given: Variant) -> int | str:
+    """Return a code: a number, a text of hex digits behind 0x, or a name."""
+    if not isinstance(given.value, str):
+        return conversion.whole(given)
+    found = _HEX.fullmatch(given.value)
+    return int(found[1], 16) if found else given.value[:_LONGEST]
+
+
+def _is_here(client: ClientInfo) -> bool:
+    """Whether a client is on this machine; one without an address is in this process."""
+    if not client.address:
+        return True
+    try:
+        host = ipaddress.ip_address(client.address)
+    except ValueError:
+        return False
+    if isinstance(host, ipaddress.IPv6Address) and host.ipv4_mapped:
+        host = host.ipv4_mapped
+    return host.is_loopback

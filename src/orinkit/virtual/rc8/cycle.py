@@ -1,0 +1,137 @@
+"""The controller's 8 ms cycle: what moves and runs by itself does so in steps of it, all in one order.
+
+Everything that happens in time (the arm, the motor, programs) is a part with a ``step``. Cycles run only while a part
+has something to do; when nothing has, they are skipped. Whoever looks at the controller holds :class:`Cycles` as a
+lock, which first brings it up to the present: so two threads, a thread and a test's clock, or a scaled clock see the
+same steps in the same order.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from orinkit.virtual.clock import Clock
+
+logger = logging.getLogger("orinkit.rc8")
+
+PERIOD: Final = 0.008
+"""Seconds of a cycle, the servo cycle of RC8 controllers (RC8 4.1)."""
+
+
+class Part(Protocol):
+    """Something of the controller that goes on by itself."""
+
+    def step(self) -> bool:
+        """Do what belongs to one cycle; returns whether there is more to do."""
+
+
+class Cycles:
+    """The cycle, and the lock around everything that it changes; enter it to look at or change the controller.
+
+    Args:
+        clock: of the controller.
+
+    Attributes:
+        number: cycles since the controller was switched on.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self.number = 0
+        self._clock = clock
+        self._base = clock.now()  # when cycle 0 was, moved on where cycles were left out
+        self._parts: list[Part] = []
+        self._failed: Callable[[Exception], None] | None = None
+        self._lock = threading.RLock()
+        self._busy = False
+        self._stepping = False
+        self._woken = False
+        self._driver = clock.drive(self._drive)
+
+    @property
+    def seconds(self) -> float:
+        """When the last cycle was, in seconds of the clock; one that was skipped, too."""
+        return self._base + (self.number if self._busy else max(self.number, self._due())) * PERIOD
+
+    @property
+    def busy(self) -> bool:
+        """Whether cycles run."""
+        return self._busy
+
+    def add(self, *parts: Part, failed: Callable[[Exception], None]) -> None:
+        """Have parts step in every cycle, in this order.
+
+        Args:
+            parts: what steps.
+            failed: is told of an exception that a part has let out.
+        """
+        self._parts.extend(parts)
+        self._failed = failed
+
+    def wake(self) -> None:
+        """Say that a part has something to do; its first step is in the next cycle. To be called inside the lock."""
+        self._woken = True
+        if not self._busy:
+            self.number = max(self.number, self._due())
+            self._busy = True
+        if not self._stepping:
+            self._driver.wake()
+
+    def close(self) -> None:
+        """Stop for good."""
+        self._driver.close()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+        if self._busy and not self._stepping:
+            try:
+                self._catch_up()
+            except BaseException:  # nobody would let go of the lock
+                self._lock.release()
+                raise
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+    def _due(self) -> int:
+        return int((self._clock.now() - self._base) / PERIOD + 1e-9)
+
+    def _drive(self) -> float | None:
+        with self:
+            if not self._busy:
+                return None
+            return max(0.0, self.seconds + PERIOD - self._clock.now())
+
+    def _catch_up(self) -> None:
+        behind = (self._due() - self.number) * PERIOD - self._clock.patience
+        if behind > 0:  # a machine that was busy with something else: late, but no jump
+            self._base += behind
+        self._stepping = True
+        try:
+            due = self._due()
+            while self._busy and self.number < due:
+                self.number += 1
+                self._woken = False
+                more = self._step()
+                self._busy = more or self._woken
+        finally:
+            self._stepping = False
+
+    def _step(self) -> bool:
+        more = False
+        for part in self._parts:
+            try:
+                more = part.step() or more
+            except Exception as error:
+                logger.exception("%s", type(part).__name__)
+                self._tell(error)
+        return more
+
+    def _tell(self, error: Exception) -> None:
+        try:
+            if self._failed is not None:
+                self._failed(error)
+        except Exception:
+            logger.exception("failed")

@@ -1,0 +1,139 @@
+"""What the file store asks of the disk: one file or folder at a time, never through a link.
+
+A path is that of a directory entry whose folders have been looked at already. A symbolic link, a device, a pipe is
+never opened; whatever the system refuses is its ``OSError``.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from orinkit.virtual.rc8.file_names import TEMPORARY_PREFIX, name_on_disk, part_key
+
+_ALWAYS: Final = getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
+_READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # a pipe that somebody planted must not wait
+_CREATE: Final = _ALWAYS | os.O_WRONLY | os.O_CREAT | os.O_EXCL
+_MODE: Final = 0o666  # what the process's umask leaves of it
+_JUNCTION: Final = 0xA0000003  # a link of Windows that calls itself a directory
+_EARLIEST: Final = datetime(1980, 1, 1)
+_LATEST: Final = datetime(2099, 12, 31, 23, 59, 59)
+_SECOND: Final = 1_000_000_000
+
+
+def status_of(path: Path) -> os.stat_result | None:
+    """Return the status of an entry itself, not of what it links to; ``None`` where there is none."""
+    try:
+        return os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def is_folder(status: os.stat_result) -> bool:
+    """Return whether a status is that of a folder."""
+    return stat.S_ISDIR(status.st_mode) and getattr(status, "st_reparse_tag", 0) != _JUNCTION
+
+
+def is_file(status: os.stat_result) -> bool:
+    """Return whether a status is that of an ordinary file."""
+    return stat.S_ISREG(status.st_mode)
+
+
+def spelling(folder: Path, part: str) -> str:
+    """Return how an entry is spelled in a folder, in upper or lower case; the part itself where there is none.
+
+    The same spelling goes before another; of several others, the first one in order.
+    """
+    if status_of(folder / part) is not None:
+        return part
+    key = part_key(part)
+    with os.scandir(folder) as entries:
+        return min((entry.name for entry in entries if part_key(entry.name) == key), default=part)
+
+
+def listing(folder: Path) -> list[tuple[str, bool, str]]:
+    """Return what a name can reach in a folder, in order: its name, whether it is a folder, its spelling on the disk."""
+    found: dict[str, tuple[str, bool, str]] = {}
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            name = name_on_disk(entry.name)
+            folderish = _is_folder_entry(entry)
+            if name is not None and (folderish or entry.is_file(follow_symlinks=False)) and name not in found:
+                found[name] = (name, folderish, entry.name)
+    return sorted(found.values(), key=lambda each: (part_key(each[0]), each[0]))
+
+
+def survey(root: Path, *, clean: bool = False) -> int:
+    """Return how many entries there are in a folder and all below it; with ``clean``, remove half-written files."""
+    count, folders = 0, [root]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if _is_folder_entry(entry):
+                    folders.append(Path(entry.path))
+                elif clean and entry.name.startswith(TEMPORARY_PREFIX):
+                    Path(entry.path).unlink()
+                    continue
+                count += 1
+    return count
+
+
+def read_file(path: Path, most: int) -> bytes:
+    """Return the content of a file, or its first ``most + 1`` bytes where it has more than ``most``.
+
+    Raises:
+        FileNotFoundError: it is no ordinary file any more.
+    """
+    with os.fdopen(os.open(path, _READ), "rb") as file:
+        if not is_file(os.fstat(file.fileno())):
+            raise FileNotFoundError(path)
+        return file.read(most + 1)
+
+
+def write_file(path: Path, data: bytes, moment: datetime) -> None:
+    """Set the content of a file and its dates, in one step: it has the old content or the new one."""
+    temporary = path.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}")
+    try:
+        with os.fdopen(os.open(temporary, _CREATE, _MODE), "wb") as file:
+            file.write(data)
+        stamp(temporary, moment)
+        temporary.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> None:
+    """Set when an entry was accessed and when it was modified; both are the same moment unless told otherwise."""
+    ns = round(accessed.timestamp() * 1_000_000) * 1000
+    times = (ns, ns if modified_ns is None else modified_ns)
+    if os.utime in os.supports_follow_symlinks:
+        os.utime(path, ns=times, follow_symlinks=False)
+    else:
+        os.utime(path, ns=times)
+
+
+def moment_of(ns: int) -> datetime:
+    """Return a file date in local time, the nearest one of the controller's years (1980 to 2099) where it is none."""
+    seconds, rest = divmod(ns, _SECOND)
+    try:
+        moment = datetime.fromtimestamp(seconds).replace(microsecond=rest // 1000)
+    except (OverflowError, ValueError, OSError):
+        return _LATEST if ns > 0 else _EARLIEST
+    return min(max(moment, _EARLIEST), _LATEST)
+
+
+def born_ns(status: os.stat_result) -> int:
+    """Return when an entry was created where the system tells, else when it was modified; never after that."""
+    born = getattr(status, "st_birthtime", None)
+    return status.st_mtime_ns if born is None else min(status.st_mtime_ns, int(born * _SECOND))
+
+
+def _is_folder_entry(entry: os.DirEntry[str]) -> bool:
+    return entry.is_dir(follow_symlinks=False) and is_folder(entry.stat(follow_symlinks=False))

@@ -1,0 +1,108 @@
+"""What the file store refuses, as exceptions that name the file; its module tells which code means what."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from orinkit import hresult
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.virtual.rc8.file_names import FileName
+
+logger = logging.getLogger("orinkit.virtual.rc8")
+
+
+@contextmanager
+def reported(name: FileName) -> Iterator[None]:
+    """Turn what the system refuses into codes; its own words go into the log.
+
+    Raises:
+        CallError: FILE_NOT_FOUND, E_FAIL.
+    """
+    try:
+        yield
+    except FileNotFoundError:  # it went while we looked
+        raise not_found(name) from None
+    except (OSError, UnicodeEncodeError) as error:  # the second: not in this system's encoding of names
+        logger.error("%s: %s", name, error)  # noqa: TRY400 - the reason is all there is to tell
+        reason = getattr(error, "strerror", None) or str(error)
+        raise error_for(hresult.E_FAIL, f"{name}: {reason}") from error
+
+
+def not_found(name: FileName) -> CallError:
+    """Nothing of that name is there."""
+    return error_for(hresult.FILE_NOT_FOUND, str(name))
+
+
+def taken(name: FileName) -> CallError:
+    """Something of that name is there."""
+    return error_for(hresult.E_CAO_COLLECTION_REGISTERED, str(name))
+
+
+def only_a_folder(name: FileName) -> CallError:
+    """The name is that of a folder, the thing is none."""
+    return error_for(
+        hresult.E_INVALIDARG,
+        pick(f"{name}: a file is wanted, not a folder", f"{name}: フォルダではなくファイルの名前が必要です"),
+    )
+
+
+def into_itself(name: FileName) -> CallError:
+    """A folder would be moved below itself."""
+    return error_for(hresult.E_INVALIDARG, pick(f"{name} cannot go into itself", f"{name} をその中へは移動できません"))
+
+
+def no_content(name: FileName) -> CallError:
+    """A folder is read, written or copied as if it were a file."""
+    return error_for(hresult.E_ACCESSDENIED, pick(f"{name} is a folder", f"{name} はフォルダです"))
+
+
+def not_empty(name: FileName) -> CallError:
+    """A folder has something in it."""
+    return error_for(
+        hresult.E_ACCESSDENIED,
+        pick(f"the folder {name} is not empty", f"フォルダ {name} は空ではありません"),
+    )
+
+
+def root_stays() -> CallError:
+    """The root folder is deleted or moved."""
+    return error_for(
+        hresult.E_ACCESSDENIED,
+        pick(
+            "the root folder can be neither deleted nor moved",
+            "ルートフォルダは削除も移動もできません",
+        ),
+    )
+
+
+def in_the_way(name: FileName) -> CallError:
+    """Something that is never followed lies where something would be changed or made."""
+    return error_for(
+        hresult.E_ACCESSDENIED,
+        pick(
+            f"{name} is a link, or something else that is no file, on the disk",
+            f"{name} はディスク上のリンクなど、通常のファイルではないものです",
+        ),
+    )
+
+
+def too_large(name: FileName, most: int) -> CallError:
+    """A file has, or would have, more than ``most`` bytes."""
+    return error_for(
+        hresult.E_TOO_MUCH_DATA,
+        pick(f"{name}: more than {most} bytes", f"{name}: {most} バイトを超えています"),
+    )
+
+
+def too_many(count: int, most: int) -> CallError:
+    """There is no room for one more file or folder."""
+    return error_for(
+        hresult.E_MAX_OBJECT,
+        pick(
+            f"the controller has {count} files and folders, {most} at most; delete some",
+            f"ファイルとフォルダが {count} 個あります (上限 {most} 個)。不要なものを削除してください",
+        ),
+    )

@@ -1,0 +1,68 @@
+"""What is open while a program is compiled: Sub, If, For, Do, While, Select Case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from orinkit.virtual.rc8.pacscript import tree
+from orinkit.virtual.rc8.pacscript.code import Evaluate, Spot
+from orinkit.virtual.rc8.pacscript.targets import Store
+from orinkit.virtual.rc8.pacscript.tree import Place
+
+
+@dataclass(slots=True, eq=False)
+class Block:
+    """What is open: its word and place, and the spot behind its end."""
+
+    word: str
+    at: Place
+    end: Spot = field(default_factory=Spot)
+
+    @property
+    def closing(self) -> str:
+        """The word that closes it."""
+        return {"For": "Next", "Do": "Loop", "While": "Wend", "Select Case": "End Select"}.get(
+            self.word, f"End {self.word}"
+        )
+
+
+@dataclass(slots=True, eq=False)
+class RoutineBlock(Block):
+    """A Sub or Function."""
+
+    has_gosub: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class IfBlock(Block):
+    """If; ``otherwise`` is where it goes on when no condition so far is met, ``None`` after Else."""
+
+    otherwise: Spot | None = field(default_factory=Spot)
+
+
+@dataclass(slots=True, eq=False)
+class ForBlock(Block):
+    """For: what its Next does, and where its body begins."""
+
+    target: tree.Target | None = None
+    read: Evaluate | None = None
+    put: Store | None = None
+    slots: tuple[int, int] = (0, 0)
+    body: Spot = field(default_factory=Spot)
+
+
+@dataclass(slots=True, eq=False)
+class LoopBlock(Block):
+    """Do or While; ``tested`` says that it has a condition."""
+
+    top: Spot = field(default_factory=Spot)
+    tested: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class SelectBlock(Block):
+    """Select Case: where the value is; ``following`` is the next Case, ``None`` before the first and after Case Else."""
+
+    slot: int = 0
+    following: Spot | None = None
+    begun: bool = False

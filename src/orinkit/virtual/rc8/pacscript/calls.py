@@ -1,0 +1,96 @@
+"""Calls of the program's own Subs and Functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Frame, Op
+from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.scope import Routine, Variable, check_count
+from orinkit.virtual.rc8.pacscript.targets import reference
+from orinkit.virtual.rc8.pacscript.tree import Expression, Name, Place
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8.pacscript.expressions import Expressions
+
+_Bind: TypeAlias = Callable[[Frame], Any]
+NO_RESULT: Final = -1
+"""In place of a slot: the value of a call is not wanted."""
+
+
+def emit_call(
+    expressions: Expressions, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool
+) -> int:
+    """Emit a call.
+
+    Args:
+        expressions: compiles the arguments.
+        routine: what is called.
+        at: where the call stands.
+        arguments: as many as it has parameters.
+        result: whether its value is wanted.
+
+    Returns:
+        the slot where the value will be, NO_RESULT without one.
+
+    Raises:
+        Refusal: another number of arguments, or one that does not fit ByRef.
+    """
+    count = len(routine.parameters)
+    check_count(Name(at, routine.name.text), len(arguments), count, count)
+    binds = tuple(
+        (parameter.slot, _bind(expressions, routine, parameter, argument))
+        for parameter, argument in zip(routine.parameters, arguments, strict=True)
+    )
+    slot = expressions.scope.inside.new_slot() if result else NO_RESULT
+
+    def make(following: int) -> Op:
+        entry, elements = routine.entry.pc, routine.elements
+        new_frame = routine.framer()
+
+        def run(f: Frame) -> int:
+            machine = f[MACHINE]
+            frame = new_frame(f[WORLD], machine)
+            for place, bind in binds:
+                frame[place] = bind(f)
+            machine.enter(frame, following, slot, elements)
+            return entry
+
+        return run
+
+    expressions.code.emit(make)
+    return slot
+
+
+def _bind(expressions: Expressions, routine: Routine, parameter: Variable, argument: Expression) -> _Bind:
+    convert = parameter.type.convert
+    referred = reference(expressions, argument) if parameter.by_ref else None
+    if referred is None:
+        value = expressions.value(argument)
+    elif referred[0] is parameter.type:
+        return referred[1]
+    elif parameter.name.lower() in routine.explicit_refs:
+        raise _wrong_type(routine, parameter, argument)
+    else:
+        refer = referred[1]
+
+        def value(f: Frame) -> Any:
+            holder, key = refer(f)
+            return holder[key]
+
+    if parameter.by_ref:
+        return lambda f: ([convert(value(f))], 0)
+    return lambda f: convert(value(f))
+
+
+def _wrong_type(routine: Routine, parameter: Variable, argument: Expression) -> Refusal:
+    kind = parameter.type.name.capitalize()
+    return Refusal(
+        pick(
+            f"{parameter.name} of {routine.name.text} is ByRef and takes a variable of type {kind}",
+            f"{routine.name.text} の引数 {parameter.name} は ByRef なので {kind} 型の変数が必要です",
+        ),
+        argument.at,
+    )

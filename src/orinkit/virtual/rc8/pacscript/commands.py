@@ -1,0 +1,253 @@
+"""The commands that are no motions: waiting, messages, the arm, speeds, I/O, parts of poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, TypeAlias
+
+from orinkit.cao.motion_options import MAX_PERCENT
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript import functions, values
+from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Evaluate, Frame, Op
+from orinkit.virtual.rc8.pacscript.errors import Refusal, out_of_range
+from orinkit.virtual.rc8.pacscript.expressions import Expressions
+from orinkit.virtual.rc8.pacscript.scope import check_count
+from orinkit.virtual.rc8.pacscript.targets import as_target, store
+from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetPoint, TakeArm
+from orinkit.virtual.rc8.pacscript.values import AnyValue, number, truth, whole
+from orinkit.virtual.rc8.pacscript.words import CONSTANTS
+
+_TRUE: Final = CONSTANTS["true"]
+_FALSE: Final = CONSTANTS["false"]
+_MOST_PRINTED: Final = 16
+
+_Run: TypeAlias = Callable[[Frame], None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    least: int
+    most: int
+    emit: Callable[[Expressions, Command], None]
+
+
+def compile_command(expressions: Expressions, node: Command) -> None:
+    """Emit a command.
+
+    Raises:
+        Refusal: a wrong number of arguments.
+    """
+    row = _COMMANDS[node.word]
+    check_count(Name(node.at, node.word), len(node.arguments), row.least, row.most)
+    row.emit(expressions, node)
+
+
+def compile_take_arm(expressions: Expressions, node: TakeArm) -> None:
+    """Emit TakeArm; the group is 0 and Keep 0 where they are not given."""
+    group = _optional(expressions, node.group, 0)
+    keep = _optional(expressions, node.keep, 0)
+    simple(expressions, lambda f: f[WORLD].take_arm(whole(group(f)), truth(keep(f))))
+
+
+def compile_set_point(expressions: Expressions, node: SetPoint) -> None:
+    """Emit Set or Reset.
+
+    Raises:
+        Refusal: the target is no I/O.
+    """
+    name = node.target if isinstance(node.target, Name) else node.target.name
+    if isinstance(node.target, Apply) or not name.key.startswith("io"):
+        raise Refusal(
+            pick(
+                f"an I/O point like IO[128] is wanted, not {name.text}", f"IO[128] のような I/O が必要です: {name.text}"
+            ),
+            name.at,
+        )
+    put = store(expressions, node.target)
+    # All the points of an IOB, IOW or IOD: every bit of -1 is set.
+    value = (1 if name.key == "io" or name.key[2:].isdigit() else -1) if node.on else 0
+    simple(expressions, lambda f: put(f, value))
+
+
+def compile_let_part(expressions: Expressions, node: LetPart) -> None:
+    """Emit LetX and the like."""
+    read, put = expressions.value(node.target), store(expressions, node.target)
+    value = expressions.value(node.value)
+    take, place = functions.LET_PARTS[node.word]
+    joint = _optional(expressions, node.joint, 1)
+
+    def run(f: Frame) -> None:
+        elements = list(take(read(f)))
+        index = functions.joint_index(joint(f)) if node.joint else place
+        elements[index] = float(whole(value(f)) if node.word == "LetF" else number(value(f)))
+        put(f, tuple(elements))
+
+    simple(expressions, run)
+
+
+def simple(expressions: Expressions, run: _Run) -> None:
+    """Emit an instruction after which the next one follows."""
+
+    def make(following: int) -> Op:
+        def op(f: Frame) -> int:
+            run(f)
+            return following
+
+        return op
+
+    expressions.code.emit(make)
+
+
+def waiting(expressions: Expressions, begin: Callable[[Frame], Callable[[], bool]]) -> None:
+    """Emit an instruction that begins something and waits until it is over."""
+
+    def make(following: int) -> Op:
+        return lambda f: int(f[MACHINE].wait_for(begin(f), following))
+
+    expressions.code.emit(make)
+
+
+def percent(value: AnyValue) -> float:
+    """Return a percentage above 0, at most 100.
+
+    Raises:
+        CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
+    """
+    share = float(number(value))
+    if 0 < share <= MAX_PERCENT:
+        return share
+    raise out_of_range(
+        f"{share:g} % is not above 0 and up to 100", f"{share:g} % は 0 より大きく 100 以下ではありません"
+    )
+
+
+def milliseconds(value: AnyValue) -> float:
+    """Return a time given in ms in seconds.
+
+    Raises:
+        CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
+    """
+    time = whole(value)
+    if time >= 0:
+        return time / 1000
+    raise out_of_range(f"a time of {time} ms", f"時間 {time} ms は指定できません")
+
+
+def _optional(expressions: Expressions, node: Expression | None, default: int) -> Evaluate:
+    return (lambda _: default) if node is None else expressions.value(node)
+
+
+def _runs(expressions: Expressions, node: Command) -> list[Evaluate]:
+    return [expressions.value(argument) for argument in node.arguments]
+
+
+def _with_values(act: Callable[..., None], expressions: Expressions, node: Command) -> None:
+    """Emit a command that acts on the world with the values of its arguments."""
+    runs = tuple(_runs(expressions, node))
+    simple(expressions, lambda f: act(f[WORLD], *[run(f) for run in runs]))
+
+
+def _speed(world: Any, value: AnyValue) -> None:
+    world.speed(percent(value))
+
+
+def _accel(world: Any, accel: AnyValue, decel: AnyValue = None) -> None:
+    world.accel(percent(accel), None if decel is None else percent(decel))
+
+
+def _decel(world: Any, decel: AnyValue) -> None:
+    world.accel(None, percent(decel))
+
+
+def _ext_speed(world: Any, speed: AnyValue, *rest: AnyValue) -> None:
+    accel, decel = (*map(percent, rest), None, None)[:2]
+    world.ext_speed(percent(speed), accel, decel)
+
+
+def _change_tool(world: Any, value: AnyValue) -> None:
+    world.change_tool(whole(value))
+
+
+def _change_work(world: Any, value: AnyValue) -> None:
+    world.change_work(whole(value))
+
+
+def _give_arm(world: Any) -> None:
+    world.give_arm()
+
+
+def _print_debug(world: Any, *parts: AnyValue) -> None:
+    world.show("dbg", values.bounded(" ".join(map(values.text, parts))))
+
+
+def _print_message(world: Any, text: AnyValue, style: AnyValue = 0, title: AnyValue = "") -> None:
+    whole(style)  # the picture beside the message: nothing here shows it
+    world.show("msg", values.bounded(values.text(text)), values.string(title))
+
+
+def _motor(expressions: Expressions, node: Command) -> None:
+    (on,) = _runs(expressions, node)
+    waiting(expressions, lambda f: f[WORLD].motor(truth(on(f))))
+
+
+def _hold(expressions: Expressions, _: Command) -> None:
+    waiting(expressions, lambda f: f[WORLD].hold())
+
+
+def _delay(expressions: Expressions, node: Command) -> None:
+    (time,) = _runs(expressions, node)
+
+    def begin(f: Frame) -> Callable[[], bool]:
+        world = f[WORLD]
+        until = world.now() + milliseconds(time(f))
+        return lambda: world.now() >= until
+
+    waiting(expressions, begin)
+
+
+def _wait(expressions: Expressions, node: Command) -> None:
+    expressions.polled = True
+    met = expressions.condition(node.arguments[0])
+    expressions.polled = False
+    timeout = expressions.value(node.arguments[1]) if len(node.arguments) > 1 else None
+    put = store(expressions, as_target(node.arguments[2])) if len(node.arguments) > 2 else _nowhere
+
+    def begin(f: Frame) -> Callable[[], bool]:
+        world = f[WORLD]
+        until = None if timeout is None else world.now() + milliseconds(timeout(f))
+
+        def over() -> bool:
+            if met(f):
+                put(f, _TRUE)
+                return True
+            if until is None or world.now() < until:
+                return False
+            put(f, _FALSE)
+            return True
+
+        return over
+
+    waiting(expressions, begin)
+
+
+def _nowhere(_: Frame, __: AnyValue) -> None:
+    """Store nothing."""
+
+
+_COMMANDS: Final[Mapping[str, _Row]] = {
+    "Accel": _Row(1, 2, partial(_with_values, _accel)),
+    "ChangeTool": _Row(1, 1, partial(_with_values, _change_tool)),
+    "ChangeWork": _Row(1, 1, partial(_with_values, _change_work)),
+    "Decel": _Row(1, 1, partial(_with_values, _decel)),
+    "Delay": _Row(1, 1, _delay),
+    "ExtSpeed": _Row(1, 3, partial(_with_values, _ext_speed)),
+    "GiveArm": _Row(0, 0, partial(_with_values, _give_arm)),
+    "Hold": _Row(0, 0, _hold),
+    "Motor": _Row(1, 1, _motor),
+    "PrintDbg": _Row(1, _MOST_PRINTED, partial(_with_values, _print_debug)),
+    "PrintMsg": _Row(1, 3, partial(_with_values, _print_message)),
+    "Speed": _Row(1, 1, partial(_with_values, _speed)),
+    "Wait": _Row(1, 3, _wait),
+}

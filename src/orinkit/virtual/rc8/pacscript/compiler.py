@@ -1,0 +1,300 @@
+"""A program's statements to instructions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from orinkit.errors import CallError
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript import tree
+from orinkit.virtual.rc8.pacscript.blocks import SelectBlock
+from orinkit.virtual.rc8.pacscript.code import DONE, Code, Frame, Linked, Op
+from orinkit.virtual.rc8.pacscript.commands import (
+    compile_command,
+    compile_let_part,
+    compile_set_point,
+    compile_take_arm,
+)
+from orinkit.virtual.rc8.pacscript.errors import PacScriptError, Refusal
+from orinkit.virtual.rc8.pacscript.expressions import Expressions, whole_at
+from orinkit.virtual.rc8.pacscript.flow import Flow
+from orinkit.virtual.rc8.pacscript.motions import compile_motion
+from orinkit.virtual.rc8.pacscript.parser import parse
+from orinkit.virtual.rc8.pacscript.scope import MAX_DIMENSIONS, MAX_ELEMENTS, Routine, Scope, find_type, unknown_routine
+from orinkit.virtual.rc8.pacscript.targets import store
+from orinkit.virtual.rc8.pacscript.tree import Place, Statement
+
+_MAIN: Final = "main"
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A program that can be run; any number of machines can run it.
+
+    Attributes:
+        file: name of its file.
+        lines: the lines that can be stepped to, counted from 1.
+        subs: names of its Subs and Functions, as written.
+        linked: its instructions.
+        entry: the first instruction of Main.
+        elements: how many elements the arrays of Main have.
+        new_frame: makes Main's frame, of a world and a machine.
+    """
+
+    file: str
+    lines: tuple[int, ...]
+    subs: tuple[str, ...]
+    linked: Linked
+    entry: int
+    elements: int
+    new_frame: Callable[[object, object], Frame]
+
+
+def compile_program(source: str, file: str) -> Program:
+    """Return the program of a source.
+
+    Args:
+        source: PacScript; at most 256 Ki characters, 1,024 bytes a line.
+        file: name of the file, for errors.
+
+    Raises:
+        PacScriptError: the source cannot be run; says where and why.
+    """
+    statements = parse(source, file)
+    compiler = _Compiler()
+    try:
+        linked = compiler.compile(statements)
+        main = compiler.main()
+    except Refusal as refusal:
+        raise PacScriptError(refusal.message, file, *refusal.at) from None
+    lines = sorted({line for line, starts in zip(linked.lines, linked.starts, strict=True) if starts})
+    subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
+    return Program(file, tuple(lines), subs, linked, main.entry.pc, main.elements, main.framer())
+
+
+class _Compiler:
+    def __init__(self) -> None:
+        self.scope = Scope()
+        self.code = Code()
+        self.expressions = Expressions(self.scope, self.code)
+        self.flow = Flow(self.expressions)
+
+    def compile(self, statements: tuple[Statement, ...]) -> Linked:
+        self._collect(statements)
+        for statement in statements:
+            self._statement(statement)
+        if self.flow.blocks:
+            block = self.flow.blocks[-1]
+            raise Refusal(
+                pick(f"{block.word} has no {block.closing}", f"{block.word} に {block.closing} がありません"), block.at
+            )
+        return self.code.link()
+
+    def main(self) -> Routine:
+        """Return Sub Main."""
+        main = self.scope.routines.get(_MAIN)
+        if main is None or main.word != "Sub":
+            raise Refusal(pick("there is no Sub Main", "Sub Main がありません"), Place(1, 1))
+        if main.parameters:
+            raise Refusal(pick("Sub Main has no parameters", "Sub Main に引数は書けません"), main.name.at)
+        return main
+
+    # --- what is known before anything is compiled
+
+    def _collect(self, statements: tuple[Statement, ...]) -> None:
+        """Declare all Subs and Functions, and the constants outside of them."""
+        headers = [statement for statement in statements if isinstance(statement, tree.Routine)]
+        for header in headers:
+            self.scope.add_routine(Routine(header.name, header.word))
+        inside = False
+        for statement in statements:
+            if isinstance(statement, tree.Routine):
+                inside = True
+            elif isinstance(statement, tree.Marker) and statement.word in ("End Sub", "End Function"):
+                inside = False
+            elif isinstance(statement, tree.Constants) and not inside:
+                self._constants(statement)
+        for header in headers:
+            self._declare_parameters(header)
+
+    def _declare_parameters(self, header: tree.Routine) -> None:
+        routine = self.scope.routines[header.name.key]
+        if header.word == "Function":
+            routine.result = self.scope.add_variable(routine, header.name, find_type(header.result))
+        for parameter in header.parameters:
+            kind = find_type(parameter.type)
+            by_ref = parameter.mode != "ByVal"
+            routine.parameters.append(self.scope.add_variable(routine, parameter.name, kind, by_ref=by_ref))
+            if parameter.mode == "ByRef":
+                routine.explicit_refs.add(parameter.name.key)
+
+    # --- statements
+
+    def _statement(self, node: Statement) -> None:
+        if self.scope.routine is None and not isinstance(node, tree.Routine | tree.Constants):
+            raise Refusal(pick("this has to be in a Sub", "Sub の中に書く必要があります"), node.at)
+        self.code.statement(node.at.line)
+        self._refuse_before_case(node)
+        match node:
+            case tree.Routine():
+                self.scope.routine = self.flow.open_routine(node)
+            case tree.Marker():
+                self._marker(node)
+            case tree.Label():
+                self.flow.label(node)
+            case tree.Declare():
+                self._declare(node)
+            case tree.Constants():
+                if self.scope.routine is not None:
+                    self._constants(node)
+            case tree.Assign():
+                self._assign(node.target, node.value)
+            case tree.Call():
+                self._call(node)
+            case tree.Jump():
+                self.flow.jump(node)
+            case tree.IfLine():
+                self.flow.if_line(node, self._statement)
+            case tree.If() | tree.For() | tree.Next() | tree.Loop() | tree.Select() | tree.Case():
+                self._block(node)
+            case _:
+                self._command(node)
+
+    def _command(self, node: tree.Motion | tree.Command | tree.TakeArm | tree.SetPoint | tree.LetPart) -> None:
+        match node:
+            case tree.Motion():
+                compile_motion(self.expressions, node)
+            case tree.Command():
+                compile_command(self.expressions, node)
+            case tree.TakeArm():
+                compile_take_arm(self.expressions, node)
+            case tree.SetPoint():
+                compile_set_point(self.expressions, node)
+            case tree.LetPart():
+                compile_let_part(self.expressions, node)
+
+    def _block(self, node: tree.If | tree.For | tree.Next | tree.Loop | tree.Select | tree.Case) -> None:
+        match node:
+            case tree.If():
+                self.flow.open_if(node) if node.word == "If" else self.flow.else_if(node)
+            case tree.For():
+                self.flow.open_for(node)
+            case tree.Next():
+                self.flow.close_for(node)
+            case tree.Loop():
+                if node.word == "Loop":
+                    self.flow.close_loop("Loop", node.at, node.test)
+                else:
+                    self.flow.open_loop(node)
+            case tree.Select():
+                self.flow.open_select(node)
+            case tree.Case():
+                self.flow.case(node)
+
+    def _marker(self, node: tree.Marker) -> None:
+        word, at = node.word, node.at
+        match word:
+            case "End Sub" | "End Function":
+                self.flow.close_routine(word, at)
+                self.scope.routine = None
+            case "Exit Sub" | "Exit Function":
+                self.flow.leave_routine(word, at)
+            case "Exit For" | "Exit Do":
+                self.flow.leave_loop(word, at)
+            case "Else":
+                self.flow.else_(at)
+            case "End If":
+                self.flow.close_if(at)
+            case "Case Else":
+                self.flow.case_else(at)
+            case "End Select":
+                self.flow.close_select(at)
+            case "Wend":
+                self.flow.close_loop("Wend", at, None)
+            case "Return":
+                self.flow.return_(at)
+            case _:
+                self.code.emit(lambda _: _end)
+
+    def _refuse_before_case(self, node: Statement) -> None:
+        block = self.flow.blocks[-1] if self.flow.blocks else None
+        if not isinstance(block, SelectBlock) or block.begun or isinstance(node, tree.Case):
+            return
+        if isinstance(node, tree.Marker) and node.word in ("Case Else", "End Select"):
+            return
+        raise Refusal(
+            pick(
+                f"a Case has to come first in the Select Case of line {block.at.line}",
+                f"{block.at.line} 行目の Select Case の先頭には Case が必要です",
+            ),
+            node.at,
+        )
+
+    def _declare(self, node: tree.Declare) -> None:
+        for item in node.items:
+            sizes = tuple(self._size(size) for size in item.sizes)
+            if len(sizes) > MAX_DIMENSIONS:
+                raise Refusal(
+                    pick(
+                        f"{item.name.text}: an array has at most {MAX_DIMENSIONS} dimensions",
+                        f"{item.name.text}: 配列は {MAX_DIMENSIONS} 次元までです",
+                    ),
+                    item.name.at,
+                )
+            if sizes and item.value is not None:
+                raise Refusal(
+                    pick("an array cannot be given a value in Dim", "配列には Dim で初期値を指定できません"),
+                    item.value.at,
+                )
+            self.scope.add_variable(self.scope.inside, item.name, find_type(item.type), sizes)
+            if item.value is not None:
+                self._assign(item.name, item.value)
+
+    def _size(self, node: tree.Expression) -> int:
+        highest = whole_at(self.expressions.known(node), node.at)
+        if 0 <= highest < MAX_ELEMENTS:
+            return highest + 1
+        raise Refusal(
+            pick(
+                f"the highest index of an array is 0 to {MAX_ELEMENTS - 1}",
+                f"配列の添字の最大値は 0～{MAX_ELEMENTS - 1} です",
+            ),
+            node.at,
+        )
+
+    def _constants(self, node: tree.Constants) -> None:
+        for item in node.items:
+            value = self.expressions.known(item.value)
+            try:
+                value = find_type(item.type).convert(value)
+            except CallError as error:
+                raise Refusal(error.detail, item.value.at) from None
+            self.scope.add_constant(item.name, value)
+
+    def _assign(self, target: tree.Target, value_node: tree.Expression) -> None:
+        value = self.expressions.value(value_node)
+        put = store(self.expressions, target)
+
+        def make(following: int) -> Op:
+            def run(f: Frame) -> int:
+                put(f, value(f))
+                return following
+
+            return run
+
+        self.code.emit(make)
+
+    def _call(self, node: tree.Call) -> None:
+        name = node.target
+        if not isinstance(name, tree.Name):
+            raise Refusal(pick("a Sub is wanted here", "ここには Sub の名前が必要です"), node.at)
+        routine = self.scope.routines.get(name.key)
+        if routine is None:
+            raise unknown_routine(name)
+        self.expressions.call(routine, name.at, node.arguments, result=False)
+
+
+def _end(_: Frame) -> int:
+    return DONE

@@ -1,0 +1,367 @@
+"""Expressions to functions of the frame.
+
+A call of one of the program's own Functions becomes instructions before the statement that it is part of; its result
+waits in a slot of the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any, Final
+
+from orinkit import hresult
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript import functions, values
+from orinkit.virtual.rc8.pacscript.calls import emit_call
+from orinkit.virtual.rc8.pacscript.code import Code, Evaluate, Frame
+from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.functions import Function
+from orinkit.virtual.rc8.pacscript.scope import (
+    Routine,
+    Scope,
+    Variable,
+    check_count,
+    known_class,
+    split_number,
+    unknown,
+)
+from orinkit.virtual.rc8.pacscript.tree import (
+    Apply,
+    Binary,
+    Expression,
+    Index,
+    Listed,
+    Literal,
+    Name,
+    Place,
+    Unary,
+)
+from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
+from orinkit.virtual.rc8.pacscript.words import POINT_KINDS
+
+_OPERATORS: Final[Mapping[str, Callable[[AnyValue, AnyValue], AnyValue]]] = {
+    "PLUS": values.add,
+    "MINUS": values.subtract,
+    "STAR": values.multiply,
+    "SLASH": values.divide,
+    "BACKSLASH": values.divide_whole,
+    "MOD": values.remainder,
+    "CARET": values.power,
+    "AMPERSAND": values.join,
+    "LEFTWARDS": values.shift,
+    "RIGHTWARDS": lambda value, count: values.shift(value, -whole(count)),
+    "AND": lambda left, right: whole(left) & whole(right),
+    "OR": lambda left, right: whole(left) | whole(right),
+    "XOR": lambda left, right: whole(left) ^ whole(right),
+}
+RELATIONS: Final[Mapping[str, Callable[[AnyValue, AnyValue], bool]]] = {
+    "EQUAL": values.equal,
+    "UNLIKE": lambda left, right: not values.equal(left, right),
+    "LESS": values.less,
+    "MORE": lambda left, right: values.less(right, left),
+    "AT_MOST": lambda left, right: not values.less(right, left),
+    "AT_LEAST": lambda left, right: not values.less(left, right),
+}
+"""Comparisons by the name of their token."""
+
+_BITWISE: Final = frozenset(("AND", "OR", "XOR"))
+_POINT_COMPARED: Final = frozenset(("EQUAL", "UNLIKE"))
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """An expression that can be evaluated.
+
+    Attributes:
+        run: returns the value.
+        logical: whether the value is a truth value: -1 or 0, or 1 or 0 of an I/O point.
+        point: whether it is an I/O point.
+        constant: the value where it is known already, else ``None``.
+    """
+
+    run: Evaluate
+    logical: bool = False
+    point: bool = False
+    constant: AnyValue = None
+
+
+class Expressions:
+    """Compiles the expressions of a program.
+
+    Attributes:
+        polled: set while an expression is compiled that is evaluated again and again, where no Function of the
+            program can be called.
+    """
+
+    def __init__(self, scope: Scope, code: Code) -> None:
+        self.scope = scope
+        self.code = code
+        self.polled = False
+
+    def compile(self, node: Expression) -> Compiled:
+        """Return an expression that can be evaluated.
+
+        Raises:
+            Refusal: a name that is not declared, a wrong number of arguments, what is not supported.
+        """
+        match node:
+            case Literal():
+                return constant(node.value)
+            case Name():
+                return self._name(node)
+            case Index():
+                return self._index(node)
+            case Apply():
+                return self._apply(node)
+            case Unary():
+                return self._unary(node)
+            case Binary():
+                return self._binary(node)
+            case Listed():
+                raise Refusal(
+                    pick("a list in parentheses cannot stand here", "ここに括弧付きのリストは書けません"), node.at
+                )
+
+    def value(self, node: Expression) -> Evaluate:
+        """Return what gives the value of an expression."""
+        return self.compile(node).run
+
+    def condition(self, node: Expression) -> Callable[[Frame], bool]:
+        """Return what tells whether a condition is met."""
+        compiled = self.compile(node)
+        run = compiled.run
+        if compiled.logical:
+            return run
+        return lambda f: truth(run(f))
+
+    def known(self, node: Expression) -> AnyValue:
+        """Return the value of an expression that has to be constant.
+
+        Raises:
+            Refusal: it is not.
+        """
+        compiled = self.compile(node)
+        if compiled.constant is None:
+            raise Refusal(pick("a constant is wanted here", "ここには定数が必要です"), node.at)
+        return compiled.constant
+
+    def call(self, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool) -> int:
+        """Emit the call of a Sub or Function.
+
+        Returns:
+            the slot where its result will be, -1 without one.
+        """
+        if self.polled:
+            raise Refusal(
+                pick(
+                    f"{routine.name.text} cannot be called in a condition that is waited for",
+                    f"待ち条件の中では {routine.name.text} を呼び出せません",
+                ),
+                at,
+            )
+        return emit_call(self, routine, at, arguments, result=result)
+
+    def element(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
+        """Return what gives the place of an element in the list of an array."""
+        check_count(node.name, len(node.arguments), len(variable.sizes), len(variable.sizes))
+        indices = [self.value(argument) for argument in node.arguments]
+        if len(indices) == 1:
+            only, size = indices[0], variable.sizes[0]
+
+            def offset(f: Frame) -> int:
+                index = whole(only(f))
+                return index if 0 <= index < size else bad_index(variable, index)
+
+            return offset
+        pairs = tuple(zip(indices, variable.sizes, strict=True))
+
+        def offset_of_many(f: Frame) -> int:
+            place = 0
+            for run, size in pairs:
+                index = whole(run(f))
+                place = place * size + (index if 0 <= index < size else bad_index(variable, index))
+            return place
+
+        return offset_of_many
+
+    # --- names
+
+    def _name(self, node: Name) -> Compiled:
+        variable = self.scope.variable(node.key)
+        if variable is not None:
+            return self._variable(variable, node)
+        known = self.scope.constant(node.key)
+        if known is not None:
+            return constant(known, logical=node.key in ("true", "false"))
+        numbered = split_number(node.key)
+        if numbered is not None:
+            return read_global(*numbered)
+        if node.key in functions.FUNCTIONS:
+            return self._function(functions.FUNCTIONS[node.key], node, ())
+        routine = self.scope.routines.get(node.key)
+        if routine is not None:
+            return self._routine(routine, node, ())
+        raise unknown(node, applied=False)
+
+    def _variable(self, variable: Variable, node: Name) -> Compiled:
+        slot = variable.slot
+        if variable.sizes:
+            raise Refusal(
+                pick(
+                    f"{node.text} is an array; an element is {node.text}(0)",
+                    f"{node.text} は配列です。要素は {node.text}(0) のように書きます",
+                ),
+                node.at,
+            )
+        if not variable.by_ref:
+            return Compiled(itemgetter(slot))
+
+        def run(f: Frame) -> Any:
+            holder, key = f[slot]
+            return holder[key]
+
+        return Compiled(run)
+
+    def _index(self, node: Index) -> Compiled:
+        kind = known_class(node.name)
+        index = self.compile(node.index)
+        if index.constant is not None:
+            return read_global(kind, whole_at(index.constant, node.index.at))
+        return read_global(kind, index.run)
+
+    def _apply(self, node: Apply) -> Compiled:
+        key = node.name.key
+        variable = self.scope.variable(key)
+        if variable is not None and variable.sizes:
+            slot, offset = variable.slot, self.element(variable, node)
+            return Compiled(lambda f: f[slot][offset(f)])
+        function = functions.POSES.get(key) or functions.FUNCTIONS.get(key)
+        if function is not None:
+            return self._function(function, node.name, node.arguments)
+        routine = self.scope.routines.get(key)
+        if routine is not None:
+            return self._routine(routine, node.name, node.arguments)
+        raise unknown(node.name, applied=True)
+
+    def _function(self, function: Function, name: Name, arguments: tuple[Expression, ...]) -> Compiled:
+        check_count(name, len(arguments), function.least, function.most)
+        run = function.run
+        compiled = [self.compile(argument) for argument in arguments]
+        runs = tuple(one.run for one in compiled)
+        if function.framed:
+            return Compiled(lambda f: run(f, *[one(f) for one in runs]))
+        if all(one.constant is not None for one in compiled):
+            return folded(lambda f: run(*[one(f) for one in runs]))
+        if len(runs) == 1:
+            only = runs[0]
+            return Compiled(lambda f: run(only(f)))
+        return Compiled(lambda f: run(*[one(f) for one in runs]))
+
+    def _routine(self, routine: Routine, name: Name, arguments: tuple[Expression, ...]) -> Compiled:
+        if routine.result is None:
+            raise Refusal(
+                pick(f"{name.text} is a Sub and has no value", f"{name.text} は Sub なので値がありません"), name.at
+            )
+        return Compiled(itemgetter(self.call(routine, name.at, arguments, result=True)))
+
+    # --- operators
+
+    def _unary(self, node: Unary) -> Compiled:
+        operand = self.compile(node.operand)
+        run = operand.run
+        if node.operator == "NOT" and operand.logical:
+            return Compiled(lambda f: 0 if run(f) else -1, logical=True)
+        if node.operator == "NOT":
+            result: Evaluate = lambda f: ~whole(run(f))  # noqa: E731
+        elif node.operator == "MINUS":
+            result = lambda f: values.negate(run(f))  # noqa: E731
+        else:
+            result = lambda f: values.number(run(f))  # noqa: E731
+        return folded(result) if operand.constant is not None else Compiled(result)
+
+    def _binary(self, node: Binary) -> Compiled:
+        left, right = self.compile(node.left), self.compile(node.right)
+        first, second = left.run, right.run
+        if node.operator in RELATIONS:
+            return self._relation(node.operator, left, right)
+        operate = _OPERATORS[node.operator]
+        logical = node.operator in _BITWISE and left.logical and right.logical
+        if right.constant is None:
+            return Compiled(lambda f: operate(first(f), second(f)), logical)
+        known = right.constant
+        if left.constant is None:
+            return Compiled(lambda f: operate(first(f), known), logical)
+        return folded(lambda f: operate(first(f), known), logical=logical)
+
+    def _relation(self, operator: str, left: Compiled, right: Compiled) -> Compiled:
+        compare, first, second = RELATIONS[operator], left.run, right.run
+        if operator in _POINT_COMPARED and (left.point or right.point):  # a point is on or off, True is -1 but On is 1
+            if operator == "EQUAL":
+                return Compiled(lambda f: -1 if truth(first(f)) is truth(second(f)) else 0, logical=True)
+            return Compiled(lambda f: 0 if truth(first(f)) is truth(second(f)) else -1, logical=True)
+        return Compiled(lambda f: -1 if compare(first(f), second(f)) else 0, logical=True)
+
+
+def constant(value: AnyValue, *, logical: bool = False) -> Compiled:
+    """Return an expression whose value is known."""
+    return Compiled(lambda _: value, logical, constant=value)
+
+
+def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
+    """Return a calculation with constants; one that fails does so when the program gets there."""
+    try:
+        return constant(run([]), logical=logical)
+    except CallError:
+        return Compiled(run, logical)
+
+
+def read_global(kind: str, index: int | Evaluate) -> Compiled:
+    """Return what reads a global variable or I/O point of a class."""
+    if kind in POINT_KINDS:
+        return _read_point(kind, index)
+    if kind in ("V", "P", "J", "T"):
+        if isinstance(index, int):
+            return Compiled(lambda f: tuple(f[0].read(kind, index)))
+        return Compiled(lambda f: tuple(f[0].read(kind, whole(index(f)))))
+    if isinstance(index, int):
+        return Compiled(lambda f: f[0].read(kind, index))
+    return Compiled(lambda f: f[0].read(kind, whole(index(f))))
+
+
+def _read_point(kind: str, index: int | Evaluate) -> Compiled:
+    is_bit = kind == "IO"
+    if isinstance(index, int):
+        if is_bit:
+            return Compiled(lambda f: 1 if f[0].read_io(kind, index) else 0, logical=True, point=True)
+        return Compiled(lambda f: f[0].read_io(kind, index))
+    if is_bit:
+        return Compiled(lambda f: 1 if f[0].read_io(kind, whole(index(f))) else 0, logical=True, point=True)
+    return Compiled(lambda f: f[0].read_io(kind, whole(index(f))))
+
+
+def whole_at(value: AnyValue, at: Place) -> int:
+    """Return a constant as a whole number.
+
+    Raises:
+        Refusal: it is none.
+    """
+    try:
+        return whole(value)
+    except CallError as error:
+        raise Refusal(error.detail, at) from None
+
+
+def bad_index(variable: Variable, index: int) -> int:
+    """Raise the error of an index that an array does not have.
+
+    Raises:
+        CallError: DISP_E_BADINDEX.
+    """
+    sizes = ", ".join(f"0..{size - 1}" for size in variable.sizes)
+    raise error_for(
+        hresult.DISP_E_BADINDEX,
+        pick(f"index {index} of {variable.name}; there are {sizes}", f"{variable.name} の添字 {index} (範囲: {sizes})"),
+    )

@@ -1,0 +1,447 @@
+"""Blocks and jumps: If, For, Do, While, Select Case, Goto, Gosub. Says which opening line a closing word misses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript import tree, values
+from orinkit.virtual.rc8.pacscript.blocks import Block, ForBlock, IfBlock, LoopBlock, RoutineBlock, SelectBlock
+from orinkit.virtual.rc8.pacscript.code import MACHINE, RETURNS, Evaluate, Frame, Make, Op, Spot
+from orinkit.virtual.rc8.pacscript.errors import Refusal, out_of_range
+from orinkit.virtual.rc8.pacscript.expressions import RELATIONS
+from orinkit.virtual.rc8.pacscript.scope import Routine
+from orinkit.virtual.rc8.pacscript.targets import Store, store
+from orinkit.virtual.rc8.pacscript.tree import Place
+from orinkit.virtual.rc8.pacscript.values import AnyValue, number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from orinkit.virtual.rc8.pacscript.expressions import Expressions
+
+MAX_GOSUB: Final = 64
+"""How deep Gosub may be nested in one Sub."""
+
+
+@dataclass(slots=True)
+class _Label:
+    spot: Spot
+    path: tuple[Block, ...] | None = None
+
+
+_Jumps: TypeAlias = list[tuple[tree.Name, tuple[Block, ...]]]
+_B = TypeVar("_B", bound=Block)
+
+
+class Flow:
+    """Compiles blocks and jumps.
+
+    Attributes:
+        blocks: what is open, outermost first.
+    """
+
+    def __init__(self, expressions: Expressions) -> None:
+        self._expressions = expressions
+        self._code = expressions.code
+        self._scope = expressions.scope
+        self._labels: dict[str, _Label] = {}
+        self._jumps: _Jumps = []
+        self._returns: list[Place] = []
+        self.blocks: list[Block] = []
+
+    # --- Sub and Function
+
+    def open_routine(self, node: tree.Routine) -> Routine:
+        """Begin a Sub or Function."""
+        self.refuse_open(node.at, node.word)
+        routine = self._scope.routines[node.name.key]
+        self.blocks.append(RoutineBlock(node.word, node.at))
+        self._labels, self._jumps, self._returns = {}, [], []
+        self._code.put(routine.entry)
+        return routine
+
+    def close_routine(self, word: str, at: Place) -> None:
+        """End a Sub or Function."""
+        block = self._close(RoutineBlock, word.removeprefix("End "), word, at)
+        if self._returns and not block.has_gosub:
+            raise _misplaced("Return", self._returns[0], "Gosub")
+        self._code.emit(_return_from(self._scope.inside))
+        self._join_labels()
+
+    def leave_routine(self, word: str, at: Place) -> None:
+        """Exit Sub, Exit Function."""
+        routine = self._scope.inside
+        if routine.word != word.removeprefix("Exit "):
+            raise _misplaced(word, at, routine.word)
+        self._code.emit(_return_from(routine))
+
+    def refuse_open(self, at: Place, word: str) -> None:
+        """Check that nothing is open.
+
+        Raises:
+            Refusal: something is.
+        """
+        if self.blocks:
+            raise _not_closed(self.blocks[-1], at, word)
+
+    # --- If
+
+    def open_if(self, node: tree.If) -> None:
+        """If."""
+        block = IfBlock("If", node.at)
+        self._branch(node.condition, block.otherwise)
+        self.blocks.append(block)
+
+    def else_if(self, node: tree.If) -> None:
+        """ElseIf."""
+        block = self._next_branch(node.word, node.at)
+        block.otherwise = Spot()
+        self._branch(node.condition, block.otherwise)
+
+    def else_(self, at: Place) -> None:
+        """Else."""
+        self._next_branch("Else", at).otherwise = None
+
+    def close_if(self, at: Place) -> None:
+        """End If."""
+        block = self._close(IfBlock, "If", "End If", at)
+        if block.otherwise is not None:
+            self._code.put(block.otherwise)
+        self._code.put(block.end)
+
+    def if_line(self, node: tree.IfLine, compile_one: Callable[[tree.Statement], None]) -> None:
+        """If on one line."""
+        otherwise, end = Spot(), Spot()
+        self._branch(node.condition, otherwise)
+        for statement in node.then:
+            compile_one(statement)
+        self._code.jump(end)
+        self._code.put(otherwise)
+        for statement in node.otherwise:
+            compile_one(statement)
+        self._code.put(end)
+
+    # --- For
+
+    def open_for(self, node: tree.For) -> None:
+        """For."""
+        expressions = self._expressions
+        routine = self._scope.inside
+        put, read = store(expressions, node.target), expressions.value(node.target)
+        first, last = expressions.value(node.first), expressions.value(node.last)
+        step = expressions.value(node.step) if node.step else lambda _: 1
+        limit_slot, step_slot = routine.new_slot(), routine.new_slot()
+        block = ForBlock("For", node.at, target=node.target, read=read, put=put, slots=(limit_slot, step_slot))
+
+        def make(following: int) -> Op:
+            end = block.end.pc
+
+            def run(f: Frame) -> int:
+                start = number(first(f))
+                limit = f[limit_slot] = number(last(f))
+                by = f[step_slot] = number(step(f))
+                put(f, start)
+                value = read(f)
+                return following if (value <= limit if by >= 0 else value >= limit) else end
+
+            return run
+
+        self._code.emit(make)
+        self._code.put(block.body)
+        self.blocks.append(block)
+
+    def close_for(self, node: tree.Next) -> None:
+        """Next."""
+        block = self._close(ForBlock, "For", "Next", node.at)
+        if node.target is not None and block.target is not None and _written(node.target) != _written(block.target):
+            raise Refusal(
+                pick(
+                    f"Next {_written(node.target)} cannot close For {_written(block.target)} of line {block.at.line}",
+                    f"Next {_written(node.target)} は {block.at.line} 行目の For {_written(block.target)} に対応しません",
+                ),
+                node.at,
+            )
+        assert block.read is not None
+        assert block.put is not None
+        self._code.emit(_next_of(block, block.read, block.put))
+        self._code.put(block.end)
+
+    # --- Do, While
+
+    def open_loop(self, node: tree.Loop) -> None:
+        """Do, or While ... Wend."""
+        block = LoopBlock(node.word, node.at, tested=node.test is not None)
+        self._code.put(block.top)
+        if node.test is not None:
+            self._branch(node.test.condition, block.end, unless=node.test.until)
+        self.blocks.append(block)
+
+    def close_loop(self, word: str, at: Place, test: tree.Test | None) -> None:
+        """Loop or Wend."""
+        block = self._close(LoopBlock, "Do" if word == "Loop" else "While", word, at)
+        if test is not None and block.tested:
+            raise Refusal(
+                pick(
+                    f"the condition is at the Do of line {block.at.line} already",
+                    f"条件は {block.at.line} 行目の Do にすでにあります",
+                ),
+                at,
+            )
+        if test is not None:
+            self._branch(test.condition, block.top, unless=not test.until)
+        else:
+            self._code.emit(_go_to(block.top))
+        self._code.put(block.end)
+
+    def leave_loop(self, word: str, at: Place) -> None:
+        """Exit For, Exit Do."""
+        wanted = word.removeprefix("Exit ")
+        for block in reversed(self.blocks):
+            if block.word == wanted:
+                self._code.emit(_go_to(block.end))
+                return
+        raise _misplaced(word, at, wanted)
+
+    # --- Select Case
+
+    def open_select(self, node: tree.Select) -> None:
+        """Select Case."""
+        value = self._expressions.value(node.value)
+        slot = self._scope.inside.new_slot()
+
+        def make(following: int) -> Op:
+            def run(f: Frame) -> int:
+                f[slot] = value(f)
+                return following
+
+            return run
+
+        self._code.emit(make)
+        self.blocks.append(SelectBlock("Select Case", node.at, slot=slot))
+
+    def case(self, node: tree.Case) -> None:
+        """Case."""
+        block = self._next_case("Case", node.at)
+        following = block.following = Spot()
+        tests = tuple(self._matcher(item) for item in node.items)
+        slot = block.slot
+
+        def make(body: int) -> Op:
+            otherwise = following.pc
+
+            def run(f: Frame) -> int:
+                value = f[slot]
+                for test in tests:
+                    if test(f, value):
+                        return body
+                return otherwise
+
+            return run
+
+        self._code.emit(make)
+
+    def case_else(self, at: Place) -> None:
+        """Case Else."""
+        self._next_case("Case Else", at).following = None
+
+    def close_select(self, at: Place) -> None:
+        """End Select."""
+        block = self._close(SelectBlock, "Select Case", "End Select", at)
+        if block.following is not None:
+            self._code.put(block.following)
+        self._code.put(block.end)
+
+    # --- labels
+
+    def label(self, node: tree.Label) -> None:
+        """A label."""
+        known = self._labels.setdefault(node.name.key, _Label(Spot()))
+        if known.path is not None:
+            text = node.name.text
+            raise Refusal(pick(f"label {text} is there twice", f"ラベル {text} が二重に定義されています"), node.at)
+        known.path = tuple(self.blocks)
+        self._code.put(known.spot)
+
+    def jump(self, node: tree.Jump) -> None:
+        """Goto, Gosub."""
+        spot = self._labels.setdefault(node.label.key, _Label(Spot())).spot
+        self._jumps.append((node.label, tuple(self.blocks)))
+        if node.word == "Goto":
+            self._code.emit(_go_to(spot))
+            return
+        outermost = self.blocks[0]
+        assert isinstance(outermost, RoutineBlock)
+        outermost.has_gosub = True
+        self._code.emit(_gosub(spot))
+
+    def return_(self, at: Place) -> None:
+        """Return, from Gosub."""
+        self._returns.append(at)
+        self._code.emit(lambda _: _return_from_gosub)
+
+    # --- helpers
+
+    def _branch(self, condition: tree.Expression, otherwise: Spot | None, *, unless: bool = False) -> None:
+        """Emit a test: on if the condition is met (not met with ``unless``), else to a spot."""
+        assert otherwise is not None
+        met = self._expressions.condition(condition)
+
+        def make(following: int) -> Op:
+            there = otherwise.pc
+            if unless:
+                return lambda f: there if met(f) else following
+            return lambda f: following if met(f) else there
+
+        self._code.emit(make)
+
+    def _next_branch(self, word: str, at: Place) -> IfBlock:
+        block = self._innermost(IfBlock, "If", word, at)
+        if block.otherwise is None:
+            raise Refusal(
+                pick(
+                    f"{word} after the Else of the If of line {block.at.line}",
+                    f"{block.at.line} 行目の If の Else より後に {word} があります",
+                ),
+                at,
+            )
+        self._code.jump(block.end)
+        self._code.put(block.otherwise)
+        return block
+
+    def _next_case(self, word: str, at: Place) -> SelectBlock:
+        block = self._innermost(SelectBlock, "Select Case", word, at)
+        if block.begun and block.following is None:
+            raise Refusal(
+                pick(
+                    f"{word} after the Case Else of the Select Case of line {block.at.line}",
+                    f"{block.at.line} 行目の Select Case の Case Else より後に {word} があります",
+                ),
+                at,
+            )
+        if block.following is not None:
+            self._code.jump(block.end)
+            self._code.put(block.following)
+        block.begun = True
+        return block
+
+    def _matcher(self, item: tree.CaseItem) -> Callable[[Frame, AnyValue], bool]:
+        low = self._expressions.value(item.value)
+        if item.high is not None:
+            high = self._expressions.value(item.high)
+            return lambda f, value: not values.less(value, low(f)) and not values.less(high(f), value)
+        compare = RELATIONS[item.relation]
+        return lambda f, value: compare(value, low(f))
+
+    def _innermost(self, kind: type[_B], opening: str, word: str, at: Place) -> _B:
+        """Return the innermost block, which has to be of a kind, for a word that belongs to it."""
+        top = self.blocks[-1] if self.blocks else None
+        if isinstance(top, kind) and top.word == opening:
+            return top
+        if top is not None and any(isinstance(block, kind) and block.word == opening for block in self.blocks):
+            raise _not_closed(top, at, word)
+        if kind is RoutineBlock and top is not None:
+            raise _not_closed(top, at, word)
+        raise _misplaced(word, at, opening)
+
+    def _close(self, kind: type[_B], opening: str, word: str, at: Place) -> _B:
+        block = self._innermost(kind, opening, word, at)
+        self.blocks.pop()
+        return block
+
+    def _join_labels(self) -> None:
+        for name, path in self._jumps:
+            there = self._labels[name.key].path
+            if there is None:
+                raise Refusal(
+                    pick(f"there is no label {name.text} in this Sub", f"この Sub にラベル {name.text} はありません"),
+                    name.at,
+                )
+            if there != path[: len(there)]:
+                block = next(one for one in reversed(there) if one not in path)
+                raise Refusal(
+                    pick(
+                        f"label {name.text} is inside the {block.word} of line {block.at.line}, which cannot be jumped into",
+                        f"ラベル {name.text} は {block.at.line} 行目の {block.word} の中にあるため、外からジャンプできません",
+                    ),
+                    name.at,
+                )
+
+
+def _return_from(routine: Routine) -> Make:
+    slot = routine.result.slot if routine.result else None
+
+    def run(f: Frame) -> int:
+        return int(f[MACHINE].leave(None if slot is None else f[slot]))
+
+    return lambda _: run
+
+
+def _next_of(block: ForBlock, read: Evaluate, put: Store) -> Make:
+    limit_slot, step_slot = block.slots
+
+    def make(following: int) -> Op:
+        body = block.body.pc
+
+        def run(f: Frame) -> int:
+            by = f[step_slot]
+            put(f, values.add(read(f), by))
+            value = read(f)
+            return body if (value <= f[limit_slot] if by >= 0 else value >= f[limit_slot]) else following
+
+        return run
+
+    return make
+
+
+def _go_to(spot: Spot) -> Make:
+    def make(_: int) -> Op:
+        there = spot.pc
+        return lambda _: there
+
+    return make
+
+
+def _gosub(spot: Spot) -> Make:
+    def make(following: int) -> Op:
+        there = spot.pc
+
+        def run(f: Frame) -> int:
+            returns = f[RETURNS] = f[RETURNS] or []
+            if len(returns) >= MAX_GOSUB:
+                raise out_of_range(f"Gosub deeper than {MAX_GOSUB}", f"Gosub の入れ子が {MAX_GOSUB} を超えています")
+            returns.append(following)
+            return there
+
+        return run
+
+    return make
+
+
+def _return_from_gosub(f: Frame) -> int:
+    if f[RETURNS]:
+        return int(f[RETURNS].pop())
+    raise out_of_range("Return without Gosub", "Gosub で呼ばれていないのに Return があります")
+
+
+def _misplaced(word: str, at: Place, opening: str) -> Refusal:
+    return Refusal(pick(f"{word} without {opening}", f"{word} に対応する {opening} がありません"), at)
+
+
+def _not_closed(block: Block, at: Place, word: str) -> Refusal:
+    return Refusal(
+        pick(
+            f"{word} cannot stand here: the {block.word} of line {block.at.line} has no {block.closing}",
+            f"ここに {word} は書けません: {block.at.line} 行目の {block.word} に {block.closing} がありません",
+        ),
+        at,
+    )
+
+
+def _written(target: tree.Target) -> str:
+    if isinstance(target, tree.Name):
+        return target.text.lower()
+    if isinstance(target, tree.Index) and isinstance(target.index, tree.Literal):
+        return f"{target.name.key}{target.index.value}"
+    return target.name.key

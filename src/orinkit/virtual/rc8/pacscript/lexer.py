@@ -1,0 +1,222 @@
+"""Source to tokens, for the grammar in :mod:`orinkit.virtual.rc8.pacscript.grammar`.
+
+Whether a word is a command depends on where it stands (``Speed 50``, but ``Move P, P1, Speed = 50``), so the lexer
+knows where statements start. It refuses by name what PacScript has and this interpreter has not.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, Final
+
+from lark import Token
+from lark.lexer import Lexer, LexerState
+
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported
+from orinkit.virtual.rc8.pacscript.words import DIRECTIVES, KEYWORDS, PAIRS, REFUSED, STARTERS, canonical
+
+MAX_SOURCE: Final = 256 * 1024
+"""How many characters a program may have."""
+
+MAX_LINE: Final = 1024
+"""How many bytes a line may have (RC8 manual, PacScript)."""
+
+_TOKEN: Final = re.compile(
+    r"""
+    (?P<blank> [ \t\f\v\u3000]+ | '[^\n]* | _[ \t]*\n )
+  | (?P<newline> \n )
+  | (?P<number> &[hH][0-9a-fA-F]+ | &[bB][01]+ | (?: [0-9]+\.?[0-9]* | \.[0-9]+ ) (?: [eE][+-]?[0-9]+ )? )
+  | (?P<word> [^\W\d_]\w* (?: \.[^\W\d_]\w* )* )
+  | (?P<string> "[^"\n]* (?: ""[^"\n]* )* " (?!") )
+  | (?P<sign> <= | >= | <> | => | =< | << | >> | [-+*/\\^&=<>(),@\[\]:\#] )
+    """,
+    re.VERBOSE,
+)
+_LABEL: Final = re.compile(r"\*[ \t]*([^\W\d_]\w*)([ \t]*:)?")
+_PLAIN_LABEL: Final = re.compile(r"[^\W\d_]\w*:")
+_SECOND_WORD: Final = re.compile(r"[ \t]+([^\W\d_]\w*)")
+_OPENS: Final = re.compile(r"[ \t]*\(")
+_DIRECTIVE: Final = re.compile(r"#[ \t]*(\w+)")
+_PRAGMA: Final = re.compile(r'[ \t]*Encoding[ \t]*\([ \t]*"[^"\n]*"[ \t]*\)[ \t]*(?:\'[^\n]*)?(?=\n)', re.IGNORECASE)
+_SIGNS: Final = {
+    "+": "PLUS", "-": "MINUS", "*": "STAR", "/": "SLASH", "\\": "BACKSLASH", "^": "CARET", "&": "AMPERSAND",
+    "=": "EQUAL", "<": "LESS", ">": "MORE", "<=": "AT_MOST", "=<": "AT_MOST", ">=": "AT_LEAST", "=>": "AT_LEAST",
+    "<>": "UNLIKE", "<<": "LEFTWARDS", ">>": "RIGHTWARDS", "(": "_OPEN", ")": "_CLOSE", ",": "_COMMA", "@": "_AT",
+    "[": "_OPEN_INDEX", "]": "_CLOSE_INDEX", ":": "_COLON",
+}  # fmt: skip
+_STARTS_STATEMENT: Final = frozenset(("_LINE", "_COLON", "THEN", "ELSE", "LABEL"))
+_TAKES_LABEL: Final = frozenset(("GOTO", "GOSUB"))
+
+
+class PacScriptLexer(Lexer):
+    """Gives lark its tokens."""
+
+    __future_interface__ = 2  # lark: lex() as its own lexers have it
+
+    def __init__(self, _: Any) -> None:
+        """Make the lexer; lark hands over a configuration that is not needed."""
+
+    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:  # noqa: ARG002 - no need of it
+        """Yield the tokens of a program.
+
+        Raises:
+            Refusal: a character or word that cannot be used, a line or a program that is too long.
+        """
+        yield from _Scan(_normal(str(lexer_state.text.text))).tokens()
+
+
+class _Scan:
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+        self.line = 1
+        self.line_start = 0
+        self.last = "_LINE"
+        self.fresh_line = True
+        self.command = ""
+
+    def tokens(self) -> Iterator[Token]:
+        text = self.text
+        while self.at < len(text):
+            found = _TOKEN.match(text, self.at)
+            if found is None:
+                raise self._stray()
+            kind = found.lastgroup
+            if kind == "blank":
+                self._skip_blank(found)
+                continue
+            token = self._newline() if kind == "newline" else self._read(str(kind), found)
+            if token is not None:
+                self.last = token.type
+                self.fresh_line = token.value == "\n"
+                yield token
+
+    @property
+    def place(self) -> tuple[int, int]:
+        return self.line, self.at - self.line_start + 1
+
+    def _read(self, kind: str, found: re.Match[str]) -> Token | None:
+        value = found.group()
+        starts = self.last in _STARTS_STATEMENT
+        if kind == "word":
+            return self._word(value, starts)
+        if kind == "number":
+            return self._number(value)
+        if kind == "string":
+            return self._token("STRING", value)
+        if value == "#":
+            return self._directive()
+        if value == "*" and (starts or self.last in _TAKES_LABEL):
+            return self._label(starts)
+        return self._token(_SIGNS[value], value)
+
+    def _word(self, word: str, starts: bool) -> Token:
+        if "." in word:
+            raise not_supported(word, self.place)
+        lower = word.lower()
+        if starts:
+            if lower == "rem":
+                return self._remark()
+            self.command = lower
+            if self.fresh_line and lower not in KEYWORDS and _PLAIN_LABEL.match(self.text, self.at):
+                return self._token("LABEL", word, len(word) + 1)
+            if lower in REFUSED:
+                raise not_supported(REFUSED[lower], self.place)
+            if lower in STARTERS:
+                return self._token(STARTERS[lower], word)
+        if lower in KEYWORDS:
+            return self._keyword(word, lower)
+        if lower == "keep" and self.command == "takearm":
+            return self._token("KEEP", word)
+        if lower in ("ex", "exa") and _OPENS.match(self.text, self.at + len(word)):
+            return self._token("EXTRA", word)
+        return self._token("NAME", word)
+
+    def _keyword(self, word: str, lower: str) -> Token:
+        second = _SECOND_WORD.match(self.text, self.at + len(word))
+        pair = PAIRS.get((lower, second.group(1).lower())) if second else None
+        if pair is None or second is None:
+            return self._token(KEYWORDS[lower], word)
+        return self._token(pair, f"{canonical(word)} {canonical(second.group(1))}", second.end() - self.at)
+
+    def _number(self, text: str) -> Token:
+        end = self.at + len(text)
+        if end < len(self.text) and (self.text[end].isalnum() or self.text[end] == "_"):
+            raise Refusal(
+                pick(f"{text}{self.text[end]} is not a number", f"{text}{self.text[end]} は数値ではありません"),
+                self.place,
+            )
+        return self._token("NUMBER", text)
+
+    def _label(self, defines: bool) -> Token:
+        found = _LABEL.match(self.text, self.at)
+        if found is None:
+            raise Refusal(pick("a label needs a name behind *", "* の後にラベル名が必要です"), self.place)
+        end = found.end() if defines else found.end(1)
+        return self._token("LABEL" if defines else "NAME", found.group(1), end - self.at)
+
+    def _directive(self) -> Token | None:
+        found = _DIRECTIVE.match(self.text, self.at)
+        word = found.group(1).lower() if found else ""
+        if self.last != "_LINE" or not found or (word != "pragma" and word not in DIRECTIVES):
+            raise self._stray()
+        if word != "pragma":
+            raise not_supported(DIRECTIVES[word], self.place)
+        pragma = _PRAGMA.match(self.text, found.end())
+        if pragma is None:
+            raise Refusal(
+                pick(
+                    'only #Pragma Encoding("...") is supported here', '#Pragma は Encoding("...") のみに対応しています'
+                ),
+                self.place,
+            )
+        self.at = pragma.end()
+        return None
+
+    def _remark(self) -> Token:
+        end = self.text.index("\n", self.at)
+        self.at = end
+        return self._newline()
+
+    def _newline(self) -> Token:
+        token = self._token("_LINE", "\n")
+        self._next_line()
+        return token
+
+    def _skip_blank(self, found: re.Match[str]) -> None:
+        self.at = found.end()
+        if found.group().endswith("\n"):  # a line that goes on in the next one
+            self._next_line()
+
+    def _next_line(self) -> None:
+        self.line += 1
+        self.line_start = self.at
+
+    def _token(self, kind: str, value: str, length: int | None = None) -> Token:
+        line, column = self.place
+        self.at += len(value) if length is None else length
+        return Token(kind, value, line=line, column=column)
+
+    def _stray(self) -> Refusal:
+        sign = self.text[self.at]
+        if sign == '"':
+            return Refusal(pick("the text has no closing quotation mark", "文字列が閉じられていません"), self.place)
+        shown = sign if sign.isprintable() else f"U+{ord(sign):04X}"
+        return Refusal(pick(f"{shown} cannot be used here", f"ここに {shown} は使えません"), self.place)
+
+
+def _normal(source: str) -> str:
+    if len(source) > MAX_SOURCE:
+        raise Refusal(
+            pick(f"the program has more than {MAX_SOURCE} characters", f"プログラムが {MAX_SOURCE} 文字を超えています"),
+            (1, 1),
+        )
+    text = source.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    for number, line in enumerate(text.split("\n"), 1):
+        if len(line) > MAX_LINE or len(line.encode("utf-8", "replace")) > MAX_LINE:
+            raise Refusal(
+                pick(f"the line has more than {MAX_LINE} bytes", f"1 行が {MAX_LINE} バイトを超えています"), (number, 1)
+            )
+    return text + "\n"

@@ -1,0 +1,359 @@
+"""The motions: Move, Approach, Depart, Drive, DriveA, Rotate, RotateH."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from orinkit.cao.motion_options import MAX_TIME, MotionOptions
+from orinkit.language import pick
+from orinkit.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target
+from orinkit.virtual.rc8.pacscript import values
+from orinkit.virtual.rc8.pacscript.code import WORLD, Evaluate, Frame
+from orinkit.virtual.rc8.pacscript.commands import percent, waiting
+from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported, out_of_range
+from orinkit.virtual.rc8.pacscript.expressions import Expressions
+from orinkit.virtual.rc8.pacscript.functions import joint_index
+from orinkit.virtual.rc8.pacscript.tree import Binary, ExtraJoints, Item, Listed, Mark, Motion, Name, Place
+from orinkit.virtual.rc8.pacscript.values import AnyValue, number, whole
+
+_INTERPOLATIONS: Final = {"p": 1, "ptp": 1, "l": 2, "c": 3, "s": 4}
+_POSES_ON_ARC: Final = 2
+_PLANES: Final = ("XY", "YZ", "ZX", "XYH", "YZH", "ZXH")
+_FIELDS: Final[Mapping[str, str]] = {
+    "speed": "speed", "s": "speed", "accel": "accel", "decel": "decel", "time": "time", "pose": "pose"
+}  # fmt: skip
+_REFUSED_OPTIONS: Final = {"static": "Static"}
+_POSE: Final = values.pose("P", "J", "T")
+_VECTOR: Final = values.pose("V")
+_EXTRA_JOINTS: Final = (7, 8)
+_KIND_OF: Final[Mapping[int, Kind]] = {values.P_LENGTH: "P", values.J_LENGTH: "J", values.T_LENGTH: "T"}
+_RIGID: Final = 1  # Pose: the orientation turns with the position
+_ORIGIN: Final = Target("V", (0.0, 0.0, 0.0))
+
+
+@dataclass(slots=True)
+class _Options:
+    """The options of a motion in the making: field -> what gives its value."""
+
+    fields: dict[str, Evaluate] = field(default_factory=dict)
+    next: bool = False
+
+    def build(self, f: Frame, mark: PassMark | None = None, pose: int | None = None) -> MotionOptions:
+        """Return the options with the values of now."""
+        given = self.fields
+        return MotionOptions(
+            speed=percent(given["speed"](f)) if "speed" in given else None,
+            accel=percent(given["accel"](f)) if "accel" in given else None,
+            decel=percent(given["decel"](f)) if "decel" in given else None,
+            time=_time(given["time"](f)) if "time" in given else None,
+            next=self.next,
+            mark=mark,
+            pose=_pose_option(given["pose"](f)) if "pose" in given else pose,
+        )
+
+
+def compile_motion(expressions: Expressions, node: Motion) -> None:
+    """Emit a motion.
+
+    Raises:
+        Refusal: parts of it are missing, too many, or wrong.
+    """
+    items, options = _split(expressions, node)
+    if node.word in ("Drive", "DriveA"):
+        _drive(expressions, node, items, options)
+    elif node.word == "Rotate":
+        _rotate(expressions, node, items, options)
+    elif node.word == "RotateH":
+        _rotate_hand(expressions, node, items, options)
+    else:
+        _straight(expressions, node, items, options)
+
+
+def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options]:
+    """Return what comes before the options, and the options."""
+    options = _Options()
+    items: list[Item] = []
+    for item in node.items:
+        value = item.value
+        if value is None:
+            options.next = True
+        elif isinstance(value, Binary) and value.operator == "EQUAL" and isinstance(value.left, Name):
+            _add_option(expressions, node, value.left, value, options)
+        elif options.next or options.fields:
+            raise Refusal(pick("a pose cannot stand behind an option", "オプションの後にポーズは書けません"), item.at)
+        else:
+            items.append(item)
+    return items, options
+
+
+def _add_option(expressions: Expressions, node: Motion, name: Name, value: Binary, options: _Options) -> None:
+    where = _FIELDS.get(name.key)
+    if name.key in _REFUSED_OPTIONS:
+        raise not_supported(f"{node.word} {_REFUSED_OPTIONS[name.key]} =", name.at)
+    if where is None or (where == "pose" and node.word != "Rotate"):
+        raise Refusal(
+            pick(f"{name.text} is no option of {node.word}", f"{name.text} は {node.word} のオプションではありません"),
+            name.at,
+        )
+    options.fields[where] = expressions.value(value.right)
+
+
+# --- Move, Approach, Depart -------------------------------------------------------------------------------------------
+
+
+def _straight(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
+    interpolation = _interpolation(node, items)
+    parts = items[1:]
+    if node.word == "Approach":
+        _require(node, parts, 2, 2, "a pose and a length", "ポーズと距離")
+        _approach(expressions, interpolation, parts, options)
+    elif node.word == "Depart":
+        _require(node, parts, 1, 1, "a length", "距離")
+        _refuse_extra(parts[0])
+        length, mark = _amount(expressions, parts[0])
+        waiting(
+            expressions,
+            lambda f: f[WORLD].depart(interpolation, float(number(length(f))), mark(f), options.build(f)),
+        )
+    elif interpolation == _INTERPOLATIONS["c"]:
+        _require(node, parts, _POSES_ON_ARC, _POSES_ON_ARC, "a pose on the way and a target", "経由位置と目標位置")
+        _move(expressions, interpolation, parts, options)
+    elif interpolation == _INTERPOLATIONS["s"]:
+        _require(node, parts, 1, 1, "the number of a path", "経路番号")
+        _move_path(expressions, parts[0], options)
+    else:
+        _require(node, parts, 1, len(parts), "a pose", "ポーズ")
+        for part in parts:  # each is a motion of its own
+            _move(expressions, interpolation, [part], options)
+
+
+def _move(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
+    targets = [_target(expressions, part) for part in parts]
+    waiting(
+        expressions,
+        lambda f: f[WORLD].move(interpolation, tuple(target(f) for target in targets), options.build(f)),
+    )
+
+
+def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
+    _refuse_extra(part)
+    path, mark = _amount(expressions, part)
+    waiting(
+        expressions,
+        lambda f: f[WORLD].move(
+            _INTERPOLATIONS["s"], (Target("", (float(whole(path(f))),), mark(f)),), options.build(f)
+        ),
+    )
+
+
+def _approach(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
+    if parts[0].mark is not None:
+        raise Refusal(
+            pick("the pass mark of Approach belongs to the length", "Approach のパス指定は距離に付けてください"),
+            parts[0].at,
+        )
+    pose, extra = _pose(expressions, parts[0]), _extra(expressions, parts[1].extra or parts[0].extra)
+    length, mark = _amount(expressions, parts[1])
+
+    def begin(f: Frame) -> Callable[[], bool]:
+        value = _POSE(pose(f))
+        target = Target(_kind(value), value, None, extra(f))
+        wait: Callable[[], bool] = f[WORLD].approach(
+            interpolation, target, float(number(length(f))), mark(f), options.build(f)
+        )
+        return wait
+
+    waiting(expressions, begin)
+
+
+def _interpolation(node: Motion, items: list[Item]) -> int:
+    first = items[0] if items else node.items[0]
+    name = first.value
+    number_of = _INTERPOLATIONS.get(name.key) if isinstance(name, Name) and not first.mark and not first.extra else None
+    allowed = _INTERPOLATIONS.values() if node.word == "Move" else (1, 2)
+    if number_of is None or number_of not in allowed:
+        letters = "P, L, C, S" if node.word == "Move" else "P, L"
+        raise Refusal(
+            pick(f"{node.word} wants {letters} first", f"{node.word} の最初には {letters} のいずれかが必要です"),
+            first.at,
+        )
+    return number_of
+
+
+# --- Drive, DriveA ----------------------------------------------------------------------------------------------------
+
+
+def _drive(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
+    _require(node, items, 1, values.J_LENGTH, "joints and values like (1, 10)", "(1, 10) のような軸と値")
+    absolute = node.word == "DriveA"
+    mark = _mark(expressions, items[0].mark)
+    for item in items:
+        _refuse_extra(item)
+        if item.mark is not None and item is not items[0]:
+            raise Refusal(pick("a pass mark cannot stand here", "ここにパス指定は書けません"), item.at)
+    pairs = _pairs(expressions, items)
+    waiting(expressions, lambda f: f[WORLD].drive(pairs(f), absolute, mark(f), options.build(f)))
+
+
+def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tuple[tuple[int, float], ...]]:
+    first = items[0].value
+    if len(items) == 1 and first is not None and not isinstance(first, Listed):
+        joints, take = expressions.value(first), values.pose("J")
+        return lambda f: tuple(enumerate(take(joints(f)), 1))
+    runs = [_pair(expressions, item.value, item.at) for item in items]
+    return lambda f: tuple(dict(run(f) for run in runs).items())  # of a joint that is there twice the last counts
+
+
+def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame], tuple[int, float]]:
+    if not isinstance(node, Listed) or len(node.items) != 2:
+        raise Refusal(pick("a joint and a value are wanted: (1, 10)", "軸と値が必要です: (1, 10)"), at)
+    joint, value = (expressions.value(item) for item in node.items)
+
+    def run(f: Frame) -> tuple[int, float]:
+        index, amount = joint_index(joint(f)), value(f)
+        if isinstance(amount, tuple):
+            amount = values.pose("J")(amount)[index]
+        return index + 1, float(number(amount))
+
+    return run
+
+
+# --- Rotate, RotateH --------------------------------------------------------------------------------------------------
+
+
+def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
+    _require(node, items, 2, 3, "a plane, an angle and perhaps a pivot", "平面、角度 (と回転中心)")
+    plane = items[0].value
+    if isinstance(plane, Listed):
+        raise not_supported(pick("Rotate about three points", "3 点で指定する Rotate"), plane.at)
+    name = plane.text.upper() if isinstance(plane, Name) else ""
+    if name not in _PLANES:
+        raise Refusal(
+            pick(f"the plane of Rotate is {', '.join(_PLANES)}", f"Rotate の平面は {', '.join(_PLANES)} です"),
+            items[0].at,
+        )
+    for item in items:
+        _refuse_extra(item)
+    if items[0].mark or (len(items) > 2 and items[2].mark):
+        raise Refusal(
+            pick("the pass mark of Rotate belongs to the angle", "Rotate のパス指定は角度に付けてください"), node.at
+        )
+    angle, mark = _amount(expressions, items[1])
+    centre = items[2].value if len(items) > 2 else None
+    pivot = expressions.value(centre) if centre is not None else None
+    if pivot is None and name.endswith("H"):
+        raise Refusal(pick(f"Rotate {name} wants a pivot", f"Rotate {name} には回転中心が必要です"), node.at)
+
+    def begin(f: Frame) -> Callable[[], bool]:
+        turn = float(number(angle(f)))
+        about = None if pivot is None else Target("V", _VECTOR(pivot(f)))
+        wait: Callable[[], bool] = f[WORLD].rotate(name, turn, about, options.build(f, mark(f)))
+        return wait
+
+    waiting(expressions, begin)
+
+
+def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
+    """RotateH is a Rotate in the tool's XY plane about the tool's origin, with the orientation."""
+    _require(node, items, 1, 1, "an angle", "角度")
+    _refuse_extra(items[0])
+    angle, mark = _amount(expressions, items[0])
+    waiting(
+        expressions,
+        lambda f: f[WORLD].rotate("XYH", float(number(angle(f))), _ORIGIN, options.build(f, mark(f), _RIGID)),
+    )
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def _target(expressions: Expressions, item: Item) -> Callable[[Frame], Target]:
+    pose, mark, extra = _pose(expressions, item), _mark(expressions, item.mark), _extra(expressions, item.extra)
+
+    def run(f: Frame) -> Target:
+        value = _POSE(pose(f))
+        return Target(_kind(value), value, mark(f), extra(f))
+
+    return run
+
+
+def _pose(expressions: Expressions, item: Item) -> Evaluate:
+    assert item.value is not None
+    return expressions.value(item.value)
+
+
+def _amount(expressions: Expressions, item: Item) -> tuple[Evaluate, Callable[[Frame], PassMark | None]]:
+    """Return what gives a length or an angle, and its pass mark."""
+    return _pose(expressions, item), _mark(expressions, item.mark)
+
+
+def _mark(expressions: Expressions, node: Mark | None) -> Callable[[Frame], PassMark | None]:
+    if node is None:
+        return lambda _: None
+    if node.radius is None:
+        fixed = PASSING if node.mode == "P" else AT_ENCODER
+        return lambda _: fixed
+    radius = expressions.value(node.radius)
+    return lambda f: _radius(radius(f))
+
+
+def _radius(value: AnyValue) -> PassMark:
+    radius = float(number(value))
+    if radius < 0:
+        raise out_of_range(f"a pass mark of {radius:g} mm", f"パス半径 {radius:g} mm は指定できません")
+    return PassMark("n", radius) if radius else AT_COMMAND
+
+
+def _extra(expressions: Expressions, node: ExtraJoints | None) -> Callable[[Frame], Extra | None]:
+    if node is None:
+        return lambda _: None
+    absolute = node.absolute
+    items = node.items
+    if len(items) == 1 and not isinstance(items[0], Listed):
+        joints, take = expressions.value(items[0]), values.pose("J")
+        return lambda f: Extra(absolute, tuple((n, take(joints(f))[n - 1]) for n in _EXTRA_JOINTS))
+    pairs = items if isinstance(items[0], Listed) else (Listed(node.at, items, 1),)
+    runs = [_pair(expressions, pair, node.at) for pair in pairs]
+
+    def run(f: Frame) -> Extra:
+        given = dict(one(f) for one in runs)
+        for joint in given:
+            if joint not in _EXTRA_JOINTS:
+                raise out_of_range(
+                    f"joint {joint} is no extra joint, 7 or 8", f"{joint} 軸は付加軸 (7, 8) ではありません"
+                )
+        return Extra(absolute, tuple(given.items()))
+
+    return run
+
+
+def _kind(value: tuple[float, ...]) -> Kind:
+    return _KIND_OF[len(value)]
+
+
+def _time(value: AnyValue) -> float:
+    time = float(number(value))
+    if 0 < time <= MAX_TIME:
+        return time
+    raise out_of_range(f"a motion of {time:g} ms", f"動作時間 {time:g} ms は指定できません")
+
+
+def _pose_option(value: AnyValue) -> int:
+    value = whole(value)
+    if value in (1, 2):
+        return int(value)
+    raise out_of_range(f"Pose = {value}; it is 1 or 2", f"Pose = {value} は指定できません (1 か 2)")
+
+
+def _require(node: Motion, items: Sequence[Item], least: int, most: int, en: str, ja: str) -> None:
+    if least <= len(items) <= most:
+        return
+    at = items[most].at if len(items) > most else node.at
+    raise Refusal(pick(f"{node.word} wants {en}", f"{node.word} には {ja} が必要です"), at)
+
+
+def _refuse_extra(item: Item) -> None:
+    if item.extra is not None:
+        raise Refusal(pick("Ex and ExA cannot stand here", "ここに Ex、ExA は書けません"), item.extra.at)

@@ -1,0 +1,319 @@
+"""The names of a program: types, variables, constants, Subs and Functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from orinkit.language import pick
+from orinkit.virtual.rc8.pacscript import functions, values
+from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, Frame, Spot
+from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported
+from orinkit.virtual.rc8.pacscript.tree import Name
+from orinkit.virtual.rc8.pacscript.values import AnyValue
+from orinkit.virtual.rc8.pacscript.words import (
+    CONSTANTS,
+    GLOBAL_KINDS,
+    KEYWORDS,
+    NUMBERED,
+    POINT_KINDS,
+    REFUSED,
+    STARTERS,
+    TYPES,
+)
+
+MAX_DIMENSIONS: Final = 3
+"""How many dimensions an array may have."""
+MAX_ELEMENTS: Final = 100_000
+"""How many elements the arrays of all Subs and Functions that run may have together."""
+
+
+@dataclass(frozen=True, slots=True)
+class TypeOf:
+    """A type of variables.
+
+    Attributes:
+        name: in small letters; Long is Integer.
+        default: the value that a variable has at first.
+        convert: makes a value fit to be kept, or raises.
+    """
+
+    name: str
+    default: AnyValue
+    convert: Callable[[AnyValue], AnyValue]
+
+
+_TYPES: Final[Mapping[str, TypeOf]] = {
+    kind.name: kind
+    for kind in (
+        TypeOf("integer", 0, values.whole),
+        TypeOf("single", 0.0, values.single),
+        TypeOf("double", 0.0, values.double),
+        TypeOf("string", "", values.string),
+        TypeOf("boolean", 0, values.boolean),
+        TypeOf("variant", 0, values.any_value),
+        TypeOf("vector", (0.0,) * values.V_LENGTH, values.pose("V")),
+        TypeOf("position", (*(0.0,) * (values.P_LENGTH - 1), -1.0), values.pose("P")),
+        TypeOf("joint", (0.0,) * values.J_LENGTH, values.pose("J")),
+        TypeOf("trans", (*(0.0,) * (values.T_LENGTH - 1), -1.0), values.pose("T")),
+    )
+}
+VARIANT: Final = _TYPES["variant"]
+"""The type that takes any value."""
+BY_CLASS: Final[Mapping[str, TypeOf]] = {
+    "I": _TYPES["integer"], "F": _TYPES["single"], "D": _TYPES["double"], "S": _TYPES["string"],
+    "V": _TYPES["vector"], "P": _TYPES["position"], "J": _TYPES["joint"], "T": _TYPES["trans"],
+}  # fmt: skip
+"""The types of the global variables."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A local variable.
+
+    Attributes:
+        name: as declared.
+        type: of it or of its elements.
+        slot: where it is in the frame.
+        sizes: how many elements an array has in each dimension; ``()`` for a plain variable.
+        by_ref: whether the slot has a list and an index, where the value is.
+    """
+
+    name: str
+    type: TypeOf
+    slot: int
+    sizes: tuple[int, ...] = ()
+    by_ref: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class Routine:
+    """A Sub or Function."""
+
+    name: Name
+    word: str
+    parameters: list[Variable] = field(default_factory=list)
+    explicit_refs: set[str] = field(default_factory=set)
+    result: Variable | None = None
+    variables: dict[str, Variable] = field(default_factory=dict)
+    constants: dict[str, AnyValue] = field(default_factory=dict)
+    entry: Spot = field(default_factory=Spot)
+    template: Frame = field(default_factory=lambda: [None] * FIRST_SLOT)
+    elements: int = 0
+
+    def new_slot(self, default: AnyValue = None) -> int:
+        """Reserve a place in the frame."""
+        self.template.append(default)
+        return len(self.template) - 1
+
+    def framer(self) -> Callable[[Any, Any], Frame]:
+        """Return what makes a new frame, of the world and the machine."""
+        template = self.template
+        arrays = [(one.slot, one.type.default, math.prod(one.sizes)) for one in self.variables.values() if one.sizes]
+
+        def frame(world: Any, machine: Any) -> Frame:
+            new = template.copy()
+            new[0] = world
+            new[1] = machine
+            for slot, default, count in arrays:
+                new[slot] = [default] * count
+            return new
+
+        return frame
+
+
+class Scope:
+    """The names that can be seen from a place in a program."""
+
+    def __init__(self) -> None:
+        self.routines: dict[str, Routine] = {}
+        self.shared: dict[str, AnyValue] = {}
+        self.routine: Routine | None = None
+
+    @property
+    def inside(self) -> Routine:
+        """The Sub or Function that is being compiled."""
+        assert self.routine is not None
+        return self.routine
+
+    def add_routine(self, routine: Routine) -> None:
+        """Add a Sub or Function.
+
+        Raises:
+            Refusal: the name is taken or cannot be one.
+        """
+        self.check_name(routine.name)
+        self._refuse_second(routine.name, routine.name.key in self.routines)
+        self.routines[routine.name.key] = routine
+
+    def add_variable(
+        self, routine: Routine, name: Name, kind: TypeOf, sizes: tuple[int, ...] = (), *, by_ref: bool = False
+    ) -> Variable:
+        """Add a variable to a Sub or Function.
+
+        Raises:
+            Refusal: the name is taken or cannot be one; an array is too large.
+        """
+        self.check_name(name)
+        key = name.key
+        taken = key in routine.variables or key in routine.constants
+        own = routine.result is None and key == routine.name.key  # a Function's name is its result
+        self._refuse_second(name, taken or (key in self.routines and not own) or key in self.shared)
+        routine.elements += math.prod(sizes) if sizes else 0
+        if routine.elements > MAX_ELEMENTS:
+            raise Refusal(
+                pick(
+                    f"{name.text}: the arrays of a Sub have at most {MAX_ELEMENTS} elements",
+                    f"{name.text}: Sub の配列の要素は合計 {MAX_ELEMENTS} 個までです",
+                ),
+                name.at,
+            )
+        variable = Variable(name.text, kind, routine.new_slot(kind.default), sizes, by_ref)
+        routine.variables[key] = variable
+        return variable
+
+    def add_constant(self, name: Name, value: AnyValue) -> None:
+        """Add a constant to the Sub or Function that is being compiled, or outside of one to all.
+
+        Raises:
+            Refusal: the name is taken or cannot be one.
+        """
+        self.check_name(name)
+        inside = self.routine
+        taken = inside is not None and (name.key in inside.variables or name.key in inside.constants)
+        self._refuse_second(name, taken or name.key in self.routines or name.key in self.shared)
+        (self.shared if inside is None else inside.constants)[name.key] = value
+
+    def variable(self, key: str) -> Variable | None:
+        """Return a local variable."""
+        return self.routine.variables.get(key) if self.routine else None
+
+    def constant(self, key: str) -> AnyValue:
+        """Return a constant, ``None`` if there is none of this name."""
+        if self.routine and key in self.routine.constants:
+            return self.routine.constants[key]
+        return self.shared.get(key, CONSTANTS.get(key))
+
+    def check_name(self, name: Name) -> None:
+        """Check that a name may be declared.
+
+        Raises:
+            Refusal: it is a word of PacScript or the name of a global variable.
+        """
+        key = name.key
+        if NUMBERED.fullmatch(key):
+            raise Refusal(
+                pick(
+                    f"{name.text} is the name of a global variable and cannot be declared",
+                    f"{name.text} はグローバル変数の名前なので宣言できません",
+                ),
+                name.at,
+            )
+        if key in _RESERVED:
+            raise Refusal(
+                pick(
+                    f"{name.text} is a word of PacScript and cannot be declared",
+                    f"{name.text} は PacScript の予約語なので宣言できません",
+                ),
+                name.at,
+            )
+
+    @staticmethod
+    def _refuse_second(name: Name, taken: bool) -> None:
+        if taken:
+            raise Refusal(pick(f"{name.text} is declared twice", f"{name.text} が二重に宣言されています"), name.at)
+
+
+_RESERVED: Final = (
+    frozenset(KEYWORDS)
+    | frozenset(STARTERS)
+    | frozenset(CONSTANTS)
+    | frozenset(functions.FUNCTIONS)
+    | frozenset(REFUSED)
+    | frozenset(TYPES)
+    | frozenset(kind.lower() for kind in POINT_KINDS)
+)
+
+
+def find_type(name: Name | None) -> TypeOf:
+    """Return the type behind As; Variant where there is none.
+
+    Raises:
+        Refusal: there is no such type.
+    """
+    if name is None:
+        return VARIANT
+    kind = _TYPES.get("integer" if name.key == "long" else name.key)
+    if kind is None:
+        raise Refusal(pick(f"there is no type {name.text}", f"型 {name.text} はありません"), name.at)
+    return kind
+
+
+def split_number(key: str) -> tuple[str, int] | None:
+    """Return class and index of ``P12`` or ``IO128``; ``None`` for another word."""
+    found = NUMBERED.fullmatch(key)
+    return (found[1].upper(), int(found[2])) if found else None
+
+
+def known_class(name: Name) -> str:
+    """Return the class of ``P[...]`` or ``IO[...]``.
+
+    Raises:
+        Refusal: there is none of this name.
+    """
+    kind = name.text.upper()
+    if kind in GLOBAL_KINDS or kind in POINT_KINDS:
+        return kind
+    if name.key in REFUSED:
+        raise not_supported(REFUSED[name.key], name.at)
+    raise Refusal(
+        pick(
+            f"{name.text}[ ] is no global variable; the elements of an array are {name.text}( )",
+            f"{name.text}[ ] というグローバル変数はありません。配列の要素は {name.text}( ) と書きます",
+        ),
+        name.at,
+    )
+
+
+def unknown_routine(name: Name) -> Refusal:
+    """Return the refusal of a statement that is no command, and no call of a Sub that there is."""
+    if name.key in REFUSED:
+        return not_supported(REFUSED[name.key], name.at)
+    return Refusal(
+        pick(
+            f"there is no command, Sub or Function {name.text}", f"コマンド・Sub・Function の {name.text} はありません"
+        ),
+        name.at,
+    )
+
+
+def unknown(name: Name, *, applied: bool) -> Refusal:
+    """Return the refusal of a word that means nothing."""
+    if name.key in REFUSED:
+        return not_supported(REFUSED[name.key], name.at)
+    if applied:
+        return Refusal(
+            pick(f"there is no array or Function {name.text}", f"配列・Function の {name.text} はありません"),
+            name.at,
+        )
+    return Refusal(pick(f"{name.text} is not declared", f"{name.text} は宣言されていません"), name.at)
+
+
+def check_count(name: Name, given: int, least: int, most: int) -> None:
+    """Check the number of arguments or indices.
+
+    Raises:
+        Refusal: it is wrong.
+    """
+    if least <= given <= most:
+        return
+    wanted = f"{least}" if least == most else pick(f"{least} to {most}", f"{least}～{most}")
+    raise Refusal(
+        pick(
+            f"{name.text} takes {wanted} argument{'' if wanted == '1' else 's'}, not {given}",
+            f"{name.text} の引数は {wanted} 個ですが、{given} 個あります",
+        ),
+        name.at,
+    )

@@ -1,0 +1,89 @@
+"""The words of PacScript: those that the grammar knows, those that start a command, and those that are refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Final
+
+_KEYWORDS: Final = """
+    and as byref byval call case const dim do else elseif end exit for function gosub goto if is let loop mod next not
+    or return select step sub then to until wend while xor
+"""
+KEYWORDS: Final[Mapping[str, str]] = {word: word.upper() for word in _KEYWORDS.split()} | {"endif": "END_IF"}
+"""Words that are the grammar's wherever they stand -> the name of the token."""
+
+PAIRS: Final[Mapping[tuple[str, str], str]] = {
+    ("end", "sub"): "END_SUB",
+    ("end", "function"): "END_FUNCTION",
+    ("end", "if"): "END_IF",
+    ("end", "select"): "END_SELECT",
+    ("exit", "sub"): "LEAVE",
+    ("exit", "function"): "LEAVE",
+    ("exit", "for"): "LEAVE",
+    ("exit", "do"): "LEAVE",
+    ("select", "case"): "SELECT_CASE",
+    ("case", "else"): "CASE_ELSE",
+}
+"""Two words that are one token."""
+
+_COMMANDS: Final = """
+    accel changetool changework decel delay extspeed givearm hold motor printdbg printmsg speed wait
+"""
+STARTERS: Final[Mapping[str, str]] = (
+    dict.fromkeys(("move", "approach", "depart", "drive", "drivea", "rotate", "rotateh"), "MOTION")
+    | dict.fromkeys(_COMMANDS.split(), "COMMAND")
+    | dict.fromkeys(("set", "reset"), "POINT")
+    | dict.fromkeys(("letx", "lety", "letz", "letrx", "letry", "letrz", "letf"), "LETPART")
+    | {"letj": "LETJOINT", "takearm": "TAKEARM"}
+)
+"""Words that are commands where a statement starts -> the name of the token."""
+
+_TYPES: Final = "integer long single double string position joint trans vector variant boolean"
+TYPES: Final = frozenset(_TYPES.split())
+"""What may stand behind As."""
+
+CONSTANTS: Final[Mapping[str, int | float]] = {"true": -1, "false": 0, "on": 1, "off": 0, "pi": 3.141592653589793}
+"""Names with a value of their own."""
+
+GLOBAL_KINDS: Final = frozenset("IFDVPJTS")
+POINT_KINDS: Final = frozenset(("IO", "IOB", "IOW", "IOD"))
+"""The classes of I/O; :data:`GLOBAL_KINDS` are those of global variables."""
+NUMBERED: Final = re.compile(r"(IO[BWD]?|[IFDVPJTS])([0-9]{1,9})", re.IGNORECASE | re.ASCII)
+"""A global variable or I/O point by its name, ``P12`` or ``IO128``."""
+
+_REFUSED_WORDS: Final = """
+    ArchMove AreaPos AreaSize Arrive BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClrErr Com_Discom
+    Com_Encom Com_State Comm ContinueRun CPMode Create_Sem CreateSem CurAcc CurCPMode CurDec CurErr CurExtAcc
+    CurExtDec CurExtSpd CurLmt CurPayload CurSpd CurSpeedMode CurTool CurWork Date DefArea DefDbl DefInt DefIO
+    DefJnt DefPos DefSng DefStr DefTrn DefVec Delete_Sem DeleteSem Draw ErAlw ErrMsg ExtAccel ExtDecel Extern Flush
+    Flush_Sem FlushSem ForceChangeTable ForceCtrl ForceParam ForceSensor ForceValue ForceWaitCondition Fork
+    GetErrLvl GetJntData GetSrvData GetSrvState GetTime Give_Sem GiveSem GiveVis GoHome GrvCtrl GrvOffset Halt
+    HighPathAccuracy In Input InputBox Interrupt IOBlock IOF JAccel JDecel Join JSpeed Kill KillAll LetA LetO LetP
+    LetR LetT LineInput LinePrint MotionComplete MotionSkip MotionTimeout MotorState MoveBackTraceLog MPS MsgBox
+    OffSrv On OnErr OnSrv Out Pallet PayLoad PosClr Print PrintLbl Private Program Public RaiseError ReDim Repeat
+    Replace ResetArea Resume RobInfo Run SetArea SetHoming ShutDown SingularAvoid SpeedMode Split Sprintf SrvLock
+    SrvUnLock StartLog Static Status Stop StopEnd StopLog StrReverse Suspend SuspendAll SyncMoveEnd SyncMoveStart
+    SysLog SysState Take_Sem TakeSem TakeVis Time Tool ToolPos UnChuck WaitMotion Work WorkPos ZForce
+"""
+REFUSED: Final[Mapping[str, str]] = {word.lower(): word for word in _REFUSED_WORDS.split()}
+"""Words that PacScript has and this interpreter does not, by their small letters."""
+
+DIRECTIVES: Final[Mapping[str, str]] = {
+    "include": "#Include", "define": "#Define", "undef": "#Undef", "error": "#Error", "if": "#If", "ifdef": "#Ifdef",
+    "ifndef": "#Ifndef", "else": "#Else", "elif": "#Elif", "endif": "#Endif",
+}  # fmt: skip
+"""Preprocessor lines that are refused by name; ``#Pragma`` is the one that is taken."""
+
+
+def canonical(word: str) -> str:
+    """Return a keyword as documents write it: ``ELSEIF`` is ``ElseIf``."""
+    lower = word.lower()
+    return _WRITTEN.get(lower, lower.capitalize())
+
+
+_MIXED: Final = """
+    ElseIf ByRef ByVal DriveA RotateH ChangeTool ChangeWork ExtSpeed GiveArm PrintDbg PrintMsg TakeArm LetX LetY LetZ
+    LetRX LetRY LetRZ LetF LetJ
+"""
+_WRITTEN: Final[Mapping[str, str]] = {word.lower(): word for word in _MIXED.split()}

@@ -1,0 +1,267 @@
+"""The controller as a running program sees it: variables, I/O, the arm, time (the ``World`` of PacScript)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from orinkit import hresult
+from orinkit.cao.motion_options import MotionOptions
+from orinkit.cao.provider import Later
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.poses import PassMark, Target
+from orinkit.variant import ARRAY, Variant, VarType
+from orinkit.virtual.rc8.classes import CLASSES
+from orinkit.virtual.rc8.memory import Variables
+from orinkit.virtual.rc8.motion.queue import Ticket
+from orinkit.virtual.rc8.pacscript.world import Plane, PointKind, Value, VariableKind, Wait
+from orinkit.virtual.rc8.robot import answers, report
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.moves import CURVE, Moves
+from orinkit.virtual.rc8.robot.operators import Operator
+from orinkit.virtual.rc8.robot.speeds import KEEP, SQUARE
+from orinkit.virtual.rc8.robot.tools import Matrix
+
+_VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
+_R8_ARRAY: Final = int(VarType.R8) | ARRAY
+_HAND_PLANES: Final = {"XYH": 2, "YZH": 0, "ZXH": 1}
+
+
+class ProgramWorld:
+    """What one task does to the controller.
+
+    Args:
+        operator: the task.
+        suspend: suspends it.
+        arm, moves: the robot.
+        variables: global variables and I/O.
+        seconds: gives the controller's time, s.
+        show: is told what it prints: task, kind, text.
+    """
+
+    def __init__(
+        self, operator: Operator, suspend: Callable[[], None], arm: Arm, moves: Moves, variables: Variables, seconds: Callable[[], float],
+        show: Callable[[str, str, str], None],
+    ) -> None:  # fmt: skip
+        self._operator = operator
+        self._suspend = suspend
+        self._arm = arm
+        self._moves = moves
+        self._variables = variables
+        self._seconds = seconds
+        self._show = show
+        self._paused = False  # the arm, by pause()
+        self._holding = False  # the program, by Hold
+
+    # --- the task is stopped, goes on, ends ---------------------------------------------------------------------
+
+    def pause(self) -> None:
+        """Bring the arm to rest on its path, if it is this program that moves it."""
+        if self._arm.holder is self._operator and self._arm.busy and not self._arm.held:
+            self._paused = True
+            self._arm.hold()
+
+    def go_on(self) -> None:
+        """Go on with the motion that :meth:`pause` has paused."""
+        if self._paused and self._arm.holder is self._operator:
+            self._arm.unhold()
+        self._paused = self._holding = False
+
+    def leave(self, *, halt: bool) -> None:
+        """Give the arm back; with ``halt`` what it moves is brought to rest, else it ends by itself."""
+        self._paused = self._holding = False
+        if self._arm.holder is self._operator:
+            if halt:
+                self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
+            self._arm.give()
+
+    # --- variables, time, texts ---------------------------------------------------------------------------------
+
+    def read(self, kind: VariableKind, index: int) -> Value:
+        """Return the value of a global variable."""
+        value: Value | list[float] = self._global(lambda: self._variables.read(CLASSES[kind], index).value)
+        return tuple(value) if isinstance(value, list) else value
+
+    def write(self, kind: VariableKind, index: int, value: Value) -> None:
+        """Set a global variable."""
+        given = Variant(_VT.get(kind, _R8_ARRAY), list(value) if isinstance(value, tuple) else value)
+        self._global(lambda: self._variables.write(CLASSES[kind], index, given))
+
+    def read_io(self, kind: PointKind, point: int) -> int:
+        """Return an I/O point, or the number in several."""
+        return int(self._global(lambda: self._variables.read(CLASSES[kind], point).value))
+
+    def write_io(self, kind: PointKind, point: int, value: int) -> None:
+        """Set an I/O point, or several to the lowest bits of a number."""
+        bits = CLASSES[kind].bits
+        lowest = value & (1 << bits) - 1
+        if kind in ("IOW", "IOD") and lowest >> bits - 1:
+            lowest -= 1 << bits
+        self._global(lambda: self._variables.write(CLASSES[kind], point, Variant(VarType.I4, lowest)))
+
+    def now(self) -> float:
+        """Return the controller's time, s."""
+        return self._seconds()
+
+    def show(self, kind: Literal["msg", "dbg"], text: str, title: str = "") -> None:
+        """Show a message to whoever listens to the controller."""
+        self._show(str(self._operator), kind, f"{title}: {text}" if title else text)
+
+    # --- the robot ----------------------------------------------------------------------------------------------
+
+    def take_arm(self, group: int, keep: bool) -> None:  # noqa: ARG002 - there is one arm
+        """Take the arm."""
+        require("TakeArm", self._arm, self._operator)
+        self._arm.take(self._operator, keep=keep)
+
+    def give_arm(self) -> None:
+        """Give the arm back."""
+        require("GiveArm", self._arm, self._operator)
+        self._arm.give()
+
+    def motor(self, on: bool) -> Wait:
+        """Switch the motor."""
+        require("Motor on" if on else "Motor off", self._arm, self._operator)
+        return _until(self._arm.switch_motor(on))
+
+    def move(self, interpolation: int, targets: tuple[Target, ...], options: MotionOptions) -> Wait:
+        """Move."""
+        if interpolation == CURVE and len(targets) == 1 and not targets[0].kind:
+            return self._curve(targets[0], options)
+        return self._motion("Move", options, lambda: self._moves.move(interpolation, targets, options))
+
+    def approach(
+        self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
+    ) -> Wait:
+        """Move to before a target."""
+        return self._motion(
+            "Approach", options, lambda: self._moves.approach(interpolation, target, distance, mark, options)
+        )
+
+    def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Wait:
+        """Move back."""
+        return self._motion("Depart", options, lambda: self._moves.depart(interpolation, distance, mark, options))
+
+    def drive(
+        self, pairs: tuple[tuple[int, float], ...], absolute: bool, mark: PassMark | None, options: MotionOptions
+    ) -> Wait:
+        """Move joints."""
+        name = "DriveAEx" if absolute else "DriveEx"
+        return self._motion(name, options, lambda: self._moves.drive(pairs, absolute, mark, options))
+
+    def rotate(self, plane: Plane, angle: float, pivot: Target | None, options: MotionOptions) -> Wait:
+        """Turn about the normal of a plane of the work frame, or of the hand."""
+
+        def begin() -> list[Ticket]:
+            tcp = self._arm.space.tcp(self._arm.queue.end_joints)
+            axis = tcp[:3, _HAND_PLANES[plane]] if plane in _HAND_PLANES else self._moves.plane(plane)
+            return self._moves.rotate(axis, self._pivot(plane, pivot, tcp), angle, options)
+
+        return self._motion("Rotate", options, begin)
+
+    def speed(self, percent: float) -> None:
+        """Set the internal speed."""
+        require("Speed", self._arm, self._operator)
+        self._arm.speeds.set_internal(percent)
+
+    def accel(self, accel: float | None, decel: float | None) -> None:
+        """Set internal acceleration and deceleration."""
+        require("Accelerate", self._arm, self._operator)
+        self._arm.speeds.set_acceleration(*(KEEP if value is None else value for value in (accel, decel)))
+
+    def ext_speed(self, speed: float, accel: float | None, decel: float | None) -> None:
+        """Set the external speeds."""
+        require("ExtSpeed", self._arm, self._operator)
+        self._arm.speeds.set_external(speed, *(SQUARE if value is None else value for value in (accel, decel)))
+
+    def change_tool(self, number: int) -> None:
+        """Select a tool."""
+        require("Change", self._arm, self._operator)
+        self._arm.space.tools.current = self._arm.space.tools.check(number)
+
+    def change_work(self, number: int) -> None:
+        """Select a work."""
+        require("Change", self._arm, self._operator)
+        self._arm.space.works.current = self._arm.space.works.check(number)
+
+    def hold(self) -> Wait:
+        """Suspend the program until it is started again."""
+        self._holding = True
+        self._suspend()
+        return lambda: not self._holding
+
+    def current(self, kind: Literal["P", "J", "T", "FIG"], dest: bool = False) -> Value:
+        """Return where the robot is, or where it was sent."""
+        source = report.destination(self._arm) if dest else report.current(self._arm)
+        if kind == "FIG":
+            return source.figure()
+        return tuple({"P": source.position, "J": source.angles, "T": source.trans}[kind]())
+
+    def convert(self, name: str, arguments: tuple[Value, ...]) -> Value:
+        """Return J2P, Dev, OutRange ..."""
+        given = [
+            Variant(_R8_ARRAY, list(each)) if isinstance(each, tuple) else Variant(VarType.I4, each)
+            for each in arguments
+            if isinstance(each, tuple | int)
+        ]
+        value = answers.calculate(self._arm, name, given).value
+        return tuple(value) if isinstance(value, list) else int(value)
+
+    # --- helpers ------------------------------------------------------------------------------------------------
+
+    def _curve(self, target: Target, options: MotionOptions) -> Wait:
+        values = target.value
+        number = values if isinstance(values, int) else int(values[0])
+        return self._motion("Move", options, lambda: self._moves.follow(number, target.mark, options))
+
+    def _pivot(self, plane: Plane, pivot: Target | None, tcp: Matrix) -> Matrix:
+        if pivot is None:
+            return np.asarray(tcp[:3, 3])
+        if plane not in _HAND_PLANES:
+            return self._moves.point(pivot)
+        values = pivot.value if isinstance(pivot.value, tuple) else (0.0, 0.0, 0.0)
+        return np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
+
+    def _motion(self, name: str, options: MotionOptions, begin: Callable[[], list[Ticket]]) -> Wait:
+        """Begin a motion, when there is room in the queue; the wait is over when it is, or has been passed.
+
+        With ``Next`` it is over when the motion is in the queue.
+        """
+        require(name, self._arm, self._operator)
+        begun: list[Later[None]] = []
+
+        def over() -> bool:
+            if not begun:
+                if self._arm.queue.full:
+                    return False
+                require(name, self._arm, self._operator)
+                begun.append(self._arm.when_done(begin()[-1]))
+            return options.next or _until(begun[0])()
+
+        over()
+        return over
+
+    def _global(self, access: Callable[[], Value | list[float] | None]) -> Any:
+        try:
+            return access()
+        except CallError as error:
+            if error.code == hresult.VARIABLE_INDEX_INVALID:  # a program has a code of its own for it
+                raise error_for(hresult.GLOBAL_VARIABLE_OUT_OF_RANGE, error.detail) from None
+            if error.code == hresult.DISP_E_TYPEMISMATCH:
+                raise error_for(
+                    hresult.VARIABLE_CHANGE_FAILED, pick("a value of another type", "型が一致しません")
+                ) from None
+            raise
+
+
+def _until(done: Later[None]) -> Wait:
+    def over() -> bool:
+        if done.done:
+            done.result()
+        return done.done
+
+    return over

@@ -1,0 +1,308 @@
+"""The arm: who holds it, its motor, its queue of motions, and what stops it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from orinkit import hresult
+from orinkit.cao.provider import Later
+from orinkit.errors import error_for
+from orinkit.language import pick
+from orinkit.virtual.rc8.cycle import Cycles
+from orinkit.virtual.rc8.faults import Faults
+from orinkit.virtual.rc8.memory import Variables
+from orinkit.virtual.rc8.models import Model
+from orinkit.virtual.rc8.motion.plan import Motion
+from orinkit.virtual.rc8.motion.queue import MotionQueue, QueueState, Ticket, TicketState
+from orinkit.virtual.rc8.robot.motor import Motor
+from orinkit.virtual.rc8.robot.operators import Operator
+from orinkit.virtual.rc8.robot.servo import ControlLog, Servo
+from orinkit.virtual.rc8.robot.speeds import Speeds
+from orinkit.virtual.rc8.robot.target import Space
+from orinkit.virtual.rc8.switches import Switches
+
+_PASSED = (TicketState.PASSED, TicketState.DONE)
+
+
+@dataclass(slots=True)
+class _Waiting:
+    """Someone who waits for a motion: until it is passed, commanded to its end, or arrived there."""
+
+    ticket: Ticket
+    passing: bool
+    arrived: bool
+    done: Later[None]
+
+
+class Arm:
+    """The arm and everything that moves it.
+
+    Args:
+        model: which arm it is.
+        cycles: the controller's cycle.
+        switches: of the controller.
+        faults: of the controller.
+        variables: of the controller.
+        seconds: gives the time since the controller was switched on, s.
+
+    Attributes:
+        holder: who has taken it (TakeArm), ``None`` for nobody.
+        held: paused by Hold.
+        queue: motions that run and wait.
+        servo: encoders and loads.
+        motor, speeds, space, log: what their names say.
+    """
+
+    def __init__(
+        self, model: Model, cycles: Cycles, switches: Switches, faults: Faults, variables: Variables,
+        seconds: Callable[[], float],
+    ) -> None:  # fmt: skip
+        self.model = model
+        self.switches = switches
+        self.faults = faults
+        self.seconds = seconds
+        self.motor = Motor()
+        self.speeds = Speeds()
+        self.space = Space(model, variables)
+        self.queue = MotionQueue(model, model.home)
+        self.servo = Servo(model, model.home)
+        self.log = ControlLog()
+        self.holder: Operator | None = None
+        self.held = False
+        self._cycles = cycles
+        self._objects: Counter[Operator] = Counter()
+        self._waiting: list[_Waiting] = []
+        self._still: list[Later[None]] = []
+        self._takers: list[tuple[Operator, Later[None]]] = []  # who waits for it to stand still, to take it
+        self._stop_code: int | None = None  # while it is being brought to rest; 0: a motion that is skipped
+        self._cut = False
+
+    # --- state --------------------------------------------------------------------------------------------------
+
+    @property
+    def busy(self) -> bool:
+        """Whether a motion runs, is paused, or is being stopped."""
+        return self.queue.state is not QueueState.IDLE
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it is being brought to rest."""
+        return self._stop_code is not None
+
+    @property
+    def settled(self) -> bool:
+        """Whether it stands where it was told to, encoders too."""
+        return not self.busy and self.servo.settled
+
+    # --- who has it ---------------------------------------------------------------------------------------------
+
+    def take(self, operator: Operator, *, keep: bool) -> None:
+        """Give the arm to an operator: internal speeds to 100 %, tool 0, work 0, unless they are to be kept."""
+        self.holder = operator
+        if not keep:
+            self.speeds.reset()
+            self.space.tools.current = self.space.works.current = 0
+
+    def take_later(self, operator: Operator, *, keep: bool, check: Callable[[], None]) -> Later[None]:
+        """Give the arm to an operator when nothing moves any more.
+
+        Args:
+            operator: who is to have it.
+            keep: as :meth:`take`.
+            check: raises an exception if the operator may not have it at that moment; the promise is broken with it.
+        """
+        promise = Later[None]()
+        self._takers.append((operator, promise))
+
+        def take() -> None:
+            self._takers.remove((operator, promise))
+            if promise.done:  # it has gone meanwhile
+                return
+            try:
+                check()
+            except Exception as error:  # noqa: BLE001 - told to the operator
+                promise.fail(error)
+            else:
+                self.take(operator, keep=keep)
+                promise.finish()
+
+        self.when_still().when_done(take)
+        return promise
+
+    def give(self) -> None:
+        """Take the arm from whoever has it; nothing moves."""
+        self.holder = None
+
+    def enter(self, operator: Operator) -> None:
+        """Count a client's Robot objects: the arm is its own as long as it has one."""
+        self._objects[operator] += 1
+
+    def leave(self, operator: Operator) -> None:
+        """Take a client's Robot object off; with its last one what it moves is brought to rest, and the arm is free."""
+        self._objects[operator] -= 1
+        if self._objects[operator] > 0:
+            return
+        del self._objects[operator]
+        for taker, promise in self._takers:
+            if taker is operator:
+                promise.fail(error_for(hresult.E_ABORT))
+        if self.holder is operator:
+            self.holder = None
+            self.stop(hresult.STOPPED_DURING_PC_MOTION)
+
+    # --- motion -------------------------------------------------------------------------------------------------
+
+    def begin(self, motion: Motion) -> Ticket:
+        """Put a motion at the end of the queue; it starts in the next cycle if nothing else runs."""
+        ticket = self.queue.add(motion)
+        self._cycles.wake()
+        return ticket
+
+    def when_done(self, ticket: Ticket) -> Later[None]:
+        """Return what is kept when a motion is over, as its pass mark has it; broken when it is stopped."""
+        mark = ticket.motion.mark.mode
+        wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Later[None]())
+        if not self._finish(wait):
+            self._waiting.append(wait)
+        return wait.done
+
+    def when_still(self) -> Later[None]:
+        """Return what is kept when nothing moves any more; a paused motion counts as still."""
+        done = Later[None]()
+        if self._at_rest():
+            done.finish()
+        else:
+            self._still.append(done)
+        return done
+
+    def stop(self, code: int) -> None:
+        """Bring the arm to rest within its limits and forget its motions.
+
+        Args:
+            code: with which those who wait for them are answered; the first one counts.
+        """
+        self.held = False
+        if self.busy:
+            self._stop_code = code if self._stop_code is None else self._stop_code
+            self.queue.halt()
+            self._answer()  # a paused arm stands already
+            self._cycles.wake()
+
+    def cut(self, code: int) -> None:
+        """Bring the arm to rest and take its motor supply away: emergency stop, grave errors."""
+        self.stop(code)
+        if self.busy:
+            self._cut = True
+        else:
+            self.motor.cut()
+
+    def hold(self) -> None:
+        """Pause: bring the arm to rest on its path; the motions are kept."""
+        self.held = True
+        if self.busy and not self.stopping:
+            self.queue.hold()
+            self._cycles.wake()
+
+    def unhold(self) -> None:
+        """Go on."""
+        self.held = False
+        if self.busy and not self.stopping:
+            self.queue.unhold()
+            self._cycles.wake()
+
+    def skip(self) -> None:
+        """Bring the arm to rest and forget its motions; those who wait for them are told that they are over."""
+        if self.busy:
+            self.stop(hresult.S_OK)
+
+    def switch_motor(self, on: bool) -> Later[None]:
+        """Begin to switch the motor; kept when that is done.
+
+        Raises:
+            CallError: MOTOR_SWITCHING_OFF.
+        """
+        done = self.motor.switch(on)
+        self._cycles.wake()
+        return done
+
+    def lock(self, on: bool) -> None:
+        """Set the machine lock: the commands go on, the arm stays. When it is taken off they begin where the arm is."""
+        self.switches.machine_lock = on
+        self.servo.frozen = on
+        if not on:
+            self.servo.place(self.servo.encoder)
+            self.queue.place(self.servo.encoder)
+
+    def place(self, joints: Sequence[float]) -> None:
+        """Put the arm somewhere without moving, before anything runs.
+
+        Raises:
+            ValueError: another number of joints than it has axes, or beyond their limits.
+        """
+        wanted = (*map(float, joints), *self.model.home[len(joints) :])
+        finite = len(wanted) == len(self.model.axes) and all(map(math.isfinite, wanted))
+        if not finite or self.space.kinematics.limits_exceeded(wanted):
+            raise ValueError(
+                pick(
+                    f"{self.model.name} cannot stand at {tuple(joints)}",
+                    f"{self.model.name} はこの姿勢を取れません: {tuple(joints)}",
+                )
+            )
+        self.queue.place(wanted)
+        self.servo.place(wanted)
+
+    # --- a cycle ------------------------------------------------------------------------------------------------
+
+    def step(self) -> bool:
+        """Do one cycle; returns whether anything still happens."""
+        self.queue.step()
+        moving = self.servo.step(self.queue.joints)
+        switching = self.motor.step()
+        self.log.add(
+            lambda: self.servo.sample(self.motor.on),
+            self._cycles.number,
+            self.space.tools.current,
+            self.space.works.current,
+        )
+        self._answer()
+        paused = self.queue.state is QueueState.HELD
+        return (self.busy and not paused) or moving or switching or self.log.running
+
+    def _answer(self) -> None:
+        """Tell those who wait what has become of their motions."""
+        waiting, self._waiting = self._waiting, []
+        self._waiting += [wait for wait in waiting if not self._finish(wait)]
+        self._come_to_rest()
+
+    def _finish(self, wait: _Waiting) -> bool:
+        state = wait.ticket.state
+        if state is TicketState.STOPPED:
+            if self._stop_code == hresult.S_OK:
+                wait.done.finish()
+            else:
+                wait.done.fail(error_for(self._stop_code or hresult.STOPPED_DURING_PC_MOTION))
+            return True
+        if state is TicketState.DONE and (not wait.arrived or self.servo.settled):
+            wait.done.finish()
+            return True
+        if wait.passing and state in _PASSED:
+            wait.done.finish()
+            return True
+        return False
+
+    def _at_rest(self) -> bool:
+        return self.queue.state in (QueueState.IDLE, QueueState.HELD)
+
+    def _come_to_rest(self) -> None:
+        if not self.busy:
+            self._stop_code = None
+            if self._cut:
+                self._cut = False
+                self.motor.cut()
+        if self._still and self._at_rest():
+            still, self._still = self._still, []
+            for done in still:
+                done.finish()

@@ -1,0 +1,148 @@
+"""What must be so before the controller does what it is told: THE TABLE of commanding functions and conditions.
+
+Each function names its conditions in the order in which they are checked; the first that does not hold gives the code.
+``docs/howto/robot.md`` has the table of what comes of it, and a test walks both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, TypeAlias
+
+from orinkit import hresult
+from orinkit.errors import error_for
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.operators import Operator
+from orinkit.virtual.rc8.switches import Mode
+
+
+class Condition(Enum):
+    """One condition."""
+
+    WRITE = "right to write"
+    TOKEN = "executable token"  # noqa: S105 - a start right
+    AUTO = "automatic mode"
+    ENABLED = "auto enable"
+    NO_EMERGENCY = "no emergency stop"
+    NO_PROTECTIVE = "no protective stop"
+    NO_ERROR = "no error"
+    FREE = "arm not taken by another"
+    ARM = "arm taken"
+    RESUMER = "arm taken, or held by a program"
+    MOTOR = "motor on"
+    NOT_HELD = "not held"
+    STILL = "standing still"
+    STILL_SPEED = "standing still (speeds)"
+    STILL_FRAME = "standing still (tool, work)"
+    STILL_MOTOR = "standing still (motor off)"
+
+
+Check: TypeAlias = Callable[[Arm, Operator], int]
+
+
+def _mode(arm: Arm, _: Operator) -> int:
+    return 0 if arm.switches.mode is Mode.AUTOMATIC else hresult.AUTO_MODE_REQUIRED
+
+
+def _free(arm: Arm, operator: Operator) -> int:
+    if arm.holder is None or arm.holder is operator:
+        return 0
+    if arm.holder.program:
+        return hresult.ARM_TAKEN_BY_PACSCRIPT
+    return hresult.ARM_GROUP_TAKEN if operator.program else hresult.ARM_NOT_TAKEN
+
+
+def _arm(arm: Arm, operator: Operator) -> int:
+    return 0 if arm.holder is operator else hresult.ARM_NOT_TAKEN
+
+
+def _resumer(arm: Arm, operator: Operator) -> int:
+    """A program that is paused with its arm cannot go on by itself: whoever paused it may have it go on."""
+    return 0 if arm.holder is not None and arm.holder.program else _arm(arm, operator)
+
+
+def _still(code: int) -> Check:
+    def check(arm: Arm, _: Operator) -> int:
+        return code if arm.busy else 0
+
+    return check
+
+
+def _standing(arm: Arm, _: Operator) -> int:
+    if arm.held and arm.busy:
+        return hresult.ROBOT_PAUSED
+    return hresult.ROBOT_MOVING if arm.busy else 0
+
+
+_CHECKS: Final[dict[Condition, Check]] = {
+    Condition.WRITE: lambda _, operator: operator.right(),
+    Condition.TOKEN: lambda arm, operator: operator.token(arm.switches),
+    Condition.AUTO: _mode,
+    Condition.ENABLED: lambda arm, _: 0 if arm.switches.auto_enable else hresult.AUTO_ENABLE_REQUIRED,
+    Condition.NO_EMERGENCY: lambda arm, _: hresult.EMERGENCY_STOP_ON if arm.switches.emergency_stop else 0,
+    Condition.NO_PROTECTIVE: lambda arm, _: hresult.PROTECTIVE_STOP_ON if arm.switches.protective_stop else 0,
+    Condition.NO_ERROR: lambda arm, _: hresult.ERROR_PRESENT if arm.faults.code else 0,
+    Condition.FREE: _free,
+    Condition.ARM: _arm,
+    Condition.RESUMER: _resumer,
+    Condition.MOTOR: lambda arm, _: 0 if arm.motor.on else hresult.MOTOR_NOT_ON,
+    Condition.NOT_HELD: lambda arm, _: hresult.ROBOT_PAUSED if arm.held else 0,
+    Condition.STILL: _standing,
+    Condition.STILL_SPEED: _still(hresult.SPEED_CHANGE_WHILE_MOVING),
+    Condition.STILL_FRAME: _still(hresult.TOOL_WORK_CHANGE_WHILE_MOVING),
+    Condition.STILL_MOTOR: _still(hresult.MOTOR_OFF_WHILE_MOVING),
+}
+
+C = Condition
+_START: Final = (C.WRITE, C.TOKEN, C.AUTO, C.ENABLED, C.NO_EMERGENCY, C.NO_PROTECTIVE, C.NO_ERROR)
+_MOTION: Final = (*_START, C.ARM, C.MOTOR, C.NOT_HELD)
+
+NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
+    "TakeArm": (C.WRITE, C.TOKEN, C.AUTO, C.FREE, C.STILL),
+    "GiveArm": (C.WRITE, C.ARM, C.STILL),
+    "Motor on": (*_START, C.FREE),
+    "Motor off": (C.WRITE, C.FREE, C.STILL_MOTOR),
+    "Move": _MOTION,
+    "Approach": _MOTION,
+    "Depart": _MOTION,
+    "Drive": _MOTION,
+    "DriveEx": _MOTION,
+    "DriveAEx": _MOTION,
+    "Rotate": _MOTION,
+    "RotateH": _MOTION,
+    "GoHome": _MOTION,
+    "Halt": (C.WRITE,),
+    "Hold": (C.WRITE,),
+    "Unhold": (*_START, C.RESUMER, C.MOTOR),
+    "MotionSkip": (C.WRITE, C.ARM),
+    "Speed": (C.WRITE, C.ARM, C.STILL_SPEED),
+    "Accelerate": (C.WRITE, C.ARM, C.STILL_SPEED),
+    "ExtSpeed": (C.WRITE, C.FREE),
+    "Change": (C.WRITE, C.ARM, C.STILL_FRAME),
+    "SetToolDef": (C.WRITE, C.ARM, C.STILL_FRAME),
+    "SetWorkDef": (C.WRITE, C.ARM, C.STILL_FRAME),
+    "Task_Start": _START,
+    "Task_Stop": (C.WRITE,),
+}
+"""The conditions of every commanding function, by its name."""
+
+
+def refusal(name: str, arm: Arm, operator: Operator) -> int:
+    """Return the code with which a function is refused at this moment, 0 if it is not."""
+    for condition in NEEDS[name]:
+        code = _CHECKS[condition](arm, operator)
+        if code:
+            return code
+    return 0
+
+
+def require(name: str, arm: Arm, operator: Operator) -> None:
+    """Check that a function may be carried out at this moment.
+
+    Raises:
+        CallError: with the code of the first condition that does not hold.
+    """
+    code = refusal(name, arm, operator)
+    if code:
+        raise error_for(code, f"{name}, {operator}")

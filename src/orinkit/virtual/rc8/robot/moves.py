@@ -1,0 +1,337 @@
+"""Motion functions: what a client or a program asks for, as planned motions in the arm's queue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from orinkit import hresult
+from orinkit.cao.motion_options import MotionOptions, VariableRef, resolve
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.poses import AT_COMMAND, PassMark, Target
+from orinkit.virtual.rc8.classes import CLASSES
+from orinkit.virtual.rc8.memory import Variables
+from orinkit.virtual.rc8.motion import plan
+from orinkit.virtual.rc8.motion.plan import Motion, Rates
+from orinkit.virtual.rc8.motion.queue import ROOM, Ticket
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.speeds import FULL, Trio
+from orinkit.virtual.rc8.robot.target import ROBOT_AXES, Goal, Joints, Space, check_distance
+from orinkit.virtual.rc8.robot.tools import IDENTITY, Matrix
+
+PTP: Final = 1
+LINE: Final = 2
+ARC: Final = 3
+CURVE: Final = 4
+
+_NO_OPTIONS: Final = MotionOptions()
+_AXES: Final = {"XY": (0.0, 0.0, 1.0), "YZ": (1.0, 0.0, 0.0), "ZX": (0.0, 1.0, 0.0)}
+_KEEP_ORIENTATION: Final = 2
+_RAISED_LEVEL: Final = 3
+_LONGEST_PATH: Final = 5000
+_PATHS: Final = 20
+_LEAST_RATE: Final = 1e-15  # slower than any motion may be, but never rounded to nothing
+
+_Plan: TypeAlias = Callable[[Joints], Motion]
+"""Plans a motion that starts from joints."""
+
+
+class Moves:
+    """Plans motions for an arm and puts them into its queue.
+
+    Every method gives the tickets of its motions; whether its conditions hold has been checked before.
+
+    Args:
+        arm: the arm.
+        variables: global variables, for poses and speeds that name one.
+        report: is told of a motion error that stops the controller: code and detail.
+    """
+
+    def __init__(self, arm: Arm, variables: Variables, report: Callable[[int, str], None]) -> None:
+        self._arm = arm
+        self._variables = variables
+        self._report = report
+        self._paths: dict[int, list[Target]] = {}
+
+    @property
+    def _space(self) -> Space:
+        return self._arm.space
+
+    # --- motions ------------------------------------------------------------------------------------------------
+
+    def move(self, interpolation: int, targets: Sequence[Target], options: MotionOptions) -> list[Ticket]:
+        """Move (RC8 3.3.4): 1 point to point and 2 line to each pose, 3 arc through one to the other, 4 curve.
+
+        Raises:
+            CallError: INTERPOLATION_NOT_SUPPORTED, E_INVALIDARG; what planning finds.
+        """
+        if interpolation in (PTP, LINE):
+            to = self._ptp_to if interpolation == PTP else self._line_to
+            return self._begin(*(partial(to, target, options) for target in targets))
+        if interpolation == ARC:
+            if len(targets) != 2:
+                raise error_for(
+                    hresult.E_INVALIDARG,
+                    pick("an arc needs two poses: the one it passes and the one where it ends",
+                         "円弧補間には 2 つのポーズ (経由点と終点) が必要です"),
+                )  # fmt: skip
+            return self._begin(partial(self._arc, targets[0], targets[1], options))
+        if interpolation == CURVE:
+            return self._begin(partial(self._curve, targets, targets[-1].mark, options))
+        raise self._told(
+            error_for(
+                hresult.INTERPOLATION_NOT_SUPPORTED,
+                pick(f"{interpolation}; 1 PTP, 2 line, 3 arc, 4 free curve",
+                     f"{interpolation} (1 PTP、2 直線、3 円弧、4 自由曲線)"),
+            )
+        )  # fmt: skip
+
+    def follow(self, number: int, mark: PassMark | None, options: MotionOptions) -> list[Ticket]:
+        """Move along a stored path, as a free curve.
+
+        Raises:
+            CallError: E_INVALIDARG, it has no points; what planning finds.
+        """
+        return self._begin(partial(self._curve, self._stored(number), mark, options))
+
+    def approach(
+        self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
+    ) -> list[Ticket]:
+        """Move to the pose that is ``distance`` mm before the given one, along its tool's -Z."""
+        mark = mark or target.mark
+
+        def make(start: Joints) -> Motion:
+            return self._backed(interpolation, self._space.goal(target, start), distance, mark, options, start)
+
+        return self._begin(make)
+
+    def depart(
+        self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions
+    ) -> list[Ticket]:
+        """Move back by ``distance`` mm along the tool's -Z."""
+
+        def make(start: Joints) -> Motion:
+            here = Goal(self._space.tcp(start), self._space.kinematics.figure(start), start[ROBOT_AXES:])
+            return self._backed(interpolation, here, distance, mark, options, start)
+
+        return self._begin(make)
+
+    def drive(
+        self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions
+    ) -> list[Ticket]:
+        """Move axes (number from 1, degrees or mm), by or to values.
+
+        Raises:
+            CallError: E_INVALIDARG, no such axis; what planning finds.
+        """
+        joints = list(self._arm.queue.end_joints)
+        for axis, value in pairs:
+            if not 1 <= axis <= len(joints):
+                raise error_for(
+                    hresult.E_INVALIDARG,
+                    pick(f"no axis {axis}; there are 1 to {len(joints)}", f"軸 {axis} はありません (1～{len(joints)})"),
+                )
+            joints[axis - 1] = value if absolute else joints[axis - 1] + value
+        return self._begin(partial(self._ptp, tuple(joints), mark or options.mark, options))
+
+    def rotate(self, axis: Matrix, point: Matrix, angle: float, options: MotionOptions) -> list[Ticket]:
+        """Rotate by degrees about an axis (3) through a point (3, mm), both in the base frame (RC8 provider Rotate)."""
+
+        def make(start: Joints) -> Motion:
+            return plan.plan_rotation(
+                self._space.kinematics, start, axis, point, angle, self._tool, self._path_rates(options),
+                options.mark or AT_COMMAND, keep_orientation=options.pose == _KEEP_ORIENTATION,
+            )  # fmt: skip
+
+        return self._begin(make)
+
+    def rotate_hand(self, angle: float, mark: PassMark | None, options: MotionOptions) -> list[Ticket]:
+        """Rotate by degrees about the tool's Z axis."""
+        tcp = self._space.tcp(self._arm.queue.end_joints)
+        turned = MotionOptions(
+            options.speed, options.accel, options.decel, options.time, options.next, mark or options.mark
+        )
+        return self.rotate(tcp[:3, 2], tcp[:3, 3], angle, turned)
+
+    def home(self) -> list[Ticket]:
+        """Move to the home pose, point to point."""
+        return self._begin(partial(self._ptp, self._arm.model.home, None, _NO_OPTIONS))
+
+    def plane(self, name: str) -> Matrix:
+        """Return the normal of a plane of the work frame, in the base frame.
+
+        Raises:
+            CallError: E_INVALIDARG, it is none of XY, YZ, ZX.
+        """
+        normal = _AXES.get(name.strip().upper())
+        if normal is None:
+            raise error_for(
+                hresult.E_INVALIDARG, pick(f"no plane {name!r}; XY, YZ, ZX", f"平面 {name!r} はありません (XY、YZ、ZX)")
+            )
+        return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
+
+    def point(self, target: Target) -> Matrix:
+        """Return the point of a pose, or of a vector, in the base frame, mm.
+
+        Raises:
+            CallError: as :meth:`Space.numbers`.
+        """
+        if target.kind == "V":
+            values = target.value
+            if isinstance(values, int):
+                values = tuple(self._variables.read(CLASSES["V"], values).value)
+            check_distance(*values)
+            return np.asarray((self._space.works.matrix() @ np.array([*values, 1.0]))[:3])
+        start = self._arm.queue.end_joints
+        kind, values = self._space.numbers(target, start)
+        frame = self._space.tcp(self._space.joints(target, start)) if kind == "J" else self._space.pose(kind, values)
+        return np.asarray(frame[:3, 3])
+
+    # --- stored paths -------------------------------------------------------------------------------------------
+
+    def add_path_point(self, number: int, target: Target) -> None:
+        """Add a pose to a stored path for free curves.
+
+        Raises:
+            CallError: E_INVALIDARG, no such path; E_OUTOFMEMORY, the path is full; the pose cannot be read.
+        """
+        path = self._paths.setdefault(_path(number), [])
+        if len(path) >= _LONGEST_PATH:
+            raise error_for(
+                hresult.E_OUTOFMEMORY, pick(f"{_LONGEST_PATH} points per path", f"1 経路 {_LONGEST_PATH} 点まで")
+            )
+        kind, values = self._space.numbers(target, self._arm.queue.end_joints)
+        path.append(Target(kind, values))
+
+    def clear_path(self, number: int) -> None:
+        """Forget the poses of a stored path."""
+        self._paths.pop(_path(number), None)
+
+    def path_length(self, number: int) -> int:
+        """Return how many poses a stored path has."""
+        return len(self._paths.get(_path(number), ()))
+
+    # --- helpers ------------------------------------------------------------------------------------------------
+
+    @property
+    def _tool(self) -> Matrix:
+        return self._space.tools.matrix()
+
+    def _ptp_to(self, target: Target, options: MotionOptions, start: Joints) -> Motion:
+        return self._ptp(self._space.joints(target, start), target.mark or options.mark, options, start)
+
+    def _line_to(self, target: Target, options: MotionOptions, start: Joints) -> Motion:
+        goal = self._space.path_goal(target, start)
+        return self._line(goal.tcp, goal.extra, target.mark or options.mark, options, start)
+
+    def _ptp(self, end: Joints, mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
+        rates = self._rates(self._arm.speeds.joint, options)
+        return plan.plan_ptp(self._space.kinematics, start, end, rates, mark or AT_COMMAND, self._tool)
+
+    def _line(self, end: Matrix, extra: Joints, mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
+        rates = self._path_rates(options)
+        return plan.plan_line(self._space.kinematics, start, end, self._tool, rates, mark or AT_COMMAND, extra)
+
+    def _arc(self, via: Target, target: Target, options: MotionOptions, start: Joints) -> Motion:
+        middle, end = self._space.path_goal(via, start), self._space.path_goal(target, start)
+        return plan.plan_arc(
+            self._space.kinematics, start, middle.tcp, end.tcp, self._tool, self._path_rates(options),
+            target.mark or via.mark or options.mark or AT_COMMAND, end.extra,
+        )  # fmt: skip
+
+    def _curve(self, targets: Sequence[Target], mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
+        goals = [self._space.path_goal(target, start) for target in targets]
+        return plan.plan_curve(
+            self._space.kinematics, start, [goal.tcp for goal in goals], self._tool, self._path_rates(options),
+            mark or options.mark or AT_COMMAND, goals[-1].extra,
+        )  # fmt: skip
+
+    def _stored(self, number: int) -> list[Target]:
+        points = self._paths.get(_path(number))
+        if not points:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                pick(f"path {number} has no points; add them with AddPathPoint",
+                     f"経路 {number} に点がありません (AddPathPoint で追加してください)"),
+            )  # fmt: skip
+        return points
+
+    def _backed(
+        self, interpolation: int, goal: Goal, distance: float, mark: PassMark | None, options: MotionOptions,
+        start: Joints,
+    ) -> Motion:  # fmt: skip
+        check_distance(distance)
+        back = IDENTITY.copy()
+        back[2, 3] = -distance
+        end = goal.tcp @ back
+        if interpolation == PTP:
+            solved = self._space.solve(end, goal.figure, start)
+            return self._ptp((*solved, *goal.extra), mark or options.mark, options, start)
+        if interpolation != LINE:
+            raise error_for(
+                hresult.INTERPOLATION_NOT_SUPPORTED, pick(f"{interpolation}; 1 or 2", f"{interpolation} (1 か 2)")
+            )
+        self._space.check_path(goal, start)
+        return self._line(end, goal.extra, mark or options.mark, options, start)
+
+    def _begin(self, *plans: _Plan) -> list[Ticket]:
+        """Plan motions one after the other; they are put into the queue when all of them are possible."""
+        queue = self._arm.queue
+        if len(queue.tickets) + len(plans) > ROOM:
+            raise error_for(
+                hresult.ROBOT_MOVING,
+                pick("as many motions as there is room for are waiting", "待機中の動作が上限に達しています"),
+            )
+        motions: list[Motion] = []
+        try:
+            for make in plans:
+                motions.append(make(motions[-1].end if motions else queue.end_joints))
+        except CallError as error:
+            raise self._told(error) from None
+        return [self._arm.begin(motion) for motion in motions]
+
+    def _told(self, error: CallError) -> CallError:
+        """Return an error of planning; the controller has it too, if it is of a level that stops the robot.
+
+        A program's error becomes the controller's anyway, with its line.
+        """
+        holder = self._arm.holder
+        stops = error.code >> 24 & 0xF >= _RAISED_LEVEL and error.info.family is hresult.Family.MOTION
+        if stops and not (holder is not None and holder.program):
+            self._report(error.code, error.detail)
+        return error
+
+    def _path_rates(self, options: MotionOptions) -> Rates:
+        return self._rates(self._arm.speeds.path, options)
+
+    def _rates(self, internal: Trio, options: MotionOptions) -> Rates:
+        external = self._arm.speeds.external
+        speed, accel, decel = (
+            self._amount(given, default)
+            for given, default in (
+                (options.speed, internal.speed), (options.accel, internal.accel), (options.decel, internal.decel)
+            )
+        )  # fmt: skip
+        time = None if options.time is None else max(_LEAST_RATE, self._amount(options.time, 0.0) / 1000)
+        speed, accel, decel = (
+            max(_LEAST_RATE, part / FULL**2)
+            for part in (speed * external.speed, accel * external.accel, decel * external.decel)
+        )
+        return Rates(speed, accel, decel, time)
+
+    def _amount(self, given: float | VariableRef | None, default: float) -> float:
+        if given is None:
+            return default
+        return resolve(given, lambda kind, index: self._variables.read(CLASSES[kind], index).value)
+
+
+def _path(number: int) -> int:
+    if not 1 <= number <= _PATHS:
+        raise error_for(
+            hresult.E_INVALIDARG, pick(f"no path {number}; 1 to {_PATHS}", f"経路 {number} はありません (1～{_PATHS})")
+        )
+    return number

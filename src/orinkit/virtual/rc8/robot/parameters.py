@@ -1,0 +1,215 @@
+"""Parameters of the robot's extended commands, as clients send them: arrays, scalars, everything as one text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from orinkit import hresult
+from orinkit.cao.pose_arguments import read_targets
+from orinkit.errors import NotationError, error_for
+from orinkit.language import pick
+from orinkit.poses import PassMark, Target
+from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.virtual.rc8 import conversion
+
+_MARK: Final = re.compile(r"@\s*(?:[PE]|[0-9.]+)", re.IGNORECASE)
+_PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
+_BETWEEN: Final = re.compile(r"[\s,]*")
+_EMPTY: Final = (VarType.EMPTY, VarType.NULL)
+_MOST_ELEMENTS: Final = 64  # of an array: no command has as many
+_LONGEST: Final = 1024  # characters of a text that is no pose
+
+
+def elements(parameter: Variant) -> list[Variant]:
+    """Return the elements of a parameter: of an array, else itself alone; none of VT_EMPTY and ``""``.
+
+    Raises:
+        CallError: E_INVALIDARG, there are more than any command has.
+    """
+    if parameter.type & ARRAY and len(parameter.value) > _MOST_ELEMENTS:
+        raise _count(len(parameter.value), 0, _MOST_ELEMENTS)
+    if parameter.type == VARIANT_ARRAY:
+        return [each if isinstance(each, Variant) else Variant(VarType.EMPTY) for each in parameter.value]
+    if parameter.type & ARRAY:
+        return [Variant(parameter.type & ~ARRAY, each) for each in parameter.value]
+    if parameter.type in _EMPTY or parameter.value == "":
+        return []
+    return [parameter]
+
+
+def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
+    """Return as many numbers as there are defaults; a default of ``None`` cannot be left out.
+
+    Raises:
+        CallError: E_INVALIDARG for a wrong number of them, DISP_E_TYPEMISMATCH for what is no number.
+    """
+    given = elements(parameter)
+    if len(given) == 1 and isinstance(given[0].value, str) and len(defaults) > 1:
+        given = [Variant(VarType.BSTR, part) for part in _short(given[0].value).split(",")]
+    least = sum(1 for default in defaults if default is None)
+    if not least <= len(given) <= len(defaults):
+        raise _count(len(given), least, len(defaults))
+    values = [conversion.double(each) for each in given]
+    return values + [default for default in defaults[len(given) :] if default is not None]
+
+
+def whole_numbers(parameter: Variant, *defaults: int | None) -> list[int]:
+    """Return whole numbers, as :func:`numbers`.
+
+    Raises:
+        CallError: as :func:`numbers`; E_INVALIDARG for a fraction.
+    """
+    return [whole(value) for value in numbers(parameter, *defaults)]
+
+
+def whole(value: float) -> int:
+    """Return a number without a fraction.
+
+    Raises:
+        CallError: E_INVALIDARG, it has one.
+    """
+    if value != int(value):
+        raise error_for(hresult.E_INVALIDARG, pick(f"{value:g} is no whole number", f"{value:g} は整数ではありません"))
+    return int(value)
+
+
+def flag(value: float) -> bool:
+    """Return a number as a switch: 0, or 1 (VT_BOOL is -1).
+
+    Raises:
+        CallError: VALUE_OUT_OF_RANGE, it is another one.
+    """
+    if value not in (-1, 0, 1):
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, pick(f"{value:g}; 0 or 1", f"{value:g} (0 か 1)"))
+    return bool(value)
+
+
+def pose(parameter: Variant) -> Target:
+    """Return the one pose that a parameter is.
+
+    Raises:
+        CallError: E_INVALIDARG, there are several; it cannot be read.
+    """
+    targets = read_targets(parameter)
+    if len(targets) != 1:
+        raise error_for(hresult.E_INVALIDARG, pick("one pose is needed", "ポーズは 1 つだけ指定してください"))
+    return targets[0]
+
+
+def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]:
+    """Return a pose and what follows it: ``[pose, tool, work]``; a pose alone may be in any of its own forms.
+
+    Raises:
+        CallError: E_INVALIDARG, more than ``most`` follow; as :func:`pose`.
+    """
+    if parameter.type == VARIANT_ARRAY:
+        given = elements(parameter)
+        has_own_form = bool(given) and (isinstance(given[0].value, str) or bool(given[0].type & ARRAY))
+        if has_own_form and (len(given) == 1 or not isinstance(given[1].value, str)):
+            if len(given) > 1 + most:
+                raise _count(len(given), 1, 1 + most)
+            return pose(given[0]), given[1:]
+    return pose(parameter), []
+
+
+def poses(parameter: Variant, count: int) -> list[Target]:
+    """Return so many poses.
+
+    Raises:
+        CallError: E_INVALIDARG, there are more or fewer; one cannot be read.
+    """
+    given = elements(parameter)
+    found = [pose(each) for each in given] if len(given) == count else list(read_targets(parameter))
+    if len(found) != count:
+        raise _count(len(found), count, count)
+    return found
+
+
+def pass_mark(text: str) -> PassMark:
+    """Return the pass mark that a text is.
+
+    Raises:
+        CallError: E_INVALIDARG, it is none.
+    """
+    try:
+        return PassMark.parse(text)
+    except NotationError as error:
+        raise error_for(hresult.E_INVALIDARG, f"{text!r:.40}: {error}") from None
+
+
+def marked(given: Variant) -> tuple[PassMark | None, str]:
+    """Return the pass mark in front of a text, and the rest: ``"@P 10"``; a number is its own text.
+
+    Raises:
+        CallError: E_INVALIDARG, the mark cannot be read, or the text is too long; DISP_E_TYPEMISMATCH.
+    """
+    text = _short(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
+    found = _MARK.match(text)
+    return (pass_mark(found[0]), text[found.end() :].strip()) if found else (None, text)
+
+
+def marked_number(given: Variant) -> tuple[PassMark | None, float]:
+    """Return pass mark and number of a text such as ``"@P 10"``, or a number alone.
+
+    Raises:
+        CallError: DISP_E_TYPEMISMATCH, what follows the mark is no number.
+    """
+    mark, text = marked(given)
+    return mark, conversion.double(Variant(VarType.BSTR, text))
+
+
+def axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
+    """Return pass mark and (axis, value) pairs: one text ``"@0 (1,10),(2,20)"``, or arrays of two.
+
+    Raises:
+        CallError: E_INVALIDARG, there are none, or something else stands between them.
+    """
+    if len(given) == 1 and isinstance(given[0].value, str):
+        mark, text = marked(given[0])
+        pairs = [(found[1], found[2]) for found in _PAIRS.finditer(text)]
+        if not pairs or not _BETWEEN.fullmatch(_PAIRS.sub("", text)):
+            raise _no_pairs(text)
+        return mark, [_pair(Variant(VarType.BSTR, axis), Variant(VarType.BSTR, value)) for axis, value in pairs]
+    found_pairs = []
+    for each in given:
+        pair = elements(each)
+        if len(pair) != 2:
+            raise _no_pairs(str(each.plain))
+        found_pairs.append(_pair(*pair))
+    if not found_pairs:
+        raise _no_pairs("")
+    return None, found_pairs
+
+
+def _short(text: str) -> str:
+    if len(text) > _LONGEST:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick(f"a text of {len(text)} characters; at most {_LONGEST}", f"文字列が {len(text)} 文字です (上限 {_LONGEST} 文字)"),
+        )  # fmt: skip
+    return text
+
+
+def _pair(axis: Variant, value: Variant) -> tuple[int, float]:
+    return conversion.whole(axis), conversion.double(value)
+
+
+def _no_pairs(text: str) -> Exception:
+    return error_for(
+        hresult.E_INVALIDARG,
+        pick(
+            f'{text!r:.40}; "@0 (1,10),(2,20)" is the form', f'{text!r:.40} ("@0 (1,10),(2,20)" の形で指定してください)'
+        ),
+    )
+
+
+def _count(given: int, least: int, most: int) -> Exception:
+    wanted = str(least) if least == most else f"{least}..{most}"
+    return error_for(
+        hresult.E_INVALIDARG,
+        pick(
+            f"{given} parameters were given, {wanted} are wanted", f"パラメータが {given} 個あります ({wanted} 個必要)"
+        ),
+    )

@@ -1,0 +1,263 @@
+"""Poses as clients write them, as joints of the arm or frames in its base: work, tool and figure taken into account."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from orinkit import hresult
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.poses import Extra, Kind, Target
+from orinkit.virtual.rc8 import frames
+from orinkit.virtual.rc8.classes import CLASSES
+from orinkit.virtual.rc8.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
+from orinkit.virtual.rc8.kinematics import Kinematics
+from orinkit.virtual.rc8.memory import Variables
+from orinkit.virtual.rc8.models import Model
+from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_frames
+
+ROBOT_AXES: Final = 6
+_LEAST_VALUES: Final = {"P": 6, "T": 9, "J": ROBOT_AXES}
+_FIGURE_AT: Final = {"P": 6, "T": 9}
+_BY_LENGTH: Final[dict[int, Kind]] = {8: "J", 9: "T", 10: "T"}  # of values whose kind nobody told
+_FIGURE_AUTO: Final = -1
+_FIGURE_LEAST: Final = -3
+_FARTHEST: Final = 1e6  # mm; farther than any arm reaches, and near enough to calculate with
+
+Joints = tuple[float, ...]
+
+
+class Goal(NamedTuple):
+    """Where a pose puts the arm.
+
+    Attributes:
+        tcp: the tool frame in the base.
+        figure: of the pose; -1 and below where the arm is to choose.
+        extra: the axes from the seventh on.
+        straight: joint 5 of a J is 0 there, so FLIP and NONFLIP are the same.
+    """
+
+    tcp: Matrix
+    figure: int
+    extra: Joints
+    straight: bool = False
+
+
+class Space:
+    """The arm's frames and its kinematics: what a pose means.
+
+    Attributes:
+        tools, works: the frames, and which are in use.
+        kinematics: of the arm.
+    """
+
+    def __init__(self, model: Model, variables: Variables) -> None:
+        self.model = model
+        self.kinematics = Kinematics(model)
+        self.tools: FrameSet = tool_frames()
+        self.works: FrameSet = work_frames()
+        self._variables = variables
+
+    # --- from the arm outwards ----------------------------------------------------------------------------------
+
+    def tcp(self, joints: Sequence[float]) -> Matrix:
+        """Return the tool frame in the base frame."""
+        return np.asarray(self.kinematics.forward(joints) @ self.tools.matrix())
+
+    def in_work(self, tcp: Matrix) -> Matrix:
+        """Return a frame of the base in the work frame in use."""
+        return np.asarray(frames.inverse_of(self.works.matrix()) @ tcp)
+
+    def position(self, joints: Sequence[float]) -> list[float]:
+        """Return P: X, Y, Z in mm, RX, RY, RZ in degrees, Fig, in the work frame in use."""
+        return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
+
+    def values(self, tcp: Matrix) -> list[float]:
+        """Return X, Y, Z, RX, RY, RZ of a frame of the base in the work frame in use."""
+        return [float(value) for value in frames.position_of_matrix(self.in_work(tcp))]
+
+    def trans(self, joints: Sequence[float]) -> list[float]:
+        """Return T: X, Y, Z in mm, orient and approach vector, Fig, in the work frame in use."""
+        values = frames.trans_of_matrix(self.in_work(self.tcp(joints)))
+        return [*map(float, values), float(self.kinematics.figure(joints))]
+
+    # --- from a pose to the arm ---------------------------------------------------------------------------------
+
+    def numbers(self, target: Target, start: Joints) -> tuple[Kind, tuple[float, ...]]:
+        """Return kind and values of a pose; that of a variable is read now.
+
+        Raises:
+            CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG, too few values; FIGURE_OUT_OF_RANGE, Fig is none;
+                DISP_E_TYPEMISMATCH, no pose at all.
+        """
+        values = target.value
+        kind: Kind = target.kind or ("P" if isinstance(values, int) else _BY_LENGTH.get(len(values), "P"))
+        if kind not in _LEAST_VALUES:
+            raise error_for(
+                hresult.DISP_E_TYPEMISMATCH,
+                pick(f"{target} is no pose; P, T or J is needed", f"{target} はポーズではありません (P、T、J が必要)"),
+            )
+        if isinstance(values, int):
+            values = tuple(self._variables.read(CLASSES[kind], values).value)
+        elif kind == "J" and len(values) > ROBOT_AXES:
+            values = (*values, *start[len(values) :])
+        if len(values) < _LEAST_VALUES[kind]:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                pick(
+                    f"{target} has {len(values)} values, {_LEAST_VALUES[kind]} are needed",
+                    f"{target} の値は {len(values)} 個です ({_LEAST_VALUES[kind]} 個必要)",
+                ),
+            )
+        if kind != "J":
+            figure_of(kind, values)
+        return kind, values
+
+    def joints(self, target: Target, start: Joints, tool: int = -1, work: int = -1) -> Joints:
+        """Return where a point-to-point motion to a pose ends, all axes.
+
+        Args:
+            target: the pose.
+            start: joints that it starts from; they decide where the figure is left open.
+            tool: number of the tool that the pose is for, -1 that in use.
+            work: number of the work frame that the pose is in, -1 that in use.
+
+        Raises:
+            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; as :meth:`numbers`.
+        """
+        kind, values = self.numbers(target, start)
+        if kind == "J":
+            count = len(self.model.axes)
+            ends = (*values[:count], *start[len(values) :])
+            return self.with_extra(
+                target.extra, start, ends[:count] if len(values) > ROBOT_AXES else _robot(ends, start)
+            )
+        tcp = self.pose(kind, values, work)
+        solved = self.solve(tcp, figure_of(kind, values), start, tool)
+        return self.with_extra(target.extra, start, (*solved, *start[ROBOT_AXES:]))
+
+    def goal(self, target: Target, start: Joints) -> Goal:
+        """Return where a pose puts the tool, and the extra axes.
+
+        Raises:
+            CallError: as :meth:`numbers` and :meth:`with_extra`.
+        """
+        kind, values = self.numbers(target, start)
+        if kind == "J":
+            joints = self.joints(target, start)
+            figure = self.kinematics.figure(joints)
+            return Goal(self.tcp(joints), figure, joints[ROBOT_AXES:], is_straight(joints))
+        extra = self.with_extra(target.extra, start, start)[ROBOT_AXES:]
+        return Goal(self.pose(kind, values), figure_of(kind, values), extra)
+
+    def path_goal(self, target: Target, start: Joints) -> Goal:
+        """Return where a path ends.
+
+        Raises:
+            CallError: FIGURE_MISMATCH, the pose's figure is not that of the arm; as :meth:`goal`.
+        """
+        goal = self.goal(target, start)
+        self.check_path(goal, start)
+        return goal
+
+    def check_path(self, goal: Goal, start: Joints) -> None:
+        """Check that a path from these joints can end with a pose's figure; DOUBLE bits may change on the way.
+
+        Raises:
+            CallError: FIGURE_MISMATCH, it is another than that of the arm.
+        """
+        present = self.kinematics.figure(start)
+        kept = POSTURE & ~NONFLIP if goal.straight or is_straight(start) else POSTURE
+        if goal.figure >= 0 and goal.figure & kept != present & kept:
+            raise error_for(
+                hresult.FIGURE_MISMATCH,
+                pick(
+                    f"the pose has figure {goal.figure}, the arm has {present}; a path keeps the figure",
+                    f"ポーズの形態は {goal.figure}、アームの形態は {present} です (経路動作では形態は変わりません)",
+                ),
+            )
+
+    def solve(self, tcp: Matrix, figure: int, start: Joints, tool: int = -1) -> Joints:
+        """Return the six joints that put the tool to a frame in the base.
+
+        Raises:
+            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE.
+        """
+        flange = tcp @ frames.inverse_of(self.tools.matrix(tool))
+        near = np.asarray(start[:ROBOT_AXES])
+        try:
+            if figure < 0:
+                found = self.kinematics.choose(flange, figure, near)
+            else:
+                found = self.kinematics.inverse(flange, figure, near)
+        except CallError as error:
+            if error.code == hresult.OUT_OF_WORKING_RANGE:  # nothing has moved: a refusal, no stop
+                raise error_for(hresult.TARGET_OUT_OF_RANGE, error.detail) from None
+            raise
+        return tuple(float(angle) for angle in found)
+
+    def with_extra(self, extra: Extra | None, start: Joints, ends: Joints) -> Joints:
+        """Return the joints with the axes of ``EX`` or ``EXA`` put in.
+
+        Raises:
+            CallError: E_INVALIDARG, the arm has no such axis, or it is one of its own six.
+        """
+        if extra is None:
+            return ends
+        joints = list(ends)
+        for number, value in extra.joints:
+            if not ROBOT_AXES < number <= len(joints):
+                raise error_for(
+                    hresult.E_INVALIDARG,
+                    pick(f"{self.model.name} has no extra axis {number}", f"{self.model.name} に付加軸 {number} はありません"),
+                )  # fmt: skip
+            joints[number - 1] = value if extra.absolute else start[number - 1] + value
+        return tuple(joints)
+
+    def pose(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
+        """Return P or T values of a work frame, -1 that in use, as a frame in the base.
+
+        Raises:
+            CallError: TARGET_OUT_OF_RANGE, they are beyond any arm's reach; E_INVALIDARG, the vectors of a T are none.
+        """
+        check_distance(*values[:3])
+        make = frames.matrix_of_position if kind == "P" else frames.matrix_of_trans
+        return np.asarray(self.works.matrix(work) @ make(values[: _FIGURE_AT[kind]]))
+
+
+def check_distance(*lengths: float) -> None:
+    """Check that lengths, mm, are some that an arm can have to do with.
+
+    Raises:
+        CallError: TARGET_OUT_OF_RANGE.
+    """
+    for length in lengths:
+        if not abs(length) <= _FARTHEST:
+            raise error_for(
+                hresult.TARGET_OUT_OF_RANGE,
+                pick(f"{length:g} mm is farther than any arm reaches", f"{length:g} mm はアームの到達範囲外です"),
+            )
+
+
+def figure_of(kind: str, values: Sequence[float]) -> int:
+    """Return the figure that a P or T has; -1 where it says nothing.
+
+    Raises:
+        CallError: FIGURE_OUT_OF_RANGE, there is no such figure.
+    """
+    at = _FIGURE_AT[kind]
+    given = values[at] if len(values) > at else _FIGURE_AUTO
+    figure = int(given)
+    if figure != given or not (_FIGURE_LEAST <= figure < 0 or 0 <= figure & ~COBOTTA_BIT <= HIGHEST):
+        raise error_for(
+            hresult.FIGURE_OUT_OF_RANGE,
+            pick(f"{given:g}; the figure is -3 to {HIGHEST}", f"{given:g} (形態は -3～{HIGHEST})"),
+        )
+    return figure
+
+
+def _robot(values: Sequence[float], start: Joints) -> Joints:
+    return (*values[:ROBOT_AXES], *start[ROBOT_AXES:])

@@ -1,0 +1,96 @@
+"""Tool and work frames: their definitions, and which of them is in use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orinkit import hresult
+from orinkit.errors import error_for
+from orinkit.language import pick
+from orinkit.virtual.rc8 import frames
+
+Matrix: TypeAlias = NDArray[np.float64]
+"""A frame: 4 x 4, mm."""
+
+TOOLS: Final = 64
+WORKS: Final = 8
+_MOST: Final = 1e5  # mm, deg
+_ZERO: Final = (0.0,) * 6
+
+
+@dataclass(slots=True)
+class FrameSet:
+    """The frames of one kind; number 0 is the flange, or the base, and cannot be changed.
+
+    Attributes:
+        count: how many there are.
+        code: with which another number is refused.
+        current: number of the one in use.
+    """
+
+    count: int
+    code: int
+    current: int = 0
+    _values: dict[int, tuple[float, ...]] = field(default_factory=dict)
+    _matrices: dict[int, Matrix] = field(default_factory=dict)
+
+    def check(self, number: int, first: int = 0) -> int:
+        """Return the number of a frame.
+
+        Raises:
+            CallError: there is no such frame, or it cannot be changed.
+        """
+        if not first <= number < self.count:
+            raise error_for(
+                self.code,
+                pick(
+                    f"{number}; there are {first} to {self.count - 1}", f"{number} (範囲は {first}～{self.count - 1})"
+                ),
+            )
+        return number
+
+    def define(self, number: int, values: Sequence[float]) -> None:
+        """Set a frame: X, Y, Z in mm, RX, RY, RZ in degrees.
+
+        Raises:
+            CallError: there is no such frame, or it cannot be changed; VALUE_OUT_OF_RANGE.
+        """
+        self.check(number, 1)
+        for value in values[:6]:
+            if not abs(value) <= _MOST:
+                raise error_for(
+                    hresult.VALUE_OUT_OF_RANGE,
+                    pick(f"{value:g}; at most {_MOST:g} mm or deg", f"{value:g} (上限は {_MOST:g} mm または度)"),
+                )
+        self._values[number] = tuple(values[:6])
+        self._matrices.pop(number, None)
+
+    def values(self, number: int) -> tuple[float, ...]:
+        """Return X, Y, Z, RX, RY, RZ of a frame."""
+        return self._values.get(self.check(number), _ZERO)
+
+    def matrix(self, number: int = -1) -> Matrix:
+        """Return a frame as a matrix; -1 is the one in use."""
+        number = self.current if number == -1 else self.check(number)
+        found = self._matrices.get(number)
+        if found is None:
+            found = self._matrices[number] = frames.matrix_of_position(self.values(number))
+        return found
+
+
+def tool_frames() -> FrameSet:
+    """Return the tools: 0 the flange, 1 to 63 definable."""
+    return FrameSet(TOOLS, hresult.TOOL_NUMBER_OUT_OF_RANGE)
+
+
+def work_frames() -> FrameSet:
+    """Return the works: 0 the base, 1 to 7 definable."""
+    return FrameSet(WORKS, hresult.WORK_NUMBER_OUT_OF_RANGE)
+
+
+IDENTITY: Final[Matrix] = np.eye(4)

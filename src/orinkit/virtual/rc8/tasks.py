@@ -1,0 +1,316 @@
+"""The programs of the controller: one task for each ``.pcs`` file, run in slices of the 8 ms cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Final
+
+from orinkit import hresult
+from orinkit.cao.provider import not_found
+from orinkit.errors import CallError, error_for
+from orinkit.virtual.rc8.cycle import Cycles
+from orinkit.virtual.rc8.files import FileStore
+from orinkit.virtual.rc8.memory import Variables
+from orinkit.virtual.rc8.pacscript.errors import PacScriptError, ProgramFault
+from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
+from orinkit.virtual.rc8.program import ProgramWorld
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.moves import Moves
+from orinkit.virtual.rc8.switches import Switches
+
+STATEMENTS: Final = 200
+"""Statements that a task executes in a cycle at most: 25,000 in a second."""
+
+MOST_RUNNING: Final = 32
+PRIORITY: Final = 128
+SUFFIX: Final = ".pcs"
+_MILLISECONDS: Final = 1000
+_LARGE: Final = 8192  # bytes; loading them takes about 0.1 s
+
+
+class TaskStatus(IntEnum):
+    """What GetStatus answers (reference: task status)."""
+
+    NON_EXISTENT = 0
+    SUSPENDED = 1
+    READY = 2
+    RUNNING = 3
+    STEP_STOPPED = 4
+
+
+class StartMode(IntEnum):
+    """How Task_Start runs a program."""
+
+    ONE_CYCLE = 1
+    CONTINUOUS = 2
+    STEP = 3
+
+
+class StopMode(IntEnum):
+    """How Task_Stop stops a program; 0, the default, is an instant stop here."""
+
+    DEFAULT = 0
+    INSTANT = 1
+    STEP = 2
+    CYCLE = 3
+    INITIALIZE = 4
+
+
+class Task:
+    r"""One program as it runs; as an operator of the arm it needs no right and no token, for its start had both.
+
+    Attributes:
+        name: without suffix, as ``Pro1`` or ``folder\\Pro1``.
+        status: what it is doing.
+        cycle_seconds: how long its last cycle took, s.
+    """
+
+    program: Final = True
+
+    def __init__(self, name: str, world: Callable[[Task], ProgramWorld], seconds: Callable[[], float]) -> None:
+        self.name = name
+        self.status = TaskStatus.READY
+        self.cycle_seconds = 0.0
+        self.world = world(self)
+        self._seconds = seconds
+        self._mode = StartMode.ONE_CYCLE
+        self._ending = StopMode.DEFAULT  # STEP or CYCLE: where it is to stop
+        self._machine: Machine | None = None
+        self._program: Program | None = None
+        self._began = 0.0
+        self._started = 0.0
+
+    def __str__(self) -> str:
+        return self.name
+
+    def right(self) -> int:
+        """It may do what it was started for."""
+        return 0
+
+    def token(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
+        """Who started it had the token."""
+        return 0
+
+    @property
+    def running(self) -> bool:
+        """Whether it runs."""
+        return self.status is TaskStatus.RUNNING
+
+    @property
+    def line(self) -> int:
+        """The line that is executed next, from 1; 0 before the first start."""
+        return self._machine.line if self._machine else 0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since it was started; 0 when it is not running."""
+        return self._seconds() - self._started if self.status is TaskStatus.RUNNING else 0.0
+
+    def start(self, program: Program, mode: StartMode) -> None:
+        """Run a program, or go on with it where it was suspended.
+
+        Raises:
+            CallError: PROGRAM_RUNNING.
+        """
+        if self.status is TaskStatus.RUNNING:
+            raise error_for(hresult.PROGRAM_RUNNING, self.name)
+        going_on = self.status in (TaskStatus.SUSPENDED, TaskStatus.STEP_STOPPED) and program is self._program
+        if not going_on or self._machine is None:
+            self._program = program
+            self._machine = Machine(program, self.world)
+            self._began = self._seconds()
+        self._mode, self._ending = mode, StopMode.DEFAULT
+        self._started = self._seconds()
+        self.status = TaskStatus.RUNNING
+        self.world.go_on()
+
+    def stop(self, mode: StopMode) -> None:
+        """Stop it; one that does not run stays as it is, but can be initialised."""
+        if mode is StopMode.INITIALIZE:
+            self.initialize(halt=True)
+        elif self.status is TaskStatus.RUNNING:
+            if mode in (StopMode.STEP, StopMode.CYCLE):
+                self._ending = mode
+            else:
+                self.status = TaskStatus.SUSPENDED
+                self.world.pause()
+
+    def suspend(self) -> None:
+        """Stop where it is, at its own wish (Hold); a start goes on."""
+        self.status = TaskStatus.SUSPENDED
+
+    def initialize(self, *, halt: bool) -> None:
+        """Forget where it was and give the arm back; with ``halt`` its motion is brought to rest."""
+        self.world.leave(halt=halt)
+        self._machine = None
+        self.status = TaskStatus.READY
+
+    def step(self) -> ProgramFault | None:
+        """Do what belongs to one cycle; returns the fault that ended it, if one did."""
+        machine = self._machine
+        if self.status is not TaskStatus.RUNNING or machine is None:
+            return None
+        if self._mode is StartMode.STEP or self._ending is StopMode.STEP:
+            machine.step()
+        else:
+            machine.run(STATEMENTS)
+        if machine.state is MachineState.FAULT:
+            self.initialize(halt=True)
+            return machine.fault
+        if machine.state is MachineState.DONE:
+            self._cycle_done(machine)
+        elif machine.state is MachineState.RUNNING and StartMode.STEP in (self._mode, self._ending_as_start()):
+            self.status = TaskStatus.STEP_STOPPED
+        return None
+
+    def _ending_as_start(self) -> StartMode | None:
+        return StartMode.STEP if self._ending is StopMode.STEP else None
+
+    def _cycle_done(self, machine: Machine) -> None:
+        self.cycle_seconds = self._seconds() - self._began
+        if self._mode is StartMode.CONTINUOUS and self._ending is StopMode.DEFAULT:
+            self._began = self._seconds()
+            machine.restart()
+        else:
+            self.initialize(halt=False)
+
+
+class Tasks:
+    """All tasks: there is one for each program in the file store.
+
+    Args:
+        cycles: the controller's cycle.
+        arm, moves: the robot.
+        variables: global variables.
+        files: where the programs are.
+        seconds: gives the time since the controller was switched on, s.
+        report: is told of a program's fault: code, detail, program, line.
+        show: is told what a program prints: program, kind, text.
+
+    Attributes:
+        cycle_complete: a program has ended its cycle and none has been started since.
+    """
+
+    def __init__(
+        self, cycles: Cycles, arm: Arm, moves: Moves, variables: Variables, files: FileStore,
+        seconds: Callable[[], float], report: Callable[[int, str, str, int], None],
+        show: Callable[[str, str, str], None],
+    ) -> None:  # fmt: skip
+        self.cycle_complete = False
+        self._cycles = cycles
+        self._files = files
+        self._report = report
+        self._tasks: dict[str, Task] = {}
+        self._programs: dict[str, tuple[bytes, Program]] = {}
+        self._world = lambda task: ProgramWorld(task, task.suspend, arm, moves, variables, seconds, show)
+        self._seconds = seconds
+
+    @property
+    def running(self) -> int:
+        """How many tasks run."""
+        return sum(task.running for task in self._tasks.values())
+
+    def names(self) -> list[str]:
+        """Return the names of all programs, without suffix."""
+        return self._files.programs()
+
+    def find(self, name: str) -> Task:
+        """Return the task of a program, in upper or lower case, with or without suffix.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND, there is no such program.
+        """
+        wanted = name.strip()
+        if wanted.lower().endswith(SUFFIX):
+            wanted = wanted[: -len(SUFFIX)]
+        try:
+            exists = bool(wanted) and self._files.exists(wanted + SUFFIX)
+        except CallError:  # it cannot be a name
+            exists = False
+        if not exists:
+            raise not_found(name)
+        path = self._files.path(wanted + SUFFIX).lstrip("\\")[: -len(SUFFIX)]
+        return self._tasks.setdefault(path.lower(), Task(path, self._world, self._seconds))
+
+    def exists(self, task: Task) -> bool:
+        """Return whether a task's program is still there."""
+        return self._files.exists(task.name + SUFFIX)
+
+    def start(self, task: Task, mode: StartMode) -> None:
+        """Load a program and run it.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND; SYNTAX_ERROR; PROGRAM_RUNNING; TASKS_TOO_MANY.
+        """
+        if not self.exists(task):
+            raise not_found(task.name)
+        if self.running >= MOST_RUNNING:
+            raise error_for(hresult.TASKS_TOO_MANY, str(MOST_RUNNING))
+        task.start(self.load(task), mode)
+        self.cycle_complete = False
+        self._cycles.wake()
+
+    def stop_all(self, *, initialise: bool = True) -> None:
+        """Stop every program for good: its next start is from the beginning. The arm is stopped by whoever calls."""
+        for task in self._tasks.values():
+            if initialise or task.status is TaskStatus.RUNNING:
+                task.initialize(halt=False)
+
+    def delete(self, task: Task) -> None:
+        """Delete a task and its program.
+
+        Raises:
+            CallError: PROGRAM_RUNNING, it is not at its beginning; as the file store refuses.
+        """
+        if task.status is not TaskStatus.READY:
+            raise error_for(hresult.PROGRAM_RUNNING, task.name)
+        self._files.delete(task.name + SUFFIX)
+        self._tasks.pop(task.name.lower(), None)
+
+    def step(self) -> bool:
+        """Do one cycle; returns whether a program runs."""
+        for task in list(self._tasks.values()):
+            if task.running:
+                self._run(task)
+        return self.running > 0
+
+    def _run(self, task: Task) -> None:
+        fault = task.step()
+        if fault is not None:
+            self._report(fault.code, fault.detail, task.name, fault.line)
+        elif not task.running:
+            self.cycle_complete = task.status is TaskStatus.READY
+
+    def is_large(self, task: Task) -> bool:
+        """Return whether loading a task's program takes long enough to be done outside the controller's lock."""
+        return self.exists(task) and self._files.size(task.name + SUFFIX) > _LARGE
+
+    def load(self, task: Task) -> Program:
+        """Return a task's program, compiled; one that has not changed is compiled once.
+
+        Raises:
+            CallError: SYNTAX_ERROR, with file, line and column in its detail; as the file store refuses.
+        """
+        source = self._files.read(task.name + SUFFIX)
+        known = self._programs.get(task.name.lower())
+        if known is not None and known[0] == source:
+            return known[1]
+        try:
+            program = compile_program(_text(source), task.name + SUFFIX)
+        except PacScriptError as error:
+            raise error_for(error.code, str(error)) from error
+        self._programs[task.name.lower()] = (source, program)
+        return program
+
+
+def milliseconds(seconds: float) -> int:
+    """Return a time as VT_I4, ms."""
+    return min(int(seconds * _MILLISECONDS), 0x7FFF_FFFF)
+
+
+def _text(source: bytes) -> str:
+    try:
+        return source.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return source.decode("cp932", errors="replace")

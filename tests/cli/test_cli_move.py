@@ -1,0 +1,211 @@
+"""move: a robot moves, what it did is recorded, and everything is as it was before."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import pytest
+
+import orinkit
+from orinkit import language
+from orinkit.cli.app import main
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+
+HOME = [0, 45, 90, 0, 45, 0]
+THERE = [45, 30, 120, 0, -60, 0]
+POSE = "J(45,30,120,0,-60,0)"
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8(clock=Clock(20), language="en")
+    yield device
+    device.close()
+
+
+def status(rc8: VirtualRC8, *names: str) -> list[object]:
+    found = rc8.pendant.status()
+    return [found[name] for name in names]
+
+
+def joints(rc8: VirtualRC8) -> list[float]:
+    found = rc8.pendant.status()["joints"]
+    assert isinstance(found, list)
+    return found
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+@pytest.fixture
+def when(rc8) -> Iterator[Callable[[Callable[[], bool], Callable[[], object]], None]]:
+    """Do something in another thread as soon as something is so."""
+    threads: list[threading.Thread] = []
+
+    def when(condition: Callable[[], bool], act: Callable[[], object]) -> None:
+        def wait() -> None:
+            until(condition)
+            act()
+
+        threads.append(threading.Thread(target=wait))
+        threads[-1].start()
+
+    yield when
+    for thread in threads:
+        thread.join()
+
+
+def interrupt() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_it_moves_and_gives_everything_back(run, rc8, url):
+    done = run("move", url, POSE)
+    assert (done.code, done.err) == (0, "")
+    assert done.out == "J(45, 30, 120, 0, -60, 0)\nP(234.166, 234.166, 345.67, 0, 90, 45, 1)\n"
+    assert joints(rc8) == pytest.approx(THERE)
+    assert status(rc8, "motor", "arm_holder", "moving") == ["off", "", False]
+
+
+def test_a_motor_that_was_on_stays_on(run, rc8, url):
+    rc8.pendant.motor()
+    until(lambda: status(rc8, "motor") == ["on"])
+    assert run("move", url, POSE, "--no-motor").code == 0
+    assert run("move", url, "J(0,45,90,0,45,0)").code == 0
+    assert status(rc8, "motor", "arm_holder") == ["on", ""]
+
+
+def test_the_motor_is_left_alone(refused, rc8, url):
+    assert "MOTOR_NOT_ON" in refused("move", url, POSE, "--no-motor")
+    assert joints(rc8) == pytest.approx(HOME)
+    assert status(rc8, "motor", "arm_holder") == ["off", ""]
+
+
+def test_what_is_sent(run, rc8, url):
+    done = run("move", url, "P(380,0,250,180,0,180,5)", "--line", "--speed", "30.5", "--mark", "@E", "--trace")
+    assert done.code == 0
+    assert 'Robot_Move(3, 2, "@E P(380,0,250,180,0,180,5)", "SPEED=30.5,NEXT")' in done.err
+    assert done.out.endswith("P(380, 0, 250, 180, 0, 180, 5)\n")
+
+
+def test_json(run, rc8, url):
+    answer = run("move", url, POSE, "--json").json
+    assert answer["joints"] == pytest.approx(THERE)
+    assert answer["position"] == pytest.approx([234.166, 234.166, 345.67, 0, 90, 45, 1], abs=1e-3)
+    assert answer["record"] is None
+
+
+def test_a_record(run, rc8, url, tmp_path):
+    path = tmp_path / "motion.csv"
+    assert run("move", url, POSE, "--record", str(path)).code == 0
+    header, *rows = csv.reader(path.read_text().splitlines())
+    assert header == ["time_s", *(f"J{n}_command" for n in range(1, 7)), *(f"J{n}_encoder" for n in range(1, 7))]
+    values = [list(map(float, row)) for row in rows]
+    assert len(values) > 20
+    assert [row[0] for row in values] == pytest.approx([0.008 * place for place in range(len(values))])
+    assert values[0][1:] == pytest.approx([*HOME, *HOME], abs=1)
+    assert values[-1][1:] == pytest.approx([*THERE, *THERE])
+    assert all(a[1] <= b[1] for a, b in pairwise(values))
+    # the next one is a record of its own
+    assert run("move", url, "J(44,30,120,0,-60,0)", "--record", str(path)).code == 0
+    assert float(path.read_text().splitlines()[1].split(",")[1]) == pytest.approx(45, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["P(380,0"], "column"),
+        (["here"], "column 1"),
+        (["P1", "--mark", "E"], "@"),
+        (["@E P1", "--mark", "@E"], "pass mark"),
+        (["P1", "--speed", "0"], "speed"),
+        (["P1", "--speed", "nan"], "speed"),
+        (["P1", "--speed", "fast"], "'fast'"),
+        (["P1", "--record", "/no/such/directory/x.csv"], "no directory /no/such/directory"),
+        ([], "POSE is missing"),
+    ],
+)
+def test_a_command_line_that_cannot_be_used(refused, rc8, url, argv, words):
+    assert words in refused("move", url, *argv, code=2)
+    assert status(rc8, "motor") == ["off"]
+
+
+def test_a_pose_out_of_reach(refused, rc8, url):
+    assert "TARGET_OUT_OF_RANGE" in refused("move", url, "P(5000,0,0,0,0,0)")
+    assert status(rc8, "motor", "arm_holder") == ["off", ""]
+
+
+def test_an_arm_that_another_one_has(refused, rc8, url):
+    with orinkit.connect(url) as other:
+        robot = other.robot()
+        robot.execute("TakeArm")
+        assert "ARM_NOT_TAKEN" in refused("move", url, POSE)
+    assert joints(rc8) == pytest.approx(HOME)
+
+
+def test_ctrl_c_halts_the_arm(run, rc8, url, when, tmp_path):
+    when(lambda: joints(rc8)[0] > 1, interrupt)
+    path = tmp_path / "motion.csv"
+    done = run("move", url, POSE, "--speed", "1", "--record", str(path))
+    assert (done.code, done.out, done.err) == (130, "", "orinkit: interrupted\n")
+    assert 1 < joints(rc8)[0] < 40
+    assert status(rc8, "motor", "arm_holder", "moving") == ["off", "", False]
+    assert len(path.read_text().splitlines()) > 5  # what it did until then
+
+
+def test_ctrl_c_before_it_moves(run, rc8, url, when):
+    when(lambda: status(rc8, "motor") == ["switching on"], interrupt)
+    assert run("move", url, POSE).code == 130
+    assert joints(rc8) == pytest.approx(HOME)
+    assert status(rc8, "motor", "arm_holder") == ["off", ""]
+
+
+def test_another_one_halts(refused, rc8, url, when, tmp_path):
+    def halt() -> None:
+        with orinkit.connect(url) as other:
+            other.robot().halt()
+
+    when(lambda: joints(rc8)[0] > 1, halt)
+    path = tmp_path / "motion.csv"
+    assert "STOPPED_DURING_PC_MOTION" in refused("move", url, POSE, "--speed", "1", "--record", str(path))
+    assert status(rc8, "motor", "arm_holder") == ["off", ""]
+    assert path.exists()
+
+
+def test_the_controller_goes_away(capsys, when, tmp_path):
+    device = VirtualRC8(clock=Clock(20))
+    server = orinkit.serve(device, "tcp://127.0.0.1:0")
+    when(lambda: joints(device)[0] > 1, server.close)
+    assert main(["move", server.url, POSE, "--speed", "1", "--record", str(tmp_path / "x.csv")]) == 1
+    error = capsys.readouterr().err
+    assert "the motor may still be on" in error
+    assert "connection" in error.splitlines()[-1]
+    until(lambda: status(device, "moving", "arm_holder") == [False, ""])
+    device.close()
+
+
+def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "120")
+    done = run("move", url, POSE, "--speed", "20", "--record", str(tmp_path / "x.csv"))
+    assert done.code == 0
+    for words in ("moving", "J(45, 30, 120, 0, -60, 0)", "100%", "reading the record"):
+        assert words in done.err
+    assert done.out.startswith("J(45, ")
+
+
+def test_in_japanese(refused, rc8, url):
+    language.use("ja")
+    assert "モータ" in refused("move", url, POSE, "--no-motor")
+    assert "ディレクトリ" in refused("move", url, POSE, "--record", "/no/such/x.csv", code=2)

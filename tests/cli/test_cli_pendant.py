@@ -1,0 +1,322 @@
+"""pendant, and what serve rc8 has for it: the control port and the options of the robot."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+
+import pytest
+
+import orinkit
+from orinkit import language
+from orinkit.cli.pendant import ACTIONS, PROVIDER
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import Mode, VirtualRC8
+from orinkit.virtual.rc8.control import CONTROL_NAMES, MODE_NAMES, PROVIDER_NAME, ControlProvider
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8(language="en", clock=Clock(50))
+    yield device
+    device.close()
+
+
+@pytest.fixture
+def control(rc8) -> Iterator[str]:
+    """Where the buttons are."""
+    with orinkit.serve(ControlProvider(rc8), "tcp://127.0.0.1:0") as server:
+        yield server.url
+
+
+@pytest.fixture
+def press(run, control) -> Callable[..., str]:
+    """Press a button, with success; returns what is printed."""
+
+    def press(*words: str) -> str:
+        done = run("pendant", control, *words)
+        assert (done.code, done.err) == (0, "")
+        return done.out
+
+    return press
+
+
+# --- the buttons ------------------------------------------------------------------------------------------------------
+
+
+def test_words_are_those_of_the_control_port():
+    assert PROVIDER == PROVIDER_NAME
+    assert {action.command for action in ACTIONS.values()} == set(CONTROL_NAMES)
+    assert {name: Mode(MODE_NAMES[name]) for name in MODE_NAMES} == {
+        "manual": Mode.MANUAL, "teach": Mode.TEACH_CHECK, "auto": Mode.AUTOMATIC,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("word", "mode"), [("manual", 1), ("teach", 2), ("AUTO", 3)])
+def test_mode(word, mode, press, rc8):
+    rc8.set_mode(1 if mode != 1 else 2)
+    assert press("mode", word) == f"mode  {Mode(mode).name.lower()}\n"
+    assert rc8.state.switches.mode == mode
+
+
+@pytest.mark.parametrize(
+    ("action", "name"),
+    [("estop", "emergency_stop"), ("protective", "protective_stop"), ("auto-enable", "auto_enable"), ("deadman", "deadman"),
+     ("lock", "machine_lock")],
+)  # fmt: skip
+def test_switches(action, name, press, rc8):
+    for word, on in (("on", True), ("OFF", False), ("on", True)):
+        assert f"  {word.lower()}\n" in press(action, word)
+        assert getattr(rc8.state.switches, name) is on
+
+
+def test_token(press, rc8):
+    assert press("token", "ethernet:127.0.0.1") == "executable token  ethernet:127.0.0.1\n"
+    assert str(rc8.state.switches.token) == "ethernet:127.0.0.1"
+
+
+def test_motor_and_jog(press, rc8):
+    press("mode", "manual")
+    press("deadman", "on")
+    assert press("motor", "on", "--wait") == "motor  on\n"
+    start = rc8.state.arm.servo.encoder[0]
+    shown = press("jog", "1", "5.5", "--wait")
+    assert shown.splitlines()[0] == "moving  off"
+    assert rc8.state.arm.queue.joints[0] == pytest.approx(start + 5.5)
+    press("jog", "1", "-5.5", "--wait")
+    assert rc8.state.arm.queue.joints[0] == pytest.approx(start)
+    press("motor", "off", "--wait")
+    assert not rc8.state.arm.motor.on
+
+
+def test_jog_without_waiting(press, rc8):
+    press("mode", "manual")
+    press("deadman", "on")
+    press("motor", "on", "--wait")
+    press("jog", "1", "90")
+    press("deadman", "off")  # it stops, long before it is there
+    with rc8.state.cycles:
+        assert rc8.state.arm.queue.joints[0] < 90
+
+
+@pytest.mark.parametrize("code", ["MOTOR_NOT_ON", "motor_not_on", "0x81501003"])
+def test_errors(code, press, rc8):
+    assert press("error", code) == "error  81501003\n"
+    assert press("clear") == "error  -\n"
+    press("error", code, "my words")
+    assert rc8.state.faults.current.at(0).message == "my words"
+    assert press("restart") == "motor  off\nerror  -\n"
+
+
+def test_workpiece(press, rc8):
+    assert "hand: workpiece  12.5\n" in press("workpiece", "12.5")
+    assert rc8.state.hand.workpiece.width == 12.5
+    assert "hand: workpiece  -\n" in press("workpiece", "none")
+
+
+def test_status(press, run, control):
+    press("estop", "on")
+    rows = dict(line.split("  ", 1) for line in press("status").splitlines())
+    assert {name.strip(): value.strip() for name, value in rows.items()} | {
+        "mode": "automatic", "executable token": "any", "emergency stop": "on", "motor": "off", "hand: position": "30",
+    } == {name.strip(): value.strip() for name, value in rows.items()}  # fmt: skip
+    document = run("pendant", control, "status", "--json").json
+    assert (document["emergency_stop"], document["hand"]["position"]) == (True, 30.0)
+    assert run("pendant", control, "estop", "off", "--json").json["emergency_stop"] is False
+
+
+def test_in_japanese(press):
+    language.use("ja")
+    assert press("estop", "on").startswith("非常停止  on\n")
+
+
+# --- what is wrong ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["jump"], "there is no action 'jump'; there are mode, token, estop, "),
+        (["mode"], "the form is: mode manual|teach|auto"),
+        (["mode", "asleep"], "'asleep' is no mode; manual, teach or auto"),
+        (["mode", "manual", "auto"], "the form is: mode "),
+        (["estop"], "the form is: estop on|off"),
+        (["estop", "1"], "the form is: estop on|off"),
+        (["jog", "1"], "the form is: jog AXIS DISTANCE [--wait]"),
+        (["jog", "one", "5"], "the form is: jog "),
+        (["jog", "1.5", "5"], "the form is: jog "),
+        (["jog", "inf", "5"], "the form is: jog "),
+        (["error"], "the form is: error NAME|0xCODE [MESSAGE]"),
+        (["clear", "all"], "the form is: clear"),
+        (["status", "--wait"], "--wait is of no use with status"),
+        (["workpiece", "wide"], "the form is: workpiece WIDTH|none"),
+        ([], "ACTION is missing"),
+    ],
+)
+def test_command_lines_that_cannot_be(refused, control, words, said):
+    assert refused("pendant", control, *words, code=2).startswith(said)
+
+
+def test_what_the_controller_refuses(refused, control):
+    said = refused("pendant", control, "jog", "1", "5")
+    assert "0x81501016 REFUSED_IN_AUTO_MODE: " in said
+    assert "Try: " in said
+
+
+@pytest.mark.parametrize(
+    ("words", "form"),
+    [
+        (["token", "me"], "token any|tp|io|ethernet[:ADDRESS]"),
+        (["error", "NO_SUCH_ERROR"], "error NAME|0xCODE [MESSAGE]"),
+        (["workpiece", "31"], "workpiece WIDTH|none"),
+        (["jog", "7", "1"], "jog AXIS DISTANCE [--wait]"),
+    ],
+)
+def test_arguments_that_the_controller_refuses(words, form, refused, control):
+    said = refused("pendant", control, *words)
+    assert "0x80070057 E_INVALIDARG: " in said
+    assert said.endswith(f"the form is: {form}")
+
+
+def test_a_port_that_is_none(refused, url):
+    said = refused("pendant", url, "status")
+    assert said == f"{url} is no control port; orinkit serve rc8 --control 127.0.0.1:5008 opens one"
+    assert refused("pendant", "tcp://127.0.0.1:1", "status").startswith("cannot connect to tcp://127.0.0.1:1")
+
+
+class _Parrot(orinkit.Provider):
+    """Has the name of a control port and nothing else."""
+
+    provider_names = (PROVIDER_NAME,)
+
+    def __init__(self, answer: object) -> None:
+        self.answer = answer
+
+    def connect(self, *_: object) -> orinkit.cao.provider.ControllerObject:
+        controller = orinkit.cao.provider.ControllerObject()
+        controller.execute = lambda *_: self.answer
+        return controller
+
+
+@pytest.mark.parametrize("answer", [None, 5, "{", "[]", "[" * 100_000])
+def test_a_status_that_is_none(refused, answer):
+    with orinkit.serve(_Parrot(answer), "tcp://127.0.0.1:0") as server:
+        assert refused("pendant", server.url, "status").startswith("Status was answered with ")
+
+
+# --- serve rc8 --------------------------------------------------------------------------------------------------------
+
+Serve = Callable[..., "tuple[subprocess.Popen[str], list[str]]"]
+
+
+@pytest.fixture
+def serve(program) -> Iterator[Serve]:
+    """Start ``orinkit serve rc8``; returns the process and its first lines."""
+    started: list[subprocess.Popen[str]] = []
+
+    def serve(*options: str, lines: int = 1) -> tuple[subprocess.Popen[str], list[str]]:
+        process = subprocess.Popen(
+            [*program, "serve", "rc8", "--tcp", "127.0.0.1:0", *options],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
+        )  # fmt: skip
+        started.append(process)
+        assert process.stdout is not None
+        stream = process.stdout
+        return process, [stream.readline().rstrip("\n") for _ in range(lines)]
+
+    yield serve
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_serve_with_a_control_port(serve, run):
+    process, lines = serve("--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", lines=3)
+    assert [line.rpartition(":")[0] for line in lines] == ["ready tcp://127.0.0.1"] * 2 + [
+        "ready control tcp://127.0.0.1"
+    ]
+    url, control = lines[0].removeprefix("ready "), lines[2].removeprefix("ready control ")
+    assert run("pendant", control, "estop", "on").code == 0
+    with orinkit.connect(url) as controller:
+        assert controller.variable("@EMERGENCY_STOP").value is True
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (0, "")
+    assert "Traceback" not in err
+
+
+def test_serve_without_one(serve):
+    process, lines = serve()
+    process.send_signal(signal.SIGTERM)
+    out, _ = process.communicate(timeout=60)
+    assert (process.returncode, out, len(lines)) == (0, "", 1)
+
+
+def test_options_of_the_robot(serve):
+    options = (
+        "--model",
+        "cobotta",
+        "--mode",
+        "teach",
+        "--token",
+        "ethernet",
+        "--motor-on",
+        "--no-samples",
+        "--time-scale",
+        "20",
+    )
+    _, (line,) = serve(*options, "--joints", "J(10, 20, 100, 0, 50, 0)")
+    with orinkit.connect(line.removeprefix("ready ")) as controller:
+        assert controller.variable("@MODE").value == 2
+        assert controller.task_names() == []
+        assert controller.execute("SysState") >> 2 & 1
+        with controller.robot() as robot:
+            assert robot.execute("CurJnt")[:6] == pytest.approx([10, 20, 100, 0, 50, 0])
+            assert "CVR038" in robot.execute("GetRobotTypeName")
+
+
+@pytest.mark.parametrize(
+    "joints", ["-10,20,60,0,50,0", "-10 20 60 0 50 0", "j(-10, 20, 60, 0, 50, 0)", "-10, 20, 60, 0, 50, 0"]
+)
+def test_joints_as_numbers(joints, serve):
+    _, (line,) = serve("--joints", joints)
+    with orinkit.connect(line.removeprefix("ready ")) as controller, controller.robot() as robot:
+        assert robot.execute("CurJnt")[:6] == pytest.approx([-10, 20, 60, 0, 50, 0])
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0:5008", "192.0.2.1:5008", "[::]:5008", "robot:5008", "tcp://10.0.0.1:0"])
+def test_a_control_port_that_others_could_reach(address, refused):
+    said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", address, code=2)
+    assert said.startswith(f"--control {address}: only an address of this machine itself is allowed")
+
+
+def test_a_control_port_that_is_taken(refused):
+    with orinkit.serve(orinkit.Provider(), "tcp://127.0.0.1:0") as server:
+        said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", server.url)
+    assert said.startswith(f"cannot listen on {server.url}: ")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--control", "127.0.0.1:99999"], "is not 0 to 65535"),
+        (["--mode", "asleep"], "'asleep' is no mode; manual, teach or auto"),
+        (["--token", "me"], "'me' is no token"),
+        (["--model", "VS-999"], "VS-999: there is no such robot model or file"),
+        (["--joints", "J(0, 0"], "--joints J(0, 0: "),
+        (["--joints", "P(1, 2, 3, 4, 5, 6)"], "--joints P(1, 2, 3, 4, 5, 6): "),
+        (["--joints", "J5"], "--joints J5: "),
+        (["--joints", "@E J(0, 30, 90, 0, 60, 0)"], "is the form"),
+        (["--joints", "0 30 ninety"], "is the form"),
+        (["--joints", "0 nan 90"], "is the form"),
+        (["--joints", ""], "is the form"),
+        (["--joints", "0,0,0,0,0,0,0"], "VS-050 cannot stand at"),
+        (["--joints", "1e300,0,0,0,0,0"], "VS-050 cannot stand at"),
+        (["--time-scale", "0"], "the time scale must be positive"),
+        (["--time-scale", "nan"], "the time scale must be positive"),
+        (["--time-scale", "fast"], "'fast' is no value for --time-scale"),
+    ],
+)
+def test_options_that_cannot_be(options, said, refused):
+    assert said in refused("serve", "rc8", "--tcp", "127.0.0.1:0", *options, code=2)

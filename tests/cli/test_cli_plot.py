@@ -1,0 +1,160 @@
+"""plot: a recorded motion becomes a picture, and a file that is none says why."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from orinkit import language
+from orinkit.cli._motion_record import PERIOD, joints_of, read_csv, recording_of, write_csv
+
+SIGNATURES = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-"}
+HEADER = "time_s,J1_command,J2_command\n"
+
+
+def record(command: float, encoder: float) -> list[float]:
+    """A record of the control log, joint 7 and 8 unused."""
+    values = [0.0] * 32
+    values[: 6 * 4] = [command, encoder, 0.1, 5.0] * 6
+    return [*values, 0, 0, 0, 0, 17, 0, 0]
+
+
+@pytest.fixture
+def motion(tmp_path) -> Path:
+    path = tmp_path / "motion.csv"
+    angles = [45 * (1 - math.cos(place / 20 * math.pi)) for place in range(21)]
+    write_csv(path, recording_of([joints_of(record(angle, angle - 0.1)) for angle in angles]))
+    return path
+
+
+@pytest.mark.parametrize("kind", SIGNATURES)
+def test_a_picture(run, motion, tmp_path, kind):
+    target = tmp_path / f"picture.{kind}"
+    done = run("plot", str(motion), "--out", str(target))
+    assert (done.code, done.out, done.err) == (0, f"{target}\n", "")
+    assert target.read_bytes().startswith(SIGNATURES[kind])
+
+
+def test_the_picture_stands_beside_the_file(run, motion):
+    assert run("plot", str(motion)).out == f"{motion.with_suffix('.png')}\n"
+    assert motion.with_suffix(".png").stat().st_size > 10_000
+
+
+def test_what_is_drawn(run, motion, tmp_path):
+    target = tmp_path / "picture.svg"
+    run("plot", str(motion), "--out", str(target))
+    text = target.read_text()
+    for words in ("joints [deg]", "velocity [deg/s]", "acceleration [deg/s²]", "time [s]", "J1", "J6"):
+        assert f"<!-- {words} -->" in text
+    assert "<!-- J7 -->" not in text
+
+
+def test_without_encoders_and_with_two_moments(run, tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text(f"{HEADER}0,1,2\n0.5,2,3\n\n")
+    target = tmp_path / "x.svg"
+    assert run("plot", str(path), "--out", str(target)).code == 0
+    assert "velocity" in target.read_text()
+    assert "acceleration" not in target.read_text()
+
+
+def test_what_is_written_is_read(motion):
+    read = read_csv(motion)
+    assert list(read.joints) == [1, 2, 3, 4, 5, 6]
+    assert read.times[:3] == pytest.approx([0, PERIOD, 2 * PERIOD])
+    assert read.command[-1] == pytest.approx([90.0] * 6)
+    assert read.encoder[-1] == pytest.approx([89.9] * 6)
+
+
+def test_extra_joints_are_there_if_they_are_used():
+    moved = record(1, 1)
+    moved[7 * 4] = 5.0
+    assert recording_of([joints_of(record(0, 0)), joints_of(moved)]).joints == [1, 2, 3, 4, 5, 6, 8]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "line 1: the columns time_s, J1_command"),
+        (b"a,b\n1,2\n", "line 1: the columns time_s, J1_command"),
+        (b"time_s\n1\n", "line 1"),
+        (b"J1_command\n1\n", "line 1"),
+        (b"time_s,J1_command,J1_command\n1,2,3\n", "line 1"),
+        (b"time_s,J1_command,J9_command,J2_encoder\n1,2,3,4\n", "not of the same joints"),
+        (f"{HEADER}0,1,2\n".encode(), "two or more rows"),
+        (HEADER.encode(), "two or more rows"),
+        (f"{HEADER}0,1,2\n0,2,3\n".encode(), "rising times"),
+        (f"{HEADER}0,1,2\n1,2\n".encode(), "line 3: 2 values, 3 are wanted"),
+        (f"{HEADER}0,1,2\n1,2,x\n".encode(), "line 3: a value is no finite number"),
+        (f"{HEADER}0,1,2\n1,2,nan\n".encode(), "line 3: a value is no finite number"),
+        (f"{HEADER}0,1,2\n1,2,1e999\n".encode(), "line 3: a value is no finite number"),
+        (b"\x89PNG\r\n\x1a\n\x00\xff", "no CSV file"),
+        (b'time_s,"J1', "no CSV file"),
+        (b"time_s," + b"x" * 200_000, "no CSV file"),
+    ],
+)
+def test_a_file_that_is_none(refused, tmp_path, content, words):
+    path = tmp_path / "x.csv"
+    path.write_bytes(content)
+    line = refused("plot", str(path), code=2)
+    assert words in line
+    assert str(path) in line
+    assert not path.with_suffix(".png").exists()
+    language.use("ja")
+    assert refused("plot", str(path), code=2) != line
+
+
+def test_files_that_cannot_be_used(refused, motion, tmp_path):
+    assert "cannot read" in refused("plot", str(tmp_path / "none.csv"), code=2)
+    assert "cannot read" in refused("plot", str(tmp_path), "--out", "x.png", code=2)
+    assert ".png, .svg, .pdf" in refused("plot", str(motion), "--out", str(tmp_path / "x.gif"), code=2)
+    assert ".png, .svg, .pdf" in refused("plot", str(motion), "--out", "", code=2)
+    assert "cannot write" in refused("plot", str(motion), "--out", str(tmp_path / "none" / "x.png"))
+
+
+def test_without_matplotlib(refused, motion, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "pip install 'orinkit[plot]'" in refused("plot", str(motion))
+    language.use("ja")
+    assert "pip install 'orinkit[plot]'" in refused("plot", str(motion))
+
+
+def test_without_a_screen(refused, motion, monkeypatch):
+    import matplotlib as mpl
+
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    assert "no screen" in refused("plot", str(motion), "--show")
+
+
+def test_a_window(run, motion, monkeypatch):
+    import matplotlib as mpl
+    from matplotlib import pyplot as plt
+
+    shown = []
+    monkeypatch.setattr(mpl, "get_backend", lambda: "qtagg")
+    monkeypatch.setattr(plt, "show", lambda: shown.append(plt.gcf()))
+    done = run("plot", str(motion), "--show")
+    assert (done.code, done.out) == (0, "")
+    assert len(shown[0].axes) == 3
+    assert not motion.with_suffix(".png").exists()
+    plt.close("all")
+
+
+def test_labels_in_japanese_where_a_font_has_it(run, motion, tmp_path, monkeypatch):
+    """A machine without such a font gets English labels and no boxes."""
+    from matplotlib.font_manager import fontManager
+
+    language.use("ja")
+    target = tmp_path / "x.svg"
+    monkeypatch.setattr(fontManager, "ttflist", [font for font in fontManager.ttflist if font.name == "DejaVu Sans"])
+    assert run("plot", str(motion), "--out", str(target)).code == 0
+    assert "<!-- time [s] -->" in target.read_text()
+
+
+@pytest.mark.parametrize("answer", [None, [], [1.0] * 31, ["x"] * 39, "text"])
+def test_records_that_are_none(answer):
+    with pytest.raises(Exception, match="GetLogRecord was answered with"):
+        joints_of(answer)

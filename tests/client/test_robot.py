@@ -1,0 +1,915 @@
+"""Robots and motions of both clients: against the virtual RC8, and against a robot that answers by script."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import orinkit
+from both import Both
+from devices import Call, Recorder
+from orinkit import J, P, T, V, aio, hresult, language
+from orinkit.cao import provider as p
+from orinkit.cao.provider import Blocking, ClientInfo, Later, Provider
+from orinkit.errors import (
+    BusyError,
+    CallError,
+    CallTimeout,
+    ConnectionClosed,
+    InvalidValue,
+    NotationError,
+    ProtocolError,
+    TransportError,
+)
+from orinkit.poses import PassMark, Target, parse_target
+from orinkit.variant import Variant, plain
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+
+HOME = J(0, 45, 90, 0, 45, 0)
+THERE = J(45, 30, 120, 0, -60, 0)
+PATIENCE = 20.0
+
+
+# --- what the calls are ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def recorder() -> Recorder:
+    return Recorder()
+
+
+@pytest.fixture
+def recorded(both: Both, recorder: Recorder) -> Iterator[Any]:
+    with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
+        controller = both.connect(server.url, provider="Test.Recorder", name="RC")
+        yield both.run(controller.robot())
+        both.run(controller.close())
+
+
+MOVE, EXECUTE = "Robot_Move", "Robot_Execute"
+
+
+@pytest.mark.parametrize(
+    ("use", "function", "arguments"),
+    [
+        (lambda r: r.move(THERE), MOVE, (1, "J(45, 30, 120, 0, -60, 0)", "")),
+        (lambda r: r.move(THERE, "@E", speed=20), MOVE, (1, "@E J(45, 30, 120, 0, -60, 0)", "SPEED=20")),
+        (lambda r: r.move("P1"), MOVE, (1, "P1", "")),
+        (lambda r: r.move("@P P1", accel=50.5, decel=1), MOVE, (1, "@P P1", "ACCEL=50.5,DECEL=1")),
+        (lambda r: r.move(P(1, 2, 3, 4, 5, 6, 5), PassMark("n", 12.5)), MOVE, (1, "@12.5 P(1, 2, 3, 4, 5, 6, 5)", "")),
+        (lambda r: r.move(pose=Target("J", 3), mark="@0", time=1.5), MOVE, (1, "@0 J3", "TIME=1500")),
+        (lambda r: r.move(parse_target("P2 EX((7, 30))"), time=0.0001), MOVE, (1, "P2 EX((7, 30))", "TIME=1")),
+        (lambda r: r.move_l(T(1, 2, 3, 0, 1, 0, 0, 0, -1)), MOVE, (2, "T(1, 2, 3, 0, 1, 0, 0, 0, -1, -1)", "")),
+        (lambda r: r.move_l("P1", "@10", speed=0.00001), MOVE, (2, "@10 P1", "SPEED=0.00001")),
+        (lambda r: r.move_c("P1", "P2", "@E", speed=5), MOVE, (3, "P1, @E P2", "SPEED=5")),
+        (lambda r: r.move_s(3), MOVE, (4, "3", "")),
+        (lambda r: r.move_s(3, "@E", wait=True), MOVE, (4, "@E 3", "")),
+        (lambda r: r.move_s(["P1", "P2", HOME], "@P"), MOVE, (4, "P1, P2, @P J(0, 45, 90, 0, 45, 0)", "")),
+        (lambda r: r.approach("P1", 50), EXECUTE, ("Approach", [1, "P1", "@0 50"])),
+        (lambda r: r.approach("P1", 50.5, "@P", line=True, speed=9), EXECUTE, ("Approach", [2, "P1", "@P 50.5", "SPEED=9"])),
+        (lambda r: r.depart(1e-7, line=True), EXECUTE, ("Depart", [2, "@0 0.0000001"])),
+        (lambda r: r.drive({1: 10, 2: -5.5}), EXECUTE, ("DriveEx", ["@0 (1,10),(2,-5.5)"])),
+        (lambda r: r.drive({7: 1}, "@E", absolute=True, speed=3), EXECUTE, ("DriveAEx", ["@E (7,1)", "SPEED=3"])),
+        # as CAO has them
+        (lambda r: r.move(1, "P1"), MOVE, (1, "P1", "")),
+        (lambda r: r.move(2, [1.0, 2.0, 3.0], "NEXT"), MOVE, (2, [1.0, 2.0, 3.0], "NEXT")),
+        (lambda r: r.move(interpolation=1, pose="P1", option="Next"), MOVE, (1, "P1", "Next")),
+        (lambda r: r.drive(1, 10), "Robot_Drive", (1, 10.0, "")),
+        (lambda r: r.drive(axis=1, value=10, option="NEXT"), "Robot_Drive", (1, 10.0, "NEXT")),
+        (lambda r: r.rotate("XY", 45, "V(0, 0, 0)", "@E,NEXT"), "Robot_Rotate", ("XY", 45.0, "V(0, 0, 0)", "@E,NEXT")),
+        (lambda r: r.go_home(), "Robot_GoHome", ()),
+        # settings
+        (lambda r: r.put_ext_speed(50), EXECUTE, ("ExtSpeed", [50.0])),
+        (lambda r: r.put_tool(3), "Robot_Change", ("Tool3",)),
+        (lambda r: r.put_work(2), "Robot_Change", ("Work2",)),
+        (lambda r: r.set_tool(1, P(0, 0, 100, 0, 0, 0)), EXECUTE, ("SetToolDef", [1, "P(0, 0, 100, 0, 0, 0, -1)"])),
+        (lambda r: r.set_work(1, "P1"), EXECUTE, ("SetWorkDef", [1, "P1"])),
+    ],
+)  # fmt: skip
+def test_a_method_is_one_call(
+    both: Both, recorder: Recorder, recorded: Any, use: Callable[[Any], Any], function: str, arguments: tuple[Any, ...]
+) -> None:
+    del recorder.calls[:]
+    both.run(use(recorded))
+    assert recorder.calls == [Call(function, "RC/Arm", arguments)]
+
+
+@pytest.mark.parametrize(
+    ("use", "words"),
+    [
+        (lambda r: r.move(HOME, speed=0), "above 0 and at most 100"),
+        (lambda r: r.move(HOME, speed=100.5), "100.5"),
+        (lambda r: r.move(HOME, speed=float("nan")), "nan"),
+        (lambda r: r.move(HOME, accel=float("inf")), "inf"),
+        (lambda r: r.move(HOME, decel=10**400), "decel"),
+        (lambda r: r.move(HOME, speed="fast"), "'fast'"),
+        (lambda r: r.move(HOME, time=-1), "time"),
+        (lambda r: r.move(HOME, time=1e9), "3600"),
+        (lambda r: r.move([1.0, 2.0]), "no pose"),
+        (lambda r: r.move(None), "no pose"),
+        (lambda r: r.move("@E P1", "@E"), "pass mark"),
+        (lambda r: r.move_s([]), "path"),
+        (lambda r: r.move_s("P1"), "list of poses"),
+        (lambda r: r.move_s(-1), "-1"),
+        (lambda r: r.move_s(HOME), "list of poses"),
+        (lambda r: r.approach("P1", float("nan")), "distance"),
+        (lambda r: r.depart("far"), "distance"),
+        (lambda r: r.drive({}), "joints"),
+        (lambda r: r.drive({0: 1}), "1 to 8"),
+        (lambda r: r.drive({9: 1}), "1 to 8"),
+        (lambda r: r.drive({"1": 1}), "1 to 8"),
+        (lambda r: r.drive({1: float("inf")}), "J1"),
+        (lambda r: r.drive([(1, 10)]), "joints"),
+        (lambda r: r.execute(5), "command"),
+        (lambda r: r.move(1, "P1", 5), "option"),
+        (lambda r: r.to_joints(HOME), "cannot be converted to J"),
+        (lambda r: r.to_position(V(1, 2, 3)), "cannot be converted to P"),
+    ],
+)
+def test_what_cannot_be_sent_is_said_before_anything_is(
+    both: Both, recorder: Recorder, recorded: Any, use: Callable[[Any], Any], words: str
+) -> None:
+    del recorder.calls[:]
+    with pytest.raises(InvalidValue, match=words) as caught:
+        both.run(use(recorded))
+    english = str(caught.value)
+    language.use("ja")
+    with pytest.raises(InvalidValue) as caught:
+        both.run(use(recorded))
+    assert str(caught.value) != english
+    assert recorder.calls == []
+
+
+@pytest.mark.parametrize(
+    ("use", "error", "words"),
+    [
+        (lambda r: r.move(HOME, "E"), NotationError, "@"),
+        (lambda r: r.to_joints("Q1"), NotationError, "column 1"),
+        (lambda r: r.move(HOME, sped=1), TypeError, "'sped'.*speed, accel"),
+        (lambda r: r.drive({1: 1}, spede=1), TypeError, "'spede'"),
+        (lambda r: r.move(1), TypeError, "pose"),
+        (lambda r: r.move(), TypeError, "pose"),
+    ],
+)
+def test_other_wrong_arguments(
+    both: Both, recorder: Recorder, recorded: Any, use: Callable[[Any], Any], error: type[Exception], words: str
+) -> None:
+    del recorder.calls[:]
+    with pytest.raises(error, match=words):
+        both.run(use(recorded))
+    assert recorder.calls == []
+
+
+def test_a_dropped_robot_is_released_before_the_next_object(both: Both, recorder: Recorder, recorded: Any) -> None:
+    """Nothing that a motion leaves behind keeps it: no garbage collection is needed."""
+    controller = recorded._parent
+    gc.disable()
+    try:
+        robot = both.run(controller.robot("Second"))
+        motion = both.run(robot.move(HOME))
+        assert "over" in repr(motion)
+        del robot, motion
+        both.run(controller.variable("V"))
+    finally:
+        gc.enable()
+    assert Call("Robot_Release", "RC/Second", ()) in recorder.calls
+
+
+# --- against the virtual RC8 ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8(clock=Clock(20), language="en")
+    yield device
+    device.close()
+
+
+@pytest.fixture
+def url(rc8: VirtualRC8) -> Iterator[str]:
+    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+        yield server.url
+
+
+@pytest.fixture
+def robot(both: Both, url: str) -> Iterator[Any]:
+    controller = both.connect(url)
+    yield both.run(controller.robot())
+    both.run(controller.close())
+
+
+@pytest.fixture
+def moving(both: Both, robot: Any) -> Any:
+    """The robot with the arm taken and the motor on."""
+    both.run(robot.execute("TakeArm", [0, 0]))
+    both.run(robot.execute("Motor", [1, 0]))
+    return robot
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for the controller to get somewhere; fails when it does not."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def standing_at(joints: J) -> Any:
+    return pytest.approx([*joints, *[0.0] * (8 - len(joints))], abs=1e-6)
+
+
+def progress_of(both: Both, motion: Any) -> list[float]:
+    if both.kind == "sync":
+        return list(motion)
+
+    async def collect() -> list[float]:
+        return [fraction async for fraction in motion]
+
+    return both.run(collect())
+
+
+def finished(both: Both, motion: Any) -> None:
+    """``motion.wait()``, or ``await motion``."""
+    both.run(motion.wait() if both.kind == "sync" else motion)
+
+
+def test_a_motion_that_is_waited_for(both: Both, moving: Any) -> None:
+    motion = both.run(moving.move(THERE, "@E", speed=50))
+    assert both.run(moving.get_joints()) == standing_at(THERE)
+    assert both.run(motion.get_done()) is True
+    assert both.run(motion.get_progress()) == 1.0
+    assert progress_of(both, motion) == [1.0]
+    finished(both, motion)
+    assert both.run(moving.get_moving()) is False
+
+
+def test_a_motion_that_goes_on_by_itself(both: Both, moving: Any) -> None:
+    motion = both.run(moving.move(THERE, speed=5, wait=False))
+    assert both.run(moving.get_moving()) is True
+    assert both.run(moving.get_destination()) == standing_at(THERE)
+    fractions = progress_of(both, motion)
+    assert fractions == sorted(fractions)
+    assert len(set(fractions)) > 3
+    assert fractions[-1] == 1.0
+    assert all(0.0 <= fraction < 1.0 for fraction in fractions[:-1])
+    assert both.run(motion.get_done()) is True
+    finished(both, motion)
+    assert both.run(moving.motion_complete(1)) is True
+    assert both.run(moving.get_joints()) == pytest.approx([*THERE, 0, 0], abs=0.1)
+
+
+def test_waiting_has_a_limit(both: Both, moving: Any) -> None:
+    motion = both.run(moving.move(THERE, speed=2, wait=False))
+    with pytest.raises(TimeoutError, match=r"after 0\.05 s"):
+        both.run(motion.wait(0.05))
+    assert both.run(moving.get_moving()) is True
+    both.run(motion.halt())
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda r: r.move_l("P(380, 0, 250, 180, 0, 180, 5)", wait=False),
+        lambda r: r.move_c(P(370, 30, 270, 180, 0, 180, 5), P(360, 60, 270, 180, 0, 180, 5), wait=False),
+        lambda r: r.move_s([P(370, 30, 270, 180, 0, 180, 5), P(360, 60, 270, 180, 0, 180, 5)], wait=False),
+        lambda r: r.approach(P(380, 0, 250, 180, 0, 180, 5), 20, wait=False),
+        lambda r: r.depart(20, line=True, wait=False),
+        lambda r: r.drive({1: 10, 2: -5}, wait=False),
+        lambda r: r.drive({1: 10}, absolute=True, wait=False),
+    ],
+)
+def test_every_kind_of_motion_is_followed(both: Both, moving: Any, use: Callable[[Any], Any]) -> None:
+    motion = both.run(use(moving))
+    end = both.run(moving.get_destination())
+    assert progress_of(both, motion)[-1] == 1.0
+    until(lambda: both.run(moving.motion_complete(1)))
+    assert both.run(moving.get_joints()) == pytest.approx(list(end), abs=1e-6)
+
+
+def test_motions_that_follow_each_other(both: Both, moving: Any) -> None:
+    """The first one is over when the robot is on its way to the end of the second, which begins where it ended."""
+    first = both.run(moving.move(THERE, "@P", speed=10, wait=False))
+    second = both.run(moving.move(HOME, speed=2, wait=False))
+    assert both.run(first.get_done()) is False
+    assert both.run(second.get_progress()) == 0.0
+    finished(both, first)
+    assert both.run(second.get_done()) is False
+    fractions = progress_of(both, second)
+    assert fractions == sorted(fractions)
+    assert len(set(fractions)) > 2
+    assert both.run(first.get_done()) is True
+
+
+def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url: str) -> None:
+    first = both.run(moving.move(THERE, speed=50, wait=False))
+    second = both.run(moving.move(HOME, speed=1, wait=False))
+    finished(both, first)
+    halt_from_elsewhere(url)
+    with pytest.raises(CallError) as caught:
+        finished(both, second)
+    assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
+    assert both.run(first.get_done()) is True
+
+
+def test_a_stop_before_the_follower_has_begun_is_the_followers(both: Both, moving: Any, url: str) -> None:
+    both.run(moving.move(THERE, speed=1, wait=False))
+    for pose in (HOME, P(380, 0, 250, 180, 0, 180, 5)):
+        second = both.run(moving.move(pose, wait=False))
+    halt_from_elsewhere(url)
+    with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
+        finished(both, second)
+
+
+def halt_from_elsewhere(url: str) -> None:
+    with orinkit.connect(url) as other:
+        other.robot().halt()
+
+
+def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
+    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    assert both.run(motion.get_progress()) < 1
+    halt_from_elsewhere(url)
+    for ask in (motion.get_done, motion.get_progress, motion.wait, motion.get_done):
+        with pytest.raises(CallError) as caught:
+            both.run(ask())
+        error = caught.value
+        assert error.code == hresult.STOPPED_DURING_PC_MOTION
+        assert (error.function, error.subject) == ("Robot_Move", "Arm")
+        assert error.arguments[1:] == (1, "J(45, 30, 120, 0, -60, 0)", "SPEED=1,NEXT")
+        assert "the arm stands at J(" in str(error)
+        assert "the motion ends at J(45, 30, 120, 0, -60, 0)" in str(error)
+    with pytest.raises(CallError):
+        progress_of(both, motion)
+    assert "stopped" in repr(motion)
+    both.run(moving.move(HOME))  # the next one is another matter
+
+
+def test_another_client_halts_a_motion_that_is_waited_for(both: Both, moving: Any, rc8: VirtualRC8, url: str) -> None:
+    def halt() -> None:
+        until(lambda: bool(rc8.pendant.status()["moving"]))
+        halt_from_elsewhere(url)
+
+    thread = threading.Thread(target=halt)
+    thread.start()
+    with pytest.raises(CallError) as caught:
+        both.run(moving.move(THERE, speed=1))
+    thread.join()
+    assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
+
+
+def test_the_reason_of_a_stop_is_told(both: Both, moving: Any, rc8: VirtualRC8) -> None:
+    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    rc8.raise_error(0x83204071, "axis 1 is at its limit")
+    rc8.raise_error(hresult.COMMAND_GENERATION_STOPPED)
+    with pytest.raises(CallError, match=r"the controller reports 0x83204071 axis 1 is at its limit"):
+        finished(both, motion)
+
+
+def test_the_emergency_stop_ends_a_motion(both: Both, moving: Any, rc8: VirtualRC8) -> None:
+    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    rc8.pendant.emergency_stop()
+    with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
+        finished(both, motion)
+    with pytest.raises(CallError, match="EMERGENCY_STOP_ON"):
+        both.run(moving.move(THERE))
+
+
+def test_halting_it_oneself(both: Both, moving: Any) -> None:
+    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    both.run(motion.halt())
+    assert both.run(moving.get_moving()) is False
+    with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
+        finished(both, motion)
+
+
+def test_a_paused_motion_is_not_over(both: Both, moving: Any) -> None:
+    motion = both.run(moving.move(THERE, speed=10, wait=False))
+    both.run(moving.hold())
+    assert both.run(motion.get_done()) is False
+    until(lambda: both.run(motion.get_progress()) == both.run(motion.get_progress()))
+    assert both.run(motion.get_progress()) < 1
+    assert both.run(motion.get_done()) is False
+    both.run(moving.unhold())
+    finished(both, motion)
+
+
+def test_a_machine_lock_is_no_stop(both: Both, robot: Any, rc8: VirtualRC8) -> None:
+    rc8.pendant.machine_lock()
+    both.run(robot.execute("TakeArm"))
+    both.run(robot.execute("Motor", 1))
+    finished(both, both.run(robot.move(THERE, wait=False)))
+    assert both.run(robot.get_joints()) == standing_at(HOME)
+
+
+def test_a_refused_motion_is_no_motion(both: Both, moving: Any) -> None:
+    motion = both.run(moving.move(THERE, speed=5, wait=False))
+    for refused in (P(5000, 0, 0, 0, 0, 0), "P9999"):
+        with pytest.raises(CallError):
+            both.run(moving.move(refused, wait=False))
+    fractions = progress_of(both, motion)
+    assert len(set(fractions)) > 2
+    assert fractions[-1] == 1.0
+
+
+def test_where_it_is(both: Both, robot: Any) -> None:
+    assert both.run(robot.get_joints()) == standing_at(HOME)
+    position = both.run(robot.get_position())
+    assert isinstance(position, P)
+    assert position[:3] == pytest.approx([364.159992, 0, 278.535534], abs=1e-5)  # as in the b-CAP document
+    assert position.fig == both.run(robot.get_figure()) == 5
+    trans = both.run(robot.get_trans())
+    assert isinstance(trans, T)
+    assert trans[3:9] == pytest.approx([0, 1, 0, 0, 0, -1], abs=1e-9)
+    assert both.run(robot.get_motor_on()) is False
+    assert both.run(robot.get_moving()) is False
+
+
+def test_conversions(both: Both, robot: Any) -> None:
+    position = both.run(robot.get_position())
+    joints = both.run(robot.to_joints(position))
+    assert joints == standing_at(HOME)
+    assert both.run(robot.to_position(HOME)) == pytest.approx(list(position))
+    assert both.run(robot.to_trans(HOME)) == pytest.approx(list(both.run(robot.get_trans())))
+    assert both.run(robot.to_position(both.run(robot.to_trans(position)))) == pytest.approx(list(position))
+    assert both.run(robot.out_of_range(HOME)) == 0
+    assert both.run(robot.out_of_range(J(180, 45, 160, 0, 45, 0))) == 0b101
+    assert both.run(robot.out_of_range("P(5000, 0, 0, 0, 0, 0)")) == -1
+    with pytest.raises(CallError, match="TARGET_OUT_OF_RANGE"):
+        both.run(robot.to_joints(P(5000, 0, 0, 0, 0, 0)))
+
+
+def test_settings(both: Both, moving: Any) -> None:
+    both.run(moving.put_ext_speed(50))
+    assert both.run(moving.get_ext_speed()) == 50.0
+    before = both.run(moving.get_position())
+    both.run(moving.set_tool(1, P(0, 0, 100, 0, 0, 0)))
+    both.run(moving.put_tool(1))
+    assert both.run(moving.get_tool()) == 1
+    assert both.run(moving.get_position()).z == pytest.approx(before.z - 100)
+    both.run(moving.put_tool(0))
+    both.run(moving.set_work(2, P(100, 0, 0, 0, 0, 0)))
+    both.run(moving.put_work(2))
+    assert both.run(moving.get_work()) == 2
+    assert both.run(moving.get_position()).x == pytest.approx(before.x - 100)
+
+
+def test_properties_of_the_synchronous_robot(url: str) -> None:
+    with orinkit.connect(url) as controller, controller.robot() as robot, robot.arm(), robot.motor():
+        robot.ext_speed = 30
+        robot.tool = 2
+        robot.work = 1
+        assert (robot.ext_speed, robot.tool, robot.work, robot.motor_on, robot.moving) == (30.0, 2, 1, True, False)
+        robot.tool = robot.work = 0
+        assert robot.joints == robot.destination == standing_at(HOME)
+        assert (robot.position.fig, robot.figure, robot.trans.fig) == (5, 5, 5)
+        motion = robot.move(THERE, wait=False)
+        assert [motion.done, motion.progress < 1] == [False, True]
+        for fraction in motion:
+            assert 0 <= fraction <= 1
+        assert (motion.done, motion.progress) == (True, 1.0)
+        for name in ("joints", "position", "moving", "motor_on", "destination"):
+            with pytest.raises(AttributeError):
+                setattr(robot, name, 1)
+
+
+# --- holding the arm and the motor ----------------------------------------------------------------------------------
+
+
+class Trouble(Exception):
+    pass
+
+
+def holding(both: Both, robot: Any, body: Callable[[], None]) -> None:
+    """``with robot.arm(), robot.motor(): body()``."""
+    both.within(robot.arm(), lambda _: both.within(robot.motor(), lambda _: body()))
+
+
+def status(rc8: VirtualRC8, *names: str) -> list[Any]:
+    found = rc8.pendant.status()
+    return [found[name] for name in names]
+
+
+def test_a_block_that_ends_well_waits_for_its_motion(both: Both, robot: Any, rc8: VirtualRC8) -> None:
+    def body() -> None:
+        assert status(rc8, "motor") == ["on"]
+        assert status(rc8, "arm_holder") != [""]
+        both.run(robot.move(THERE, speed=20, wait=False))
+
+    holding(both, robot, body)
+    assert both.run(robot.get_joints()) == pytest.approx([*THERE, 0, 0], abs=0.1)
+    assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
+
+
+def test_a_block_that_fails_halts(both: Both, robot: Any, rc8: VirtualRC8) -> None:
+    def body() -> None:
+        both.run(robot.move(THERE, speed=1, wait=False))
+        raise Trouble
+
+    with pytest.raises(Trouble) as caught:
+        holding(both, robot, body)
+    assert not hasattr(caught.value, "__notes__")
+    assert both.run(robot.get_joints())[0] < 40
+    assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
+
+
+def test_a_stop_in_a_block_comes_out_of_it(both: Both, robot: Any, rc8: VirtualRC8, url: str) -> None:
+    def body() -> None:
+        both.run(robot.move(THERE, speed=1, wait=False))
+        halt_from_elsewhere(url)
+
+    with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
+        holding(both, robot, body)
+    assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
+
+
+def test_keeping_what_is_set(both: Both, robot: Any) -> None:
+    both.within(robot.arm(), lambda _: both.run(robot.put_tool(3)))
+    both.within(robot.arm(keep=True), lambda _: None)
+    assert both.run(robot.get_tool()) == 3
+    both.within(robot.arm(), lambda _: None)
+    assert both.run(robot.get_tool()) == 0
+    with pytest.raises(CallError, match="VALUE_OUT_OF_RANGE"):
+        both.within(robot.arm(group=99), lambda _: None)
+
+
+def test_an_arm_that_another_one_has(both: Both, robot: Any, url: str) -> None:
+    entered = []
+    with orinkit.connect(url) as other:
+        other.robot().execute("TakeArm")
+        thief = other.robot()
+        thief.execute("TakeArm")
+        with pytest.raises(CallError, match="ARM_NOT_TAKEN"):
+            both.within(robot.arm(), entered.append)
+    assert entered == []
+
+
+def test_a_motor_that_cannot_go_on_gives_the_arm_back(both: Both, robot: Any, rc8: VirtualRC8) -> None:
+    rc8.pendant.emergency_stop()
+    with pytest.raises(CallError, match="EMERGENCY_STOP_ON"):
+        holding(both, robot, lambda: None)
+    assert status(rc8, "arm_holder") == [""]
+
+
+def test_the_controller_goes_away_in_the_middle(both: Both) -> None:
+    device = VirtualRC8(clock=Clock(20))
+    server = orinkit.serve(device, "tcp://127.0.0.1:0")
+    controller = both.connect(server.url)
+    robot = both.run(controller.robot())
+
+    def body() -> None:
+        motion = both.run(robot.move(THERE, speed=1, wait=False))
+        server.close()
+        finished(both, motion)
+
+    began = time.monotonic()
+    with pytest.raises(TransportError) as caught:
+        holding(both, robot, body)
+    assert time.monotonic() - began < 2
+    assert ["the connection is gone" in note for note in caught.value.__notes__] == [True, True]
+    both.run(controller.close())
+    device.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
+def test_ctrl_c_while_a_motion_is_waited_for(rc8: VirtualRC8, url: str) -> None:
+    """The connection is closed, so the controller stops the arm."""
+
+    def interrupt() -> None:
+        until(lambda: status(rc8, "moving") == [True])
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    controller = orinkit.connect(url)
+    robot = controller.robot()
+    thread = threading.Thread(target=interrupt)
+    with pytest.raises(KeyboardInterrupt), robot.arm(), robot.motor():
+        thread.start()
+        robot.move(THERE, speed=1)
+    thread.join()
+    until(lambda: status(rc8, "moving", "arm_holder") == [False, ""])
+    assert status(rc8, "joints")[0][0] < 40
+    with pytest.raises(ConnectionClosed):
+        robot.joints  # noqa: B018
+    controller.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
+def test_ctrl_c_while_a_motion_goes_on_by_itself(rc8: VirtualRC8, url: str) -> None:
+    """Between two looks at it the connection stays: arm and motor are given back in good order."""
+    with orinkit.connect(url) as controller:
+        robot = controller.robot()
+
+        def interrupt(number: int, frame: object) -> None:
+            raise KeyboardInterrupt
+
+        before = signal.signal(signal.SIGALRM, interrupt)
+        try:
+            with pytest.raises(KeyboardInterrupt), robot.arm(), robot.motor():
+                robot.move(THERE, speed=1, wait=False)
+                signal.setitimer(signal.ITIMER_REAL, 0.01)
+                time.sleep(PATIENCE)
+        finally:
+            signal.signal(signal.SIGALRM, before)
+        assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
+
+
+def test_cancelling_a_motion_that_is_waited_for(rc8: VirtualRC8, url: str) -> None:
+    """The call cannot be taken back and the connection is busy with it, so the connection is closed."""
+
+    async def body() -> None:
+        async with aio.connect(url) as controller:
+            robot = await controller.robot()
+            with pytest.raises(TimeoutError):
+                async with asyncio.timeout(0.2), robot.arm(), robot.motor():
+                    await robot.move(THERE, speed=0.5)
+            with pytest.raises(ConnectionClosed):
+                await robot.get_joints()
+
+    asyncio.run(body())
+    until(lambda: status(rc8, "moving", "arm_holder") == [False, ""])
+
+
+def test_cancelling_the_wait_for_a_motion(rc8: VirtualRC8, url: str) -> None:
+    async def body() -> None:
+        async with aio.connect(url) as controller:
+            robot = await controller.robot()
+            async with robot.arm(), robot.motor():
+                motion = await robot.move(THERE, speed=1, wait=False)
+                with pytest.raises(TimeoutError):
+                    async with asyncio.timeout(0.05):
+                        await motion
+                assert await robot.get_moving()
+                waiting = asyncio.create_task(motion.wait())
+                await asyncio.sleep(0)
+                await robot.halt()  # from another task, over the same connection
+                with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
+                    await waiting
+        assert status(rc8, "motor", "arm_holder") == ["off", ""]
+
+    asyncio.run(body())
+
+
+# --- a robot that answers by script ---------------------------------------------------------------------------------
+
+
+class ScriptedRobot(p.RobotObject):
+    """Notes what it is called with; answers with what its device has in store for a call, the last one for ever."""
+
+    def __init__(self, device: Scripted) -> None:
+        super().__init__("Arm")
+        self._device = device
+
+    def move(self, interpolation: int, pose: Variant, option: str) -> Any:
+        return self._device.answer("Move", option)
+
+    def halt(self, option: str) -> Any:
+        return self._device.answer("Halt", None)
+
+    def hold(self, option: str) -> Any:
+        return self._device.answer("Hold", None)
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        return self._device.answer(command, plain(parameter))
+
+    def get_variable(self, name: str, option: str) -> Any:
+        raise p.not_found(name)
+
+
+class ScriptedController(p.ControllerObject):
+    def __init__(self, device: Scripted) -> None:
+        super().__init__("Scripted")
+        self._device = device
+
+    def get_robot(self, name: str, option: str) -> ScriptedRobot:
+        return ScriptedRobot(self._device)
+
+
+class Scripted(Provider):
+    """A controller whose robot does what a test says.
+
+    Attributes:
+        answers: what each call is answered with, one after the other; an exception is raised.
+        calls: what was called, without the questions.
+    """
+
+    provider_names = ("Test.Scripted",)
+
+    def __init__(self) -> None:
+        self.answers: dict[str, list[Any]] = {
+            "CurJnt": [[0.0] * 8], "DestJnt": [[10.0] * 8], "MotionComplete": [False],
+        }  # fmt: skip
+        self.calls: list[Any] = []
+        self.asked: list[str] = []
+        self.never: Later[None] = Later()
+
+    def answer(self, name: str, parameter: Any) -> Any:
+        self.asked.append(name)
+        if name not in ("CurJnt", "CurPos", "DestJnt", "MotionComplete"):
+            self.calls.append(name if parameter is None else (name, parameter))
+        found = self.answers.get(name, [None])
+        what = found.pop(0) if len(found) > 1 else found[0]
+        if isinstance(what, Exception):
+            raise what
+        return what
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ScriptedController:
+        return ScriptedController(self)
+
+    def close(self) -> None:
+        self.never.finish()
+
+
+@pytest.fixture
+def device() -> Scripted:
+    return Scripted()
+
+
+@pytest.fixture
+def scripted(both: Both, device: Scripted) -> Iterator[Any]:
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        controller = both.connect(server.url, provider="Test.Scripted", timeout=0.25, service="")
+        yield both.run(controller.robot())
+        device.close()
+        both.run(controller.close())
+
+
+TAKEN = [("TakeArm", [0, 0]), ("Motor", [1, 0])]
+GIVEN = [("Motor", [0, 0]), "GiveArm"]
+REFUSED = CallError(hresult.MOTOR_OFF_WHILE_MOVING)
+
+
+def raising(_: object = None) -> None:
+    raise Trouble
+
+
+def test_the_order_of_a_block_that_ends_well(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["MotionComplete"] = [False, False, True]
+    device.answers["CurJnt"] = [[0.0] * 8, [10.0] * 8]
+    holding(both, scripted, lambda: both.run(scripted.move("P1", wait=False)))
+    assert device.calls == [*TAKEN, ("Move", "NEXT"), *GIVEN]
+    assert device.asked.count("MotionComplete") == 3
+
+
+def test_the_order_of_a_block_that_fails(both: Both, scripted: Any, device: Scripted) -> None:
+    with pytest.raises(Trouble):
+        holding(both, scripted, raising)
+    assert device.calls == [*TAKEN, "Halt", *GIVEN]
+
+
+def test_nothing_is_asked_where_nothing_moved(both: Both, scripted: Any, device: Scripted) -> None:
+    holding(both, scripted, lambda: None)
+    assert device.asked == ["TakeArm", "Motor", "Motor", "GiveArm"]
+
+
+def test_a_paused_motion_is_halted_at_the_end_of_the_block(both: Both, scripted: Any, device: Scripted) -> None:
+    def body() -> None:
+        both.run(scripted.move("P1", wait=False))
+        both.run(scripted.hold())
+
+    holding(both, scripted, body)
+    assert device.calls == [*TAKEN, ("Move", "NEXT"), "Hold", "Halt", *GIVEN]
+
+
+def test_a_raw_motion_is_waited_for_too(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["MotionComplete"] = [False, True]
+    holding(both, scripted, lambda: both.run(scripted.move(1, "P1", "NEXT")))
+    assert device.asked == ["TakeArm", "Motor", "Move", "MotionComplete", "MotionComplete", "Motor", "GiveArm"]
+
+
+@pytest.mark.parametrize("failing", ["Halt", "Motor", "GiveArm"])
+def test_a_step_that_fails_hides_nothing(both: Both, scripted: Any, device: Scripted, failing: str) -> None:
+    def body() -> None:
+        device.answers[failing] = [REFUSED]
+        raising()
+
+    with pytest.raises(Trouble) as caught:
+        holding(both, scripted, body)
+    assert device.calls == [*TAKEN, "Halt", *GIVEN]
+    (note,) = caught.value.__notes__
+    assert "while cleaning up" in note
+    assert "MOTOR_OFF_WHILE_MOVING" in note
+
+
+def test_the_end_of_a_good_block_may_fail(both: Both, scripted: Any, device: Scripted) -> None:
+    """Then that is the error; the arm is halted and given back all the same."""
+
+    def body() -> None:
+        device.answers["Motor"] = [REFUSED]
+
+    with pytest.raises(CallError, match="MOTOR_OFF_WHILE_MOVING"):
+        holding(both, scripted, body)
+    assert device.calls == [*TAKEN, ("Motor", [0, 0]), "Halt", "GiveArm"]
+
+
+def test_each_step_takes_one_timeout_at_most(both: Both, scripted: Any, device: Scripted) -> None:
+    def body() -> None:
+        for name in ("Halt", "Motor", "GiveArm"):
+            device.answers[name] = [Blocking(lambda: time.sleep(0.6))]
+        raising()
+
+    began = time.monotonic()
+    with pytest.raises(Trouble) as caught:
+        holding(both, scripted, body)
+    assert time.monotonic() - began < 4 * 0.25 + 2
+    assert len(caught.value.__notes__) >= 2
+
+
+def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: Any, device: Scripted) -> None:
+    """The controller does not answer within the time-out and is busy with the motion from then on."""
+    device.answers["Move"] = [device.never]
+    with pytest.raises(CallTimeout) as caught:
+        holding(both, scripted, lambda: both.run(scripted.move("P1")))
+    assert any("closed to stop the arm" in note for note in caught.value.__notes__)
+    assert device.calls == [*TAKEN, ("Move", "")]
+    with pytest.raises(ConnectionClosed):
+        both.run(scripted.get_joints())
+
+
+def test_a_call_that_is_only_slow_is_waited_for(both: Both, scripted: Any, device: Scripted) -> None:
+    slow = Later[None]()
+    device.answers["Slow"] = [slow]
+
+    def body() -> None:
+        with pytest.raises(CallTimeout):
+            both.run(scripted.execute("Slow"))
+        threading.Timer(0.05, slow.finish).start()
+        raising()
+
+    with pytest.raises(Trouble) as caught:
+        holding(both, scripted, body)
+    assert not hasattr(caught.value, "__notes__")
+    assert device.calls == [*TAKEN, "Slow", "Halt", *GIVEN]
+
+
+def test_taking_of_which_nobody_knows_is_undone(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["Motor"] = [Blocking(lambda: time.sleep(0.35)), None]
+    with pytest.raises(CallTimeout):
+        holding(both, scripted, lambda: None)
+    assert device.calls == [*TAKEN, ("Motor", [0, 0]), "GiveArm"]
+
+
+def test_a_robot_that_is_closed_in_its_block(both: Both, scripted: Any, device: Scripted) -> None:
+    def body() -> None:
+        both.run(scripted.close())
+        raising()
+
+    with pytest.raises(Trouble) as caught:
+        holding(both, scripted, body)
+    assert device.calls == TAKEN
+    assert "closed" in caught.value.__notes__[0]
+
+
+def test_a_motion_that_has_hardly_been_taken_is_no_stopped_one(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["MotionComplete"] = [True, False, False, True]
+    device.answers["CurJnt"] = [[0.0] * 8, [0.0] * 8, [10.0] * 8]
+    motion = both.run(scripted.move("P1", wait=False))
+    assert both.run(motion.get_done()) is False
+    assert both.run(motion.get_done()) is False
+    assert both.run(motion.get_done()) is True
+
+
+def test_encoders_that_are_late_are_no_stop(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["MotionComplete"] = [True]
+    device.answers["CurJnt"] = [[0.0] * 8, [9.0] * 8, [10.0] * 8]
+    finished(both, both.run(scripted.move("P1", wait=False)))
+
+
+def test_a_controller_that_does_not_tell_where_a_motion_ends(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["DestJnt"] = [CallError(hresult.E_NOTIMPL)]
+    device.answers["MotionComplete"] = [False, False, True]
+    motion = both.run(scripted.move("P1", wait=False))
+    assert progress_of(both, motion) == [0.0, 0.0, 1.0]
+    # a pose in joints tells it itself
+    device.answers["MotionComplete"] = [True]
+    motion = both.run(scripted.move(J(*[20.0] * 8), wait=False))
+    with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
+        finished(both, motion)
+
+
+@pytest.mark.parametrize("answer", [None, "x", [1.0, "x"], [float("nan")] * 8, [], 5])
+def test_answers_that_are_no_joints(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
+    device.answers["CurJnt"] = [answer]
+    with pytest.raises(ProtocolError, match="CurJnt was answered with"):
+        both.run(scripted.get_joints())
+
+
+@pytest.mark.parametrize("answer", [None, "yes", [True], float("inf")])
+def test_answers_that_are_no_numbers(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
+    device.answers["MotionComplete"] = [answer]
+    with pytest.raises(ProtocolError, match="MotionComplete was answered with"):
+        both.run(scripted.motion_complete())
+
+
+def test_a_busy_controller_is_told_so(both: Both, scripted: Any, device: Scripted) -> None:
+    device.answers["Move"] = [device.never]
+    with pytest.raises(CallTimeout):
+        both.run(scripted.move("P1"))
+    with pytest.raises(BusyError):
+        both.run(scripted.halt())

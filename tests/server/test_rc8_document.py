@@ -1,0 +1,158 @@
+"""Sections 3.2 and 3.3 of the RC8 document against the virtual RC8: the printed packets, and the two programs."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import orinkit
+from orinkit.bcap import packet
+from orinkit.server.background import Server
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+from peers import RawClient
+
+VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+P1 = [350.0, 50.0, 300.0, 180.0, 0.0, 180.0, 5.0]
+SERVICE_START, SERVICE_STOP, CONNECT, DISCONNECT, GET_ROBOT, GET_TASK = 1, 2, 3, 4, 7, 8
+ROBOT_EXECUTE, ROBOT_MOVE, ROBOT_RELEASE, TASK_START, TASK_STOP, TASK_RELEASE = 64, 72, 84, 88, 89, 99
+CONTROLLER = ("", "CaoProv.DENSO.VRC", "localhost", "")
+
+
+def printed(line: int) -> bytes:
+    """A packet of the RC8 document by its line."""
+    return next(bytes.fromhex(v["hex"]) for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] == line)
+
+
+def nothing(serial: int) -> bytes:
+    """S_OK without arguments."""
+    return bytes.fromhex(f"0110000000{serial:02x}00000000000000000004")
+
+
+@pytest.fixture
+def device() -> Iterator[VirtualRC8]:
+    rc8 = VirtualRC8(clock=Clock(50))
+    yield rc8
+    rc8.close()
+
+
+@pytest.fixture
+def server(device: VirtualRC8) -> Iterator[Server]:
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as served:
+        with orinkit.connect(served.url) as teacher:
+            teacher.variable("P1").value = P1
+        yield served
+
+
+@pytest.fixture
+def raw(server: Server) -> Iterator[RawClient]:
+    with RawClient(server.url) as client:
+        yield client
+
+
+def motor_on(device: VirtualRC8) -> None:
+    """Switch the motor on at the pendant."""
+    device.pendant.motor()
+    end = time.monotonic() + 20
+    while not device.state.arm.motor.on:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def same_but_serial(answer: bytes, wanted: bytes) -> bool:
+    """Some answers are printed with another serial than their request has."""
+    return answer[:5] + answer[7:] == wanted[:5] + wanted[7:]
+
+
+def test_section_3_2_is_answered_as_printed(raw: RawClient) -> None:
+    conversation = [
+        (251, printed(262)),  # Controller_Connect -> 2
+        (493, printed(503)),  # Controller_GetTask Pro1 -> 3
+        (515, printed(524)),  # Task_Start 2
+        (533, printed(539)),  # Task_Stop 3
+        (551, nothing(6)),  # Task_Release
+    ]
+    for line, answer in conversation:
+        raw.send(printed(line))
+        assert raw.frame().hex(" ") == answer.hex(" "), line
+
+
+def test_section_3_3_is_answered_as_printed(raw: RawClient, device: VirtualRC8) -> None:
+    conversation = [
+        (251, printed(262)),  # Controller_Connect -> 2
+        (661, printed(671)),  # Controller_GetRobot Arm -> 3
+        (684, printed(694)),  # Takearm (0, 1)
+        (723, printed(730)),  # Motor (1, 0)
+        (760, printed(769)),  # Move 1, P1, NEXT
+        (776, printed(783)),  # Halt
+        (738, printed(748)),  # Motor (0, 0)
+        (702, printed(711)),  # Givearm
+        (820, printed(830)),  # ClearError
+        (794, nothing(11)),  # Robot_Release
+    ]
+    for line, answer in conversation:
+        raw.send(printed(line))
+        assert same_but_serial(raw.frame(), answer), line
+    assert not device.state.arm.motor.on
+
+
+def test_every_printed_pair_of_both_sections_is_there() -> None:
+    """Guards the tests above: no packet has been left out."""
+    lines = {v["line"] for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and 480 < v["line"] < 960}
+    assert lines == {
+        493, 503, 515, 524, 533, 539, 551,
+        661, 671, 684, 694, 702, 711, 723, 730, 738, 748, 760, 769, 776, 783, 794, 820, 830,
+    }  # fmt: skip
+
+
+def test_list_3_2(raw: RawClient, device: VirtualRC8) -> None:
+    """Task Pro1, continuous, then a cycle stop; as bCapTask.c sends it."""
+    motor_on(device)
+    assert raw.ask(SERVICE_START) is None
+    controller = raw.ask(CONNECT, *CONTROLLER)
+    task = raw.ask(GET_TASK, controller, "Pro1", "")
+    assert raw.ask(TASK_START, task, 2, "") is None
+    assert device.state.programs_running == 1
+    assert raw.ask(TASK_STOP, task, 3, "") is None
+    assert raw.ask(TASK_RELEASE, task) is None
+    assert raw.ask(DISCONNECT, controller) is None
+    assert raw.ask(SERVICE_STOP) is None
+
+
+def test_list_3_3(raw: RawClient, device: VirtualRC8) -> None:
+    """To P1 and there; every parameter as a BSTR, as bCapRobot.c sends it."""
+    assert raw.ask(SERVICE_START) is None
+    controller = raw.ask(CONNECT, *CONTROLLER)
+    robot = raw.ask(GET_ROBOT, controller, "Arm", "")
+    for command, parameter in (("Takearm", ""), ("Motor", "1")):
+        assert raw.ask(ROBOT_EXECUTE, robot, command, parameter) is None, command
+    assert raw.ask(ROBOT_MOVE, robot, 1, "P1", "") is None
+    assert device.state.arm.space.position(device.state.arm.queue.joints) == pytest.approx(P1, abs=1e-4)
+    for command, parameter in (("Motor", "0"), ("Givearm", "")):
+        assert raw.ask(ROBOT_EXECUTE, robot, command, parameter) is None, command
+    assert raw.ask(ROBOT_RELEASE, robot) is None
+    assert raw.ask(DISCONNECT, controller) is None
+    assert raw.ask(SERVICE_STOP) is None
+
+
+def test_a_long_move_says_that_it_is_executing(raw: RawClient, device: VirtualRC8) -> None:
+    """With WDT=100 a Move without NEXT is answered when it is done, and S_EXECUTING comes meanwhile (RC8 table 3-1)."""
+    assert raw.ask(SERVICE_START, "WDT=100") is None
+    controller = raw.ask(CONNECT, *CONTROLLER)
+    robot = raw.ask(GET_ROBOT, controller, "Arm", "")
+    assert raw.ask(ROBOT_EXECUTE, robot, "TakeArm", [0, 0]) is None
+    motor_on(device)
+    serial = raw.request(ROBOT_MOVE, robot, 1, "J(60, 45, 90, 0, 45, 0)", "TIME=20000")
+    codes = []
+    while True:
+        answer = packet.decode(raw.frame())
+        assert answer.serial == serial
+        codes.append(answer.code)
+        if answer.code != 0x900:
+            break
+    assert codes[-1] == 0
+    assert codes.count(0x900) >= 2
