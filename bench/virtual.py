@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from orinkit.cao.provider import ClientInfo
+from orinkit.cao.task_modes import TaskMode
 from orinkit.poses import AT_COMMAND
 from orinkit.variant import variant
 from orinkit.virtual.clock import ManualClock
@@ -18,7 +19,6 @@ from orinkit.virtual.rc8.cycle import PERIOD
 from orinkit.virtual.rc8.kinematics import Kinematics
 from orinkit.virtual.rc8.models import load_model
 from orinkit.virtual.rc8.motion import plan
-from orinkit.virtual.rc8.tasks import StartMode
 
 COUNTING = """Sub Main
   Dim n As Integer
@@ -37,7 +37,7 @@ def statements(seconds: float = SECONDS) -> Callable[[], float]:
     rc8 = VirtualRC8(clock=clock, samples=False)
     rc8.state.files.write("Count.pcs", COUNTING.encode())
     task = rc8.state.tasks.find("Count")
-    rc8.state.tasks.start(task, StartMode.CONTINUOUS)
+    rc8.state.tasks.start(task, TaskMode.CONTINUOUS)
     counter: Any = rc8.connect("", "", "", ClientInfo()).get_variable("I1", "")
 
     def run() -> float:

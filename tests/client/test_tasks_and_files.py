@@ -13,7 +13,8 @@ import orinkit
 from both import Both
 from devices import Call, Recorder
 from orinkit import language
-from orinkit.client._common import TaskStatus, file_text, moment
+from orinkit.cao.task_modes import TaskStatus
+from orinkit.client._common import file_text, moment
 from orinkit.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ProtocolError
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8

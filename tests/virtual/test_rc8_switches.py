@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import pytest
@@ -119,12 +120,12 @@ def test_the_token_goes_from_one_to_another():
 def test_how_it_is_at_the_start():
     switches = Switches()
     assert (switches.mode, switches.token, switches.auto_enable) == (Mode.AUTOMATIC, Token(), True)
-    assert not (switches.emergency_stop or switches.protective_stop or switches.machine_lock or switches.deadman)
+    assert not any((switches.emergency_stop, switches.protective_stop, switches.machine_lock, switches.deadman))
     assert not switches.torque_off
     assert Switches(emergency_stop=True).torque_off
     assert Switches(protective_stop=True).torque_off
     for wrong in ({"token": "usb"}, {"mode": 4}, {"mode": 0}):
-        with pytest.raises(ValueError, match="token|mode"):
+        with pytest.raises(ValueError, match=r"token|mode"):
             VirtualRC8(**wrong)
 
 
@@ -231,7 +232,7 @@ def test_without_the_lock_commands_begin_where_the_arm_is(locked):
     locked.execute("Motor", 1)
     move = locked.move(1, "J(10, 45, 90, 0, 45, 0)")
     joints = [HOME, *locked.trace(10)]
-    assert max(abs(b[0] - a[0]) for a, b in zip(joints, joints[1:], strict=False)) < 425 * 0.008
+    assert max(abs(b[0] - a[0]) for a, b in itertools.pairwise(joints)) < 425 * 0.008
     assert locked.code(move) == 0
     locked.trace(3)
     assert locked.execute("CurJnt")[:6] == [10, 45, 90, 0, 45, 0]

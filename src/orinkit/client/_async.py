@@ -12,6 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 from orinkit import hresult
 from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
+from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._async_nodes import AsyncNamed, AsyncNode, AsyncOwner
 from orinkit.client._async_robot import AsyncRobot
@@ -20,9 +21,6 @@ from orinkit.client._common import (
     RC8,
     ErrorInfo,
     NodeFunctions,
-    StopMode,
-    TaskMode,
-    TaskStatus,
     check_content,
     error_count,
     error_info,

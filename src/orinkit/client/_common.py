@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from datetime import datetime
-from enum import IntEnum
 from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit import hresult
 from orinkit.cao.table import Function
+from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.errors import CallError, InvalidValue, ProtocolError
 from orinkit.language import pick
 from orinkit.variant import Value
@@ -130,34 +130,6 @@ def text_list(answer: Any) -> list[str]:
 
 
 # --- tasks ------------------------------------------------------------------------------------------------------------
-
-
-class TaskMode(IntEnum):
-    """How a program is started (Task_Start)."""
-
-    CYCLE = 1
-    CONTINUOUS = 2
-    STEP = 3
-
-
-class StopMode(IntEnum):
-    """How a program is stopped (Task_Stop)."""
-
-    DEFAULT = 0
-    INSTANT = 1
-    STEP = 2
-    CYCLE = 3
-    INITIALIZE = 4
-
-
-class TaskStatus(IntEnum):
-    """What a task is doing (GetStatus)."""
-
-    NON_EXISTENT = 0
-    SUSPENDED = 1
-    READY = 2
-    RUNNING = 3
-    STEP_STOPPED = 4
 
 
 def task_mode(kind: type[TaskMode | StopMode], mode: str | int) -> int:

@@ -10,14 +10,12 @@ from typing import Any, ParamSpec, TypeVar
 from orinkit import hresult
 from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
+from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.client._common import (
     DEFAULT_TIMEOUT,
     RC8,
     ErrorInfo,
     NodeFunctions,
-    StopMode,
-    TaskMode,
-    TaskStatus,
     check_content,
     error_count,
     error_info,

@@ -48,6 +48,7 @@ class Cycles:
         self._busy = False
         self._stepping = False
         self._woken = False
+        self._closed = False
         self._driver = clock.drive(self._drive)
 
     @property
@@ -72,6 +73,8 @@ class Cycles:
 
     def wake(self) -> None:
         """Say that a part has something to do; its first step is in the next cycle. To be called inside the lock."""
+        if self._closed:
+            return
         self._woken = True
         if not self._busy:
             self.number = max(self.number, self._due())
@@ -80,8 +83,10 @@ class Cycles:
             self._driver.wake()
 
     def close(self) -> None:
-        """Stop for good."""
+        """Stop for good; the cycle that is being done is finished first."""
         self._driver.close()
+        with self._lock:
+            self._closed, self._busy = True, False
 
     def __enter__(self) -> None:
         self._lock.acquire()

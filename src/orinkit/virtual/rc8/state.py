@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from orinkit import hresult
+from orinkit.cao.task_modes import TaskMode
 from orinkit.errors import CallError, error_for
 from orinkit.hresult import Family
 from orinkit.language import pick
@@ -36,7 +37,7 @@ from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.speech import Say
 from orinkit.virtual.rc8.store import Store
 from orinkit.virtual.rc8.switches import Mode, Switches, Token
-from orinkit.virtual.rc8.tasks import StartMode, Task, Tasks
+from orinkit.virtual.rc8.tasks import Task, Tasks
 from orinkit.virtual.rc8.timers import Timers
 
 logger = logging.getLogger("orinkit.rc8")
@@ -344,7 +345,7 @@ class State:
         self.arm.cut(code)
         self.tasks.stop_all()
 
-    def start_task(self, task: Task, mode: StartMode, origin: Origin) -> None:
+    def start_task(self, task: Task, mode: TaskMode, origin: Origin) -> None:
         """Start a program; what is wrong with its text goes into the error log.
 
         Raises:

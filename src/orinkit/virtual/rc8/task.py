@@ -9,12 +9,13 @@ from typing import Any, Final, TypeVar
 
 from orinkit import hresult
 from orinkit.cao.provider import Blocking, TaskObject, VariableObject, not_found
+from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.variant import Value, Variant, VarType
 from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, StartMode, StopMode, Task, TaskStatus, milliseconds
+from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, milliseconds
 
 E = TypeVar("E", bound=IntEnum)
 
@@ -37,14 +38,14 @@ class RC8Task(TaskObject):
         Raises:
             CallError: the state does not allow it; SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG, another mode.
         """
-        wanted = _mode(StartMode, mode)
+        wanted = _mode(TaskMode, mode)
         require("Task_Start", self._state.arm, self._caller)
         if self._state.tasks.is_large(self._task):
             return Blocking(lambda: self._load_and_start(wanted))
         self._state.start_task(self._task, wanted, self._caller.origin)
         return None
 
-    def _load_and_start(self, mode: StartMode) -> None:
+    def _load_and_start(self, mode: TaskMode) -> None:
         try:
             self._state.tasks.load(self._task)
         except CallError:  # the start tells of it
@@ -77,7 +78,7 @@ class RC8Task(TaskObject):
         return self._task.name + SUFFIX
 
     def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002 - none has one
-        """Execute an extended command: ``GetStatus`` (0 to 4, :class:`~orinkit.virtual.rc8.tasks.TaskStatus`)."""
+        """Execute an extended command: ``GetStatus`` (0 to 4, :class:`~orinkit.cao.task_modes.TaskStatus`)."""
         self._caller.require_read()
         if command.strip().lower() != "getstatus":
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
@@ -169,7 +170,7 @@ def run_file(caller: Caller, name: str, option: str) -> str:  # noqa: ARG001 - h
     """
     served = find_task(caller, name)
     require("Task_Start", caller.state.arm, caller)
-    caller.state.start_task(served.task, StartMode.ONE_CYCLE, caller.origin)
+    caller.state.start_task(served.task, TaskMode.CYCLE, caller.origin)
     return served.task.name
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import IntEnum
 from typing import Final
 
 from orinkit import hresult
 from orinkit.cao.provider import not_found
+from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.errors import CallError, error_for
 from orinkit.virtual.rc8.cycle import Cycles
 from orinkit.virtual.rc8.files import FileStore
@@ -29,34 +29,6 @@ _MILLISECONDS: Final = 1000
 _LARGE: Final = 8192  # bytes; loading them takes about 0.1 s
 
 
-class TaskStatus(IntEnum):
-    """What GetStatus answers (reference: task status)."""
-
-    NON_EXISTENT = 0
-    SUSPENDED = 1
-    READY = 2
-    RUNNING = 3
-    STEP_STOPPED = 4
-
-
-class StartMode(IntEnum):
-    """How Task_Start runs a program."""
-
-    ONE_CYCLE = 1
-    CONTINUOUS = 2
-    STEP = 3
-
-
-class StopMode(IntEnum):
-    """How Task_Stop stops a program; 0, the default, is an instant stop here."""
-
-    DEFAULT = 0
-    INSTANT = 1
-    STEP = 2
-    CYCLE = 3
-    INITIALIZE = 4
-
-
 class Task:
     r"""One program as it runs; as an operator of the arm it needs no right and no token, for its start had both.
 
@@ -74,7 +46,7 @@ class Task:
         self.cycle_seconds = 0.0
         self.world = world(self)
         self._seconds = seconds
-        self._mode = StartMode.ONE_CYCLE
+        self._mode = TaskMode.CYCLE
         self._ending = StopMode.DEFAULT  # STEP or CYCLE: where it is to stop
         self._machine: Machine | None = None
         self._program: Program | None = None
@@ -107,7 +79,7 @@ class Task:
         """Seconds since it was started; 0 when it is not running."""
         return self._seconds() - self._started if self.status is TaskStatus.RUNNING else 0.0
 
-    def start(self, program: Program, mode: StartMode) -> None:
+    def start(self, program: Program, mode: TaskMode) -> None:
         """Run a program, or go on with it where it was suspended.
 
         Raises:
@@ -151,7 +123,7 @@ class Task:
         machine = self._machine
         if self.status is not TaskStatus.RUNNING or machine is None:
             return None
-        if self._mode is StartMode.STEP or self._ending is StopMode.STEP:
+        if self._mode is TaskMode.STEP or self._ending is StopMode.STEP:
             machine.step()
         else:
             machine.run(STATEMENTS)
@@ -160,16 +132,16 @@ class Task:
             return machine.fault
         if machine.state is MachineState.DONE:
             self._cycle_done(machine)
-        elif machine.state is MachineState.RUNNING and StartMode.STEP in (self._mode, self._ending_as_start()):
+        elif machine.state is MachineState.RUNNING and TaskMode.STEP in (self._mode, self._ending_as_start()):
             self.status = TaskStatus.STEP_STOPPED
         return None
 
-    def _ending_as_start(self) -> StartMode | None:
-        return StartMode.STEP if self._ending is StopMode.STEP else None
+    def _ending_as_start(self) -> TaskMode | None:
+        return TaskMode.STEP if self._ending is StopMode.STEP else None
 
     def _cycle_done(self, machine: Machine) -> None:
         self.cycle_seconds = self._seconds() - self._began
-        if self._mode is StartMode.CONTINUOUS and self._ending is StopMode.DEFAULT:
+        if self._mode is TaskMode.CONTINUOUS and self._ending is StopMode.DEFAULT:
             self._began = self._seconds()
             machine.restart()
         else:
@@ -237,7 +209,7 @@ class Tasks:
         """Return whether a task's program is still there."""
         return self._files.exists(task.name + SUFFIX)
 
-    def start(self, task: Task, mode: StartMode) -> None:
+    def start(self, task: Task, mode: TaskMode) -> None:
         """Load a program and run it.
 
         Raises:
