@@ -239,6 +239,20 @@ def test_a_second_robot_object_of_a_client_has_the_same_arm(cell):
     assert cell.code_of(lambda: second.drive(1, 1.0, "")) == 0
 
 
+def test_the_arm_is_given_back_with_the_last_robot_object(cell):
+    second = cell.controller.get_robot("Other", "")
+    cell.move(1, "J(90, 45, 90, 0, 45, 0)", "NEXT")
+    cell.trace(12)
+    second.release()
+    assert cell.execute("TakeArmState", -1) == 1
+    assert not cell.arm.stopping
+    cell.robot.release()
+    assert cell.execute("TakeArmState", 0) == 0
+    assert cell.arm.stopping
+    cell.trace(60)
+    assert not cell.arm.busy
+
+
 def test_the_arm_is_not_given_to_a_client_that_has_gone(cell):
     """Its TakeArm waits for the arm to stand still; it leaves before."""
     cell.move(1, "J(90, 45, 90, 0, 45, 0)")
@@ -752,8 +766,9 @@ def test_changing_frames_changes_what_is_told_not_where_the_arm_is(cell):
 
 
 def test_servo_data(cell):
-    assert cell.execute("GetSrvData", 2) == [0] * 8
     assert cell.execute("GetSrvData", 17) == [0] * 8
+    resting = cell.execute("GetSrvData", 2)
+    assert 0 < max(map(abs, resting)) < 0.01  # gravity: users take all zero for a motor that is off
     gravity = cell.execute("GetSrvData", 4)
     assert gravity[1] != 0
     assert gravity[0] == gravity[6] == gravity[7] == 0
@@ -761,7 +776,7 @@ def test_servo_data(cell):
     cell.trace(40)
     deviation = cell.execute("GetSrvData", [2])
     encoders, commands = cell.execute("CurJnt"), cell.arm.queue.joints
-    assert deviation[:6] == pytest.approx([a - b for a, b in zip(commands, encoders, strict=False)])
+    assert deviation[:6] == pytest.approx([a - b for a, b in zip(commands, encoders, strict=False)], abs=0.02)
     assert abs(deviation[0]) > 0.1
     assert cell.execute("GetSrvData", "17")[0] == pytest.approx(300, rel=0.02)
     assert cell.execute("GetSrvData", 4) != gravity
@@ -857,21 +872,34 @@ def settle(cell: Cell) -> None:
     cell.execute("Motor", 1)
 
 
-@pytest.mark.parametrize("name", ANSWERS)
-@settings(max_examples=60, deadline=None, database=None, suppress_health_check=list(HealthCheck))
-@given(parameter=st.one_of(variants(), NEARLY, NEARLY))
-def test_any_parameter_is_answered_or_refused(shared, name, parameter):
+ANY = st.one_of(variants(), NEARLY, NEARLY)
+
+
+def send_anything(cell: Cell, name: str, parameter: Variant) -> None:
     """Only a CallError comes out, nothing hangs, and what is refused has moved nothing."""
     try:
-        result = shared.robot.execute(name, parameter)
+        result = cell.robot.execute(name, parameter)
     except CallError:
-        assert not shared.arm.busy
-        assert shared.arm.queue.joints == HOME
-        if shared.rc8.state.faults.code or not shared.arm.motor.on:
-            settle(shared)
+        assert not cell.arm.busy
+        assert cell.arm.queue.joints == HOME
+        if cell.rc8.state.faults.code or not cell.arm.motor.on:
+            settle(cell)
     else:
-        assert isinstance(variant(result if not isinstance(result, Later) else None), Variant)
-        settle(shared)
+        assert variant(None if isinstance(result, Later) else result).type & ~ARRAY <= VarType.UI8
+        settle(cell)
+
+
+@pytest.mark.parametrize("name", [name for name in ANSWERS if name not in NO_PARAMETER])
+@settings(max_examples=40, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@given(parameter=ANY)
+def test_any_parameter_is_answered_or_refused(shared, name, parameter):
+    send_anything(shared, name, parameter)
+
+
+@settings(max_examples=200, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@given(name=st.sampled_from(NO_PARAMETER), parameter=ANY)
+def test_any_parameter_of_a_command_without(shared, name, parameter):
+    send_anything(shared, name, parameter)
 
 
 CALLS = {
@@ -882,9 +910,9 @@ CALLS = {
 
 
 @pytest.mark.parametrize("call", CALLS)
-@settings(max_examples=150, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(
-    parameter=st.one_of(variants(), NEARLY, NEARLY),
+    parameter=ANY,
     text=st.one_of(PIECES, st.sampled_from(["SPEED=50,NEXT", "@P", "V(1,2,3)", "YZ"])),
     number=st.one_of(st.integers(-2, 6), st.integers(-(2**31), 2**31 - 1)),
 )

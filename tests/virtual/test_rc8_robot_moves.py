@@ -364,6 +364,27 @@ def test_a_mark_blends_the_next_motion_in(cell):
     assert 0 < corners["@P"] < 2 < corners["@20"] < 20 < corners["@60"] < 60
 
 
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_a_move_that_comes_when_the_one_before_is_passed_is_blended_in(cell, delay):
+    """As a client sends them: each when the one before has been answered, a few cycles late."""
+    joints = [cell.arm.queue.joints]
+    for mark, place in (
+        ("@P", "364, 150, 278"),
+        ("@30", "300, 150, 278"),
+        ("@P", "300, -50, 278"),
+        ("@E", "364, -50, 278"),
+    ):
+        move = cell.move(LINE, f"{mark} P({place}, 180, 0, 180)", "SPEED=10")
+        joints += path_of(cell, move)[1:]
+        joints += cell.trace(delay if mark != "@E" else 0)
+    way = tips(cell, joints)
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1)[5:-9].min() > 0.1
+    assert close(cell.tip, frame(364, -50, 278, 180, 0, 180))
+    velocity = np.diff(np.array(joints), axis=0) / PERIOD
+    acceleration = np.abs(np.diff(velocity, axis=0)) / PERIOD
+    assert (acceleration.max(0) <= [axis.acceleration * 1.001 for axis in cell.arm.model.axes]).all()
+
+
 def test_a_passed_motion_with_nothing_behind_it_goes_to_its_end(cell):
     move = cell.move(PTP, "@P J(60, 45, 90, 0, 45, 0)")
     cell.cycles(move)
@@ -531,6 +552,22 @@ def test_depart_is_back_along_the_tools_z(framed, interpolation):
     assert close(framed.tip, here @ frame(0, 0, -30))
     framed.execute("Depart", [interpolation, -12.5])
     assert close(framed.tip, here @ frame(0, 0, -17.5))
+
+
+@pytest.mark.parametrize("sixth", [180.0, -180.0, 179.9999999, 180.0000001, 360.0, -360.0, 0.0])
+@pytest.mark.parametrize("fourth", [20.0, 180.0, -179.9])
+@pytest.mark.parametrize("interpolation", [PTP, LINE])
+def test_depart_does_not_turn_an_axis_round(cell, interpolation, fourth, sixth):
+    """Also where a joint passes from SINGLE to DOUBLE."""
+    cell.stand(20, 35, 90, fourth, 40, sixth)
+    before, here = cell.arm.queue.joints, cell.tip
+    code = cell.code_of(lambda: cell.execute("Depart", [interpolation, 20]))
+    if interpolation == LINE and abs(sixth) == 360 and code:
+        assert code in (hresult.TARGET_OVER_SOFT_LIMIT_AXIS1 + 5, hresult.SOFT_LIMIT_OVER_AXIS1 + 5)
+        return
+    assert close(cell.tip, here @ frame(0, 0, -20))
+    most = 400 if abs(sixth) == 360 else 20  # from its limit it may have nowhere else to go
+    assert max(abs(a - b) for a, b in zip(before, cell.arm.queue.joints, strict=True)) < most
 
 
 def test_a_new_tool_holds_for_the_next_motion(cell):
@@ -1061,3 +1098,9 @@ def test_moves_after_a_stop_begin_where_the_arm_stands(cell):
         steps = np.abs(np.diff(np.array(joints), axis=0)) / PERIOD
         assert (steps.max(0) <= [axis.velocity * 1.001 for axis in cell.arm.model.axes]).all()
         assert cell.arm.queue.joints == HOME
+
+
+@pytest.mark.parametrize("pivot", [[0, 0, 0], [0.0, 0.0, 0.0], "V(0, 0, 0)", "P(0, 0, 0, 0, 0, 0)"])
+def test_three_bare_numbers_are_a_vector_as_a_pivot(cell, pivot):
+    cell.run(cell.robot.rotate(variant("XY"), 20.0, variant(pivot), "SPEED=50"))
+    assert cell.arm.queue.joints[0] == pytest.approx(20, abs=1e-6)

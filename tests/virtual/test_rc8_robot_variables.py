@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from cell import ADDRESS, Cell
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from orinkit import hresult
 from orinkit.cao.provider import Later
@@ -260,9 +261,8 @@ def shared() -> Iterator[Cell]:
     made.close()
 
 
-@pytest.mark.parametrize("name", TABLE)
-@settings(max_examples=40, deadline=None, database=None, suppress_health_check=list(HealthCheck))
-@given(value=variants())
+@settings(max_examples=300, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@given(name=st.sampled_from([*TABLE, *WRITABLE, *WRITABLE]), value=variants())
 def test_any_value_is_taken_or_refused(shared, name, value):
     try:
         result = shared.robot.get_variable(name, "").put_value(value)

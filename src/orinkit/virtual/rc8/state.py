@@ -169,7 +169,7 @@ class State:
     @property
     def cycle_seconds(self) -> float:
         """Seconds from when the controller was switched on to its last cycle: when the arm's joints were last read."""
-        return max(0.0, self.cycles.seconds - self._began) if self.cycles.busy else self.seconds
+        return max(0.0, self.cycles.seconds - self._began)
 
     @property
     def programs_running(self) -> int:

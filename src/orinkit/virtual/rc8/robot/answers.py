@@ -153,8 +153,7 @@ def servo_data(arm: Arm, parameter: Variant) -> Variant:
     """GetSrvData: 2 deviation (deg), 4 load (%), 17 speed of the tool's tip (mm/s, first number)."""
     (item,) = parameters.whole_numbers(parameter, None)
     if item == _DEVIATION:
-        pairs = zip(arm.servo.command, arm.servo.encoder, strict=True)
-        return Variant(_R8_ARRAY, report.eight(tuple(a - b for a, b in pairs)))
+        return Variant(_R8_ARRAY, report.eight(arm.servo.deviation(arm.motor.on)))
     if item == _LOAD:
         return Variant(_R8_ARRAY, report.eight(arm.servo.load(arm.motor.on)))
     if item == _TIP_SPEED:

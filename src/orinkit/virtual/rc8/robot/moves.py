@@ -12,7 +12,7 @@ from orinkit import hresult
 from orinkit.cao.motion_options import MotionOptions, VariableRef, resolve
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
-from orinkit.poses import AT_COMMAND, PassMark, Target
+from orinkit.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
 from orinkit.virtual.rc8.classes import CLASSES
 from orinkit.virtual.rc8.memory import Variables
 from orinkit.virtual.rc8.motion import plan
@@ -112,10 +112,10 @@ class Moves:
     def depart(
         self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move back by ``distance`` mm along the tool's -Z."""
+        """Move back by ``distance`` mm along the tool's -Z, with the least change of the joints."""
 
         def make(start: Joints) -> Motion:
-            here = Goal(self._space.tcp(start), self._space.kinematics.figure(start), start[ROBOT_AXES:])
+            here = Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
             return self._backed(interpolation, here, distance, mark, options, start)
 
         return self._begin(make)

@@ -15,7 +15,7 @@ from orinkit.cao.provider import Later, RobotObject, VariableObject
 from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.poses import PassMark, Target
-from orinkit.variant import Variant
+from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant
 from orinkit.virtual.rc8 import conversion
 from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.motion.queue import Ticket
@@ -29,6 +29,7 @@ _FRAME: Final = re.compile(r"\s*(tool|work)\s*([0-9]{1,9})\s*", re.IGNORECASE)
 _TIP: Final = -1
 _ALL_AXES: Final = 0
 _PLANE_POINTS: Final = 3
+_VECTOR: Final = 3
 _ON_A_LINE: Final = 1e-6  # sine of the angle between two sides of a triangle that is none
 
 
@@ -66,7 +67,7 @@ class RC8Robot(RobotObject):
         require("Rotate", self._arm, self._caller)
         options = parse_options(option)
         axis = self._normal(plane)
-        return self._begun(self._moves.rotate(axis, self._moves.point(_one(pivot)), angle, options), options)
+        return self._begun(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
 
     def go_home(self) -> Later[None]:
         """Move to the home pose."""
@@ -161,7 +162,10 @@ def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
     return (conversion.whole(pose), None) if isinstance(pose.value, int | float) else None
 
 
-def _one(given: Variant) -> Target:
+def _pivot(given: Variant) -> Target:
+    """Return the pivot of a rotation: a pose or a vector, or three bare numbers, which are a vector too."""
+    if given.type & ARRAY and given.type != VARIANT_ARRAY and len(given.value) == _VECTOR:
+        return Target("V", tuple(conversion.singles(_VECTOR)(given)))
     targets = read_targets(given)
     if len(targets) != 1:
         raise error_for(hresult.E_INVALIDARG, pick("one pose is needed", "ポーズが 1 つ必要です"))

@@ -27,6 +27,7 @@ _ACCELERATION_LOAD: Final = 33.3
 _FRICTION_LOAD: Final = 12.5
 _GRAVITY_LOADS: Final = (0.0, 30.0, 20.0, 0.0, 5.0, 0.0, 0.0, 0.0)
 _RATED_CURRENT: Final = 3.0
+_YIELD: Final = 1e-4  # deg for each percent of load
 _AT_REST: Final = 1e-9
 
 
@@ -100,6 +101,17 @@ class Servo:
             friction = math.copysign(_FRICTION_LOAD, speed) if abs(speed) > _AT_REST else 0.0
             loads.append(_ACCELERATION_LOAD * acceleration + friction + _GRAVITY_LOADS[axis] * lean[axis])
         return tuple(loads)
+
+    def deviation(self, powered: bool) -> tuple[float, ...]:
+        """Return how far each motor is behind its command, deg: what it has still to go, and what its load gives way.
+
+        0 without power. With it, an arm that gravity pulls at is never quite where it should be; users tell from that
+        whether the motor is on.
+        """
+        if not powered:
+            return (0.0,) * len(self.encoder)
+        loads = self.load(powered)
+        return tuple(a - b + _YIELD * load for a, b, load in zip(self.command, self.encoder, loads, strict=True))
 
     def sample(self, powered: bool) -> Sample:
         """Return this cycle for the log."""
