@@ -15,7 +15,7 @@ from devices import Call, Recorder
 from orinkit import language
 from orinkit.cao.task_modes import TaskStatus
 from orinkit.client._common import file_text, moment
-from orinkit.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ProtocolError
+from orinkit.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ObjectReleased, ProtocolError
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
 
@@ -168,14 +168,43 @@ def test_a_file_runs_as_a_task(both: Both, controller: Any) -> None:
 
 
 def test_a_file_that_is_missing(both: Both, controller: Any) -> None:
-    with pytest.raises(CallError, match="FILE_NOT_FOUND"):
-        both.run(controller.file("a/note.txt"))
-    both.run(controller.file("a/", create=True))
+    file = both.run(controller.file("a/note.txt"))
+    assert not both.run(file.get_exists())
+    for ask in (file.get_text, file.get_size, file.delete, file.run, lambda: file.execute("x")):
+        with pytest.raises(CallError, match="FILE_NOT_FOUND") as caught:
+            both.run(ask())
+        assert caught.value.subject == "a/note.txt"
+    assert both.run(controller.file_names()) == ["Pro1.pcs", "Pro2.pcs", "Pro3.pcs"]
+    both.run(file.close())
+    both.run(file.close())
+    with pytest.raises(ObjectReleased):
+        both.run(file.put_text("x"))
     file = both.run(controller.file("a/note.txt", create=True))
+    assert both.run(file.get_exists())
     assert both.run(file.get_text()) == ""
     assert both.run(file.get_data()) == b""
     both.run(controller.file("a/note.txt"))  # it is there now
     assert both.run(both.run(controller.file("a")).get_names()) == ["note.txt"]
+
+
+def test_a_file_that_is_missing_is_made_when_it_is_written(both: Both, controller: Any) -> None:
+    file = both.run(controller.file("a/b/note.txt"))
+    both.run(file.put_text("first"))
+    assert both.run(file.get_text()) == "first"
+    assert both.run(file.get_exists())
+    other = both.run(controller.file("a/b/note.txt"))
+    assert both.run(other.get_text()) == "first"
+    late = both.run(both.run(controller.file("a")).file("late.txt"))
+    both.run(both.run(controller.file("a/late.txt", create=True)).put_data(b"here"))
+    assert both.run(late.get_data()) == b"here"  # somebody else has made it meanwhile
+    both.run(file.delete())
+    with pytest.raises(CallError, match="FILE_NOT_FOUND"):
+        both.run(file.get_text())
+
+
+def test_a_name_that_cannot_be_is_refused_at_once(both: Both, controller: Any) -> None:
+    with pytest.raises(CallError, match="E_INVALIDARG"):
+        both.run(controller.file("../x"))
 
 
 @pytest.mark.parametrize("text", ["", "I[1] = 1\r\n", "位置 äö \U0001f916", "\n" * 5000])
@@ -228,8 +257,7 @@ def test_copying_moving_deleting(both: Both, controller: Any) -> None:
 def test_files_below_a_folder(both: Both, controller: Any) -> None:
     folder = both.run(controller.file("jobs/", create=True))
     both.run(both.run(folder.file("a.txt", create=True)).put_text("a"))
-    with pytest.raises(CallError, match="FILE_NOT_FOUND"):
-        both.run(folder.file("b.txt"))
+    assert not both.run(both.run(folder.file("b.txt")).get_exists())
     assert both.run(both.run(folder.file("a.txt")).get_text()) == "a"
     assert both.run(folder.get_names()) == both.run(folder.file_names()) == ["a.txt"]
 

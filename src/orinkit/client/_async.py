@@ -7,11 +7,12 @@ become a property ``x`` as well.
 
 from __future__ import annotations
 
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from orinkit import hresult
 from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
+from orinkit.cao.table import Function
 from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._async_nodes import AsyncNamed, AsyncNode, AsyncOwner
@@ -27,6 +28,7 @@ from orinkit.client._common import (
     file_data,
     file_option,
     file_text,
+    is_no_file,
     moment,
     no_such_error,
     service_option,
@@ -58,9 +60,13 @@ class AsyncExtension(AsyncOwner):
 
 
 class AsyncFile(AsyncOwner):
-    """A file or folder of the controller."""
+    """A file or folder of the controller.
 
-    __slots__ = ()
+    One that is not there yet may be connected to: setting its text or data makes it, and its folders; everything else
+    is refused until it is there.
+    """
+
+    __slots__ = ("_missing",)
 
     functions = NodeFunctions(
         f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
@@ -68,9 +74,43 @@ class AsyncFile(AsyncOwner):
         f.file_get_variable, f.file_get_variable_names, f.file_execute,
     )  # fmt: skip
 
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncNode | None = None) -> None:
+        super().__init__(client, handle, label, parent)
+        self._missing: tuple[AsyncOwner, Function[[int, str, str], int], str] | None = None
+
     async def file(self, name: str, option: str = "", *, create: bool = False) -> AsyncFile:
         """Connect to a file below this folder; with ``create`` it is made if it is not there."""
-        return await self._child(AsyncFile, f.file_get_file, name, file_option(option, create=create))
+        return await _file(self, f.file_get_file, name, option, create=create)
+
+    async def get_exists(self) -> bool:
+        """Whether the file is there: False until its text or data are set."""
+        if self._missing is not None:
+            try:
+                await self._appear(create=False)
+            except CallError as error:
+                if is_no_file(error):
+                    return False
+                raise
+        return True
+
+    async def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
+        if self._missing is not None:
+            await self._appear(create=function is f.file_put_value)
+        return await super()._call(function, *args, **kwargs)
+
+    async def _appear(self, *, create: bool) -> None:
+        """Connect to the file after all, which is made if it may be."""
+        self._require_open()
+        if self._missing is None:
+            return
+        owner, function, option = self._missing
+        try:
+            handle = await owner._call(function, self._label, file_option(option, create=create))  # noqa: SLF001
+        except CallError as error:
+            error.subject = self._label
+            raise
+        self.handle, self._missing = handle, None
+        owner._adopt(self)  # noqa: SLF001 - one of us
 
     async def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
@@ -316,9 +356,9 @@ class AsyncController(AsyncOwner):
         Args:
             name: from the root folder; that of a folder may end in a separator.
             option: of Controller_GetFile.
-            create: make it if it is not there; without, that is an error.
+            create: make it if it is not there. Without, a file that is not there is made when its text or data are set.
         """
-        return await self._child(AsyncFile, f.controller_get_file, name, file_option(option, create=create))
+        return await _file(self, f.controller_get_file, name, option, create=create)
 
     async def robot(self, name: str = "Arm", option: str = "") -> AsyncRobot:
         """Connect to a robot; the name is free, option ``ID=1`` picks the second arm."""
@@ -393,6 +433,20 @@ class AsyncController(AsyncOwner):
             pass
         finally:
             await self.client.close()
+
+
+async def _file(
+    owner: AsyncOwner, function: Function[[int, str, str], int], name: str, option: str, *, create: bool
+) -> AsyncFile:
+    """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
+    try:
+        return await owner._child(AsyncFile, function, name, file_option(option, create=create))  # noqa: SLF001
+    except CallError as error:
+        if create or not is_no_file(error):
+            raise
+    file = AsyncFile(owner.client, 0, name, owner)
+    file._missing = (owner, function, option)  # noqa: SLF001
+    return file
 
 
 async def open_controller(

@@ -65,7 +65,7 @@ class AsyncNode:
         )
 
     def __del__(self) -> None:
-        if getattr(self, "_open", False) and self._parent is not None:
+        if getattr(self, "_open", False) and self._parent is not None and self.handle:
             self.client.garbage.add(self.functions.release, self.handle)
 
     async def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -95,8 +95,12 @@ class AsyncNode:
                 pass
         handle = await self.client.call(function, self.handle, name, option)
         child = kind(self.client, handle, name, self)
-        self._children[handle] = child
+        self._adopt(child)
         return child
+
+    def _adopt(self, child: AsyncNode) -> None:
+        """Have a child released with this object."""
+        self._children[child.handle] = child
 
     async def close(self) -> None:
         """Release the object and those below it, newest first; does nothing the second time.
@@ -115,6 +119,8 @@ class AsyncNode:
             child = reference()
             if child is not None and not await child._let_go():  # noqa: SLF001 - one of us
                 return False
+        if not self.handle:
+            return True  # a file that is not there
         try:
             await self.client.call(self.functions.release, self.handle)
         except CallTimeout:

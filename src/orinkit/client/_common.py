@@ -164,6 +164,11 @@ def task_status(answer: Any) -> TaskStatus:
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
+def is_no_file(error: CallError) -> bool:
+    """Return whether an error says that a file is not there."""
+    return error.code in (hresult.FILE_NOT_FOUND, hresult.E_CAO_OBJECT_NOTFOUND)
+
+
 def file_option(option: str, *, create: bool) -> str:
     """Return the option for connecting to a file, which is made if it is not there."""
     return ",".join(filter(None, ("@Create=1", option))) if create else option

@@ -5,11 +5,12 @@ Made from ``_async.py`` by ``tools/make_sync.py``: do not edit.
 
 from __future__ import annotations
 
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from orinkit import hresult
 from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
+from orinkit.cao.table import Function
 from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.client._common import (
     DEFAULT_TIMEOUT,
@@ -22,6 +23,7 @@ from orinkit.client._common import (
     file_data,
     file_option,
     file_text,
+    is_no_file,
     moment,
     no_such_error,
     service_option,
@@ -56,9 +58,13 @@ class Extension(Owner):
 
 
 class File(Owner):
-    """A file or folder of the controller."""
+    """A file or folder of the controller.
 
-    __slots__ = ()
+    One that is not there yet may be connected to: setting its text or data makes it, and its folders; everything else
+    is refused until it is there.
+    """
+
+    __slots__ = ("_missing",)
 
     functions = NodeFunctions(
         f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
@@ -66,9 +72,43 @@ class File(Owner):
         f.file_get_variable, f.file_get_variable_names, f.file_execute,
     )  # fmt: skip
 
+    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+        super().__init__(client, handle, label, parent)
+        self._missing: tuple[Owner, Function[[int, str, str], int], str] | None = None
+
     def file(self, name: str, option: str = "", *, create: bool = False) -> File:
         """Connect to a file below this folder; with ``create`` it is made if it is not there."""
-        return self._child(File, f.file_get_file, name, file_option(option, create=create))
+        return _file(self, f.file_get_file, name, option, create=create)
+
+    def get_exists(self) -> bool:
+        """Whether the file is there: False until its text or data are set."""
+        if self._missing is not None:
+            try:
+                self._appear(create=False)
+            except CallError as error:
+                if is_no_file(error):
+                    return False
+                raise
+        return True
+
+    def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
+        if self._missing is not None:
+            self._appear(create=function is f.file_put_value)
+        return super()._call(function, *args, **kwargs)
+
+    def _appear(self, *, create: bool) -> None:
+        """Connect to the file after all, which is made if it may be."""
+        self._require_open()
+        if self._missing is None:
+            return
+        owner, function, option = self._missing
+        try:
+            handle = owner._call(function, self._label, file_option(option, create=create))  # noqa: SLF001
+        except CallError as error:
+            error.subject = self._label
+            raise
+        self.handle, self._missing = handle, None
+        owner._adopt(self)  # noqa: SLF001 - one of us
 
     def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
@@ -145,6 +185,11 @@ class File(Owner):
     def put_value(self, value: Value) -> None:
         """Set the content."""
         self._call(f.file_put_value, value)
+
+    @property
+    def exists(self) -> bool:
+        """Whether the file is there: False until its text or data are set."""
+        return self.get_exists()
 
     @property
     def date_created(self) -> Any:
@@ -463,9 +508,9 @@ class Controller(Owner):
         Args:
             name: from the root folder; that of a folder may end in a separator.
             option: of Controller_GetFile.
-            create: make it if it is not there; without, that is an error.
+            create: make it if it is not there. Without, a file that is not there is made when its text or data are set.
         """
-        return self._child(File, f.controller_get_file, name, file_option(option, create=create))
+        return _file(self, f.controller_get_file, name, option, create=create)
 
     def robot(self, name: str = "Arm", option: str = "") -> Robot:
         """Connect to a robot; the name is free, option ``ID=1`` picks the second arm."""
@@ -540,6 +585,18 @@ class Controller(Owner):
             pass
         finally:
             self.client.close()
+
+
+def _file(owner: Owner, function: Function[[int, str, str], int], name: str, option: str, *, create: bool) -> File:
+    """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
+    try:
+        return owner._child(File, function, name, file_option(option, create=create))  # noqa: SLF001
+    except CallError as error:
+        if create or not is_no_file(error):
+            raise
+    file = File(owner.client, 0, name, owner)
+    file._missing = (owner, function, option)  # noqa: SLF001
+    return file
 
 
 def open_controller(

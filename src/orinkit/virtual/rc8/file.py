@@ -40,7 +40,8 @@ def find_file(caller: Caller, store: FileStore, name: str, option: str, run: Run
         store: the controller's files.
         name: its name from the root folder; one that ends in a separator is that of a folder.
         option: with ``@Create=1`` (or ``true``, ``on``, ``yes``, or the name alone) what is not there is created: an
-            empty file, or a folder where the name ends in a separator. Others are passed over.
+            empty file, or a folder where the name ends in a separator, and the folders that it is in. Others are passed
+            over.
         run: starts programs; without it, File_Run is E_NOTIMPL.
 
     Raises:
@@ -57,6 +58,10 @@ def find_file(caller: Caller, store: FileStore, name: str, option: str, run: Run
                 pick(f"{wanted}; the option @Create=1 creates it", f"{wanted} (オプション @Create=1 で作成できます)"),
             )
         caller.require_write()
+        for depth in range(1, len(wanted.parts)):
+            folder = join((*wanted.parts[:depth], ""))
+            if not store.exists(folder):
+                store.make_folder(folder)
         if wanted.folder:
             store.make_folder(name)
         else:
