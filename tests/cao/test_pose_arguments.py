@@ -82,15 +82,15 @@ def r4(*numbers):
         (form(r4(*JOINTS), "", "@E"), [Target("J", JOINTS, AT_ENCODER)]),
         (form(r4(*TRANS)), [Target("T", TRANS)]),
         (Variant(R8 | ARRAY, POSE), [Target("P", POSE)]),
-        (Variant(R8 | ARRAY, POSE[:6]), [Target("P", POSE[:6])]),
+        (Variant(R8 | ARRAY, POSE[:6]), [Target("", POSE[:6])]),
         (Variant(R8 | ARRAY, JOINTS), [Target("J", JOINTS)]),
         (Variant(R8 | ARRAY, TRANS), [Target("T", TRANS)]),
         (Variant(R8 | ARRAY, TRANS[:9]), [Target("T", TRANS[:9])]),
         (V(1, 2, 3), [Target("V", (1, 2, 3))]),
         (T(*TRANS), [Target("T", TRANS)]),
-        ([1, 2, 3, 4, 5, 6], [Target("P", (1, 2, 3, 4, 5, 6))]),
+        ([1, 2, 3, 4, 5, 6], [Target("", (1, 2, 3, 4, 5, 6))]),
         ([1.5, 2, 3], [Target("V", (1.5, 2, 3))]),
-        ([190, -40.0, 230.0, 168, 0, 0], [Target("P", (190, -40, 230, 168, 0, 0))]),
+        ([190, -40.0, 230.0, 168, 0, 0], [Target("", (190, -40, 230, 168, 0, 0))]),
         # several
         ([list(POSE), list(JOINTS)], [Target("P", POSE), Target("J", JOINTS)]),
         ([list(POSE), "@E P2"], [Target("P", POSE), Target("P", 2, AT_ENCODER)]),
@@ -141,7 +141,7 @@ MISMATCH = "a pose: VT_BSTR, an array of numbers or a VARIANT array is wanted"
         (Variant(BSTR | ARRAY, []), BAD, "an array without a pose"),
         (Variant(R8 | ARRAY, []), BAD, "an empty array is no pose"),
         (form([]), BAD, "pose 1: an empty array is no pose"),
-        ([1.0, 2.0], BAD, "2 numbers without a type; 6 or 7 are a P, 8 a J, 9 or 10 a T, 3 a V"),
+        ([1.0, 2.0], BAD, "2 numbers without a type; 7 are a P, 8 a J, 9 or 10 a T, 3 a V"),
         ([1, 2, 3, 4], BAD, "4 numbers without a type"),
         ([1.0] * 100_000, BAD, "more than 10 numbers"),
         (form(*[1.0] * 50, 2), BAD, "more than 10 numbers"),
@@ -151,7 +151,7 @@ MISMATCH = "a pose: VT_BSTR, an array of numbers or a VARIANT array is wanted"
         (form([1.0] * 5, "P"), BAD, "P: 5 values were given, 6 or 7 are wanted"),
         (form([*POSE[:6], 5.5], "P"), BAD, "P: fig is 5.5, a whole number of 32 bits is wanted"),
         (form([math.nan] * 6, "P"), BAD, "P: x is nan, a finite number is wanted"),
-        (Variant(R8 | ARRAY, [0, math.inf, 0, 0, 0, 0]), BAD, "P: y is inf, a finite number is wanted"),
+        (Variant(R8 | ARRAY, [0, math.inf, 0, 0, 0, 0, 0]), BAD, "P: y is inf, a finite number is wanted"),
         (form(-1, "P"), BAD, "variable number -1"),
         (form(1.5, "P"), BAD, "1.5 is no whole number"),
         (form(math.nan, "P"), BAD, "nan is no whole number"),
@@ -199,7 +199,7 @@ def test_details_in_japanese():
     for argument, detail in [
         (1, "ポーズ (VT_BSTR、数値の配列、VARIANT の配列)が必要ですが VT_I4 です"),
         (["P1", "P("], "2 番目のポーズ: 3 文字目: 数値 (x) が必要ですが、ここで終わっています"),
-        ([1.0], "型の指定がない数値が 1 個あります。P は 6 または 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です"),
+        ([1.0], "型の指定がない数値が 1 個あります。P は 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です"),
     ]:  # fmt: skip
         with pytest.raises(CallError) as caught:
             read_targets(variant(argument))

@@ -197,9 +197,11 @@ def test_closed_form_of_a_hundred_thousand_poses_in_every_figure(name):
     assert found_again.all()
 
 
-def test_search_finds_the_joints_that_made_the_pose():
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("count", [8_000, pytest.param(MANY, marks=pytest.mark.soak)])
+def test_search_finds_the_joints_that_made_the_pose(count):
     arm = ARMS["COBOTTA"]
-    joints = random_joints(arm, 8_000, 5)
+    joints = random_joints(arm, count, 5)
     frames = arm.forward(joints)
     solved, rows = arm._search.solutions(frames)
     millimetres, degrees = pose_errors(arm.forward(solved), frames[rows])

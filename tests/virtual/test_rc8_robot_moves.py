@@ -97,7 +97,7 @@ FORMS = {
     "T11": "t11",
     "J12": "J12",
     "R8 of seven": Variant(R8, [*VALUES, 5]),
-    "R4 of six": Variant(R4, VALUES),
+    "R4 of six, as P": [Variant(R4, VALUES), "P"],
     "I4 of seven": Variant(I4, [330, 120, 300, 180, 0, 180, 5]),
     "VARIANTs of seven": [330, 120.0, 300, 180.0, 0, 180.0, 5],
     "R8 of ten": Variant(R8, [*VALUES[:3], *ORIENT, 5]),
@@ -126,7 +126,7 @@ ARCS = {
     "text": "P(350, 60, 310, 180, 0, 180), @E P(330, 120, 300, 180, 0, 180, 5)",
     "texts": ["P(350, 60, 310, 180, 0, 180)", POSE],
     "BSTR array": Variant(ARRAY | VarType.BSTR, ["P(350, 60, 310, 180, 0, 180)", POSE]),
-    "values": [list(VIA), [*VALUES, 5.0]],
+    "values": [[*VIA, -1.0], [*VALUES, 5.0]],
     "values with types": [[list(VIA), "P"], [[*VALUES, 5.0], "P", "@0"]],
     "variables": "P20, P10",
     "mixed": [[20, "P"], "t11"],
@@ -1104,3 +1104,14 @@ def test_moves_after_a_stop_begin_where_the_arm_stands(cell):
 def test_three_bare_numbers_are_a_vector_as_a_pivot(cell, pivot):
     cell.run(cell.robot.rotate(variant("XY"), 20.0, variant(pivot), "SPEED=50"))
     assert cell.arm.queue.joints[0] == pytest.approx(20, abs=1e-6)
+
+
+@pytest.mark.parametrize("form", [Variant(R4, VALUES), Variant(R8, VALUES), VALUES, [VALUES], str(tuple(VALUES))])
+@pytest.mark.parametrize("interpolation", [PTP, LINE])
+def test_six_numbers_that_may_be_joints_or_a_position_move_nothing(cell, interpolation, form):
+    """A client that means joints would see the arm go anywhere."""
+    before = cell.arm.queue.joints
+    assert cell.code_of(lambda: cell.move(interpolation, form)) == hresult.E_INVALIDARG
+    assert cell.code_of(lambda: cell.execute("OutRange", form)) == hresult.E_INVALIDARG
+    cell.trace(10)
+    assert cell.arm.queue.joints == before

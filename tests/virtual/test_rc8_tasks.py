@@ -379,3 +379,18 @@ def test_a_large_program_is_loaded_outside_the_lock(cell):
     cell.rc8.pendant.mode(3)
     wrong = task(cell, program + "x", "Large")
     assert cell.code_of(wrong.start(ONE_CYCLE, "").run) == hresult.SYNTAX_ERROR
+
+
+def test_a_suspended_program_whose_file_has_gone_gives_the_arm_back(cell):
+    served = task(cell, MOVE)
+    served.start(ONE_CYCLE, "")
+    cell.clock.advance(0.3)
+    served.stop(1, "")
+    cell.clock.advance(0.5)
+    assert cell.arm.holder is not None
+    cell.rc8.state.files.delete("Test.pcs")
+    cell.clock.advance(0.5)
+    assert cell.arm.holder is None
+    assert not cell.arm.busy
+    assert status(served) == 0
+    cell.take()

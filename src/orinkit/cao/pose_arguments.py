@@ -7,7 +7,8 @@ argument                                     read as
 ``["P1", "@E P2"]``                          such texts, one after the other
 ``[value, type, pass, extra]``               one target; everything behind the value may be left out or VT_EMPTY
 ``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    targets of any of these forms
-numbers                                      by how many they are: 6 or 7 a P, 8 a J, 9 or 10 a T, 3 a V
+numbers                                      by how many they are: 7 a P, 8 a J, 9 or 10 a T, 3 a V; of 6 nobody told
+                                             whether they are joints or a position
 ===========================================  ====================================================================
 
 =====  ===============================================================================================================
@@ -52,7 +53,7 @@ _MOST_OF_ONE_TYPE: Final = 3  # of value, type, pass, extra: the last is an arra
 
 _LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
 _TYPES: Final[dict[int, Kind]] = {0: "P", 1: "T", 2: "J", 3: "V", -1: ""}
-_BY_COUNT: Final[dict[int, Kind]] = {3: "V", 6: "P", 7: "P", 8: "J", 9: "T", 10: "T"}
+_BY_COUNT: Final[dict[int, Kind]] = {3: "V", 6: "", 7: "P", 8: "J", 9: "T", 10: "T"}
 _MARKS: Final[dict[int, PassMark]] = {-1: PASSING, -2: AT_ENCODER, 0: AT_COMMAND}
 _MODES: Final[dict[int | str, bool | None]] = {0: None, 1: False, 2: True, "EX": False, "EXA": True}
 
@@ -163,8 +164,8 @@ def _kind_by_count(values: Sequence[float]) -> Kind:
     kind = _BY_COUNT.get(len(values))
     if kind is None:
         raise _invalid(
-            f"{len(values)} numbers without a type; 6 or 7 are a P, 8 a J, 9 or 10 a T, 3 a V",
-            f"型の指定がない数値が {len(values)} 個あります。P は 6 または 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です",
+            f"{len(values)} numbers without a type; 7 are a P, 8 a J, 9 or 10 a T, 3 a V",
+            f"型の指定がない数値が {len(values)} 個あります。P は 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です",
         )
     return kind
 

@@ -52,22 +52,23 @@ class Pendant:
         self._state.auto_enable(on)
 
     def deadman(self, on: bool = True) -> None:
-        """Hold the enable switch, or let it go: then what is jogged stops."""
+        """Hold the enable switch, or let it go: outside automatic mode what moves stops, and the motor goes off."""
         with self._state.cycles:
             self._state.switches.deadman = bool(on)
             if not on and self._state.switches.mode is not Mode.AUTOMATIC:
-                self._state.arm.stop(hresult.STOPPED_DURING_PC_MOTION)
+                self._state.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
 
     def motor(self, on: bool = True) -> None:
         """Switch the motor; it takes about a second.
 
         Raises:
-            CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF;
-                MOTOR_OFF_WHILE_MOVING.
+            CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF; E_ACCESSDENIED,
+                the enable switch is not held outside automatic mode; MOTOR_OFF_WHILE_MOVING.
         """
         with self._state.cycles:
             if on:
                 self._require_safe()
+                self._require_enabled()
             elif self._state.arm.busy:
                 raise error_for(hresult.MOTOR_OFF_WHILE_MOVING)
             self._state.arm.switch_motor(on)
@@ -83,7 +84,7 @@ class Pendant:
             the motion's ticket; ``ticket.state`` tells how far it is.
 
         Raises:
-            CallError: REFUSED_IN_AUTO_MODE; MOTOR_NOT_ON; ROBOT_MOVING; a limit of the axis.
+            CallError: REFUSED_IN_AUTO_MODE; E_ACCESSDENIED, the enable switch is not held; MOTOR_NOT_ON; ROBOT_MOVING; a limit of the axis.
             ValueError: no such axis.
         """
         with self._state.cycles:
@@ -94,10 +95,7 @@ class Pendant:
             if self._state.switches.mode is Mode.AUTOMATIC:
                 raise error_for(hresult.REFUSED_IN_AUTO_MODE)
             self._require_safe()
-            if not self._state.switches.deadman:
-                raise error_for(
-                    hresult.MOTOR_NOT_ON, pick("the enable switch is not held", "イネーブルスイッチが押されていません")
-                )
+            self._require_enabled()
             if not arm.motor.on:
                 raise error_for(hresult.MOTOR_NOT_ON)
             if arm.busy:
@@ -178,6 +176,17 @@ class Pendant:
                 "joints": [round(joint, 6) for joint in arm.servo.encoder],
                 "programs": self._state.tasks.running,
             }
+
+    def _require_enabled(self) -> None:
+        """Outside automatic mode the enable switch has to be held."""
+        switches = self._state.switches
+        if switches.mode is not Mode.AUTOMATIC and not switches.deadman:
+            raise error_for(
+                hresult.E_ACCESSDENIED,
+                pick(
+                    "hold the enable switch first (deadman on)", "先にイネーブルスイッチを押してください (deadman on)"
+                ),
+            )
 
     def _require_safe(self) -> None:
         switches = self._state.switches

@@ -174,6 +174,7 @@ class Tasks:
         self._files = files
         self._report = report
         self._tasks: dict[str, Task] = {}
+        files.changed.append(self._file_changed)
         self._programs: dict[str, tuple[bytes, Program]] = {}
         self._world = lambda task: ProgramWorld(task, task.suspend, arm, moves, variables, seconds, show)
         self._seconds = seconds
@@ -228,6 +229,12 @@ class Tasks:
         for task in self._tasks.values():
             if initialise or task.status is TaskStatus.RUNNING:
                 task.initialize(halt=False)
+
+    def _file_changed(self, name: str) -> None:
+        """A program that is suspended and whose file has gone can never go on: it gives the arm back."""
+        task = self._tasks.get(name.lower().removesuffix(SUFFIX))
+        if task is not None and not task.running and task.status is not TaskStatus.READY and not self.exists(task):
+            task.initialize(halt=True)
 
     def delete(self, task: Task) -> None:
         """Delete a task and its program.

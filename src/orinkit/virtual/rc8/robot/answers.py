@@ -115,7 +115,7 @@ def _two(arm: Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
         first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.kinematics.figure(joints))
     else:
         first, fig = arm.space.pose(kind, values, 0), float(figure_of(kind, values))
-    kind, values = arm.space.numbers(offset, arm.servo.command)
+    kind, values = arm.space.numbers(parameters.position(offset), arm.servo.command)
     if kind == "J":
         raise error_for(
             hresult.DISP_E_TYPEMISMATCH, pick("the offset must be of type P or T", "オフセットは P 型か T 型です")

@@ -196,7 +196,7 @@ def _define(name: str, tool: bool) -> Callable[[Caller, Variant], None]:
         arm = caller.state.arm
         require(name, arm, caller)
         given = _at_least(parameter, 2)
-        target = parameters.pose(given[1])
+        target = parameters.position(parameters.pose(given[1]))
         kind, values = arm.space.numbers(target, arm.servo.command)
         if kind != "P":
             raise error_for(hresult.DISP_E_TYPEMISMATCH, pick("a pose of type P is needed", "P 型のポーズが必要です"))

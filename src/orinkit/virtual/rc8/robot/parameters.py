@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from orinkit import hresult
@@ -96,6 +97,11 @@ def pose(parameter: Variant) -> Target:
     if len(targets) != 1:
         raise error_for(hresult.E_INVALIDARG, pick("one pose is needed", "ポーズは 1 つだけ指定してください"))
     return targets[0]
+
+
+def position(target: Target) -> Target:
+    """Return a pose whose numbers nobody told the kind of as a position, where it can be nothing else."""
+    return replace(target, kind="P") if not target.kind else target
 
 
 def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]:

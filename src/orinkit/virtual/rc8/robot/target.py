@@ -22,7 +22,7 @@ from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_
 ROBOT_AXES: Final = 6
 _LEAST_VALUES: Final = {"P": 6, "T": 9, "J": ROBOT_AXES}
 _FIGURE_AT: Final = {"P": 6, "T": 9}
-_BY_LENGTH: Final[dict[int, Kind]] = {8: "J", 9: "T", 10: "T"}  # of values whose kind nobody told
+_BY_LENGTH: Final[dict[int, Kind]] = {7: "P", 8: "J", 9: "T", 10: "T"}  # of values whose kind nobody told
 _FIGURE_AUTO: Final = -1
 _FIGURE_LEAST: Final = -3
 _FARTHEST: Final = 1e6  # mm; farther than any arm reaches, and near enough to calculate with
@@ -94,7 +94,15 @@ class Space:
                 DISP_E_TYPEMISMATCH, no pose at all.
         """
         values = target.value
-        kind: Kind = target.kind or ("P" if isinstance(values, int) else _BY_LENGTH.get(len(values), "P"))
+        kind: Kind = target.kind or ("P" if isinstance(values, int) else _BY_LENGTH.get(len(values), ""))
+        if not kind:  # an arm that took joints for a position would go anywhere
+            raise error_for(
+                hresult.E_INVALIDARG,
+                pick(
+                    f"{target} may be joints or a position; say which: J(...) or P(...)",
+                    f"{target} は関節角とも位置とも取れます。J(...) か P(...) で指定してください",
+                ),
+            )
         if kind not in _LEAST_VALUES:
             raise error_for(
                 hresult.DISP_E_TYPEMISMATCH,
