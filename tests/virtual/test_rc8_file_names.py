@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from orinkit import hresult, language
 from orinkit.errors import CallError, InvalidArgument
-from orinkit.virtual.rc8.file_names import extension, join, name_on_disk, part_key, read_name
+from orinkit.virtual.rc8.files.names import extension, join, name_on_disk, part_key, read_name
 
 GOOD = {
     "Pro1.pcs": ("Pro1.pcs",),

@@ -20,10 +20,10 @@ from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.session import Host, Session
 from orinkit.errors import CallError
 from orinkit.variant import ARRAY, Variant, VarType
-from orinkit.virtual.rc8 import StateError, VirtualRC8, file_disk
+from orinkit.virtual.rc8 import StateError, VirtualRC8
 from orinkit.virtual.rc8.caller import Caller
-from orinkit.virtual.rc8.file import RC8File, find_file
-from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore
+from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore, disk
+from orinkit.virtual.rc8.files.served import RC8File, find_file
 from orinkit.virtual.rc8.permission import Access
 from orinkit.virtual.rc8.state import Origin
 
@@ -616,12 +616,12 @@ def test_a_link_planted_between_the_look_and_the_open_is_not_followed(root, outs
     (root / "link").symlink_to(outside / "canary.pcs")
     os.mkfifo(root / "pipe")
     with pytest.raises(OSError):
-        file_disk.read_file(root / "link", 10)
+        disk.read_file(root / "link", 10)
     with pytest.raises(FileNotFoundError):
-        file_disk.read_file(root / "pipe", 10)
+        disk.read_file(root / "pipe", 10)
     with untouched(outside):
-        file_disk.stamp(root / "link", datetime(2024, 4, 1))
-        file_disk.write_file(root / "link", b"x", datetime(2024, 4, 1))
+        disk.stamp(root / "link", datetime(2024, 4, 1))
+        disk.write_file(root / "link", b"x", datetime(2024, 4, 1))
     assert not (root / "link").is_symlink()
 
 

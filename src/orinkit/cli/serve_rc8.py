@@ -110,7 +110,7 @@ def serve_rc8(
         str | None,
         Parameter(
             group=LISTENING,
-            help=pick("HOST:PORT of this machine for orinkit pendant; said as \"ready control tcp://HOST:PORT\". Port 0 takes a free one.",
+            help=pick("HOST:PORT on this machine for orinkit pendant; printed as \"ready control tcp://HOST:PORT\". Port 0 takes a free one.",
                       "orinkit pendant 用の、このマシン自身の HOST:PORT。\"ready control tcp://HOST:PORT\" と表示する。ポート 0 は空きポート。"),
         ),
     ] = None,

@@ -23,7 +23,7 @@ from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.command import command_names, find_command
 from orinkit.virtual.rc8.events import EventQueue
 from orinkit.virtual.rc8.extension import HAND_NAME, find_extension
-from orinkit.virtual.rc8.file import find_file
+from orinkit.virtual.rc8.files.served import find_file
 from orinkit.virtual.rc8.messages import EventMessage
 from orinkit.virtual.rc8.robot.robot import RC8Robot
 from orinkit.virtual.rc8.state import Operation

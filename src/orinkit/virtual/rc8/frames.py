@@ -18,6 +18,7 @@ from orinkit.language import pick
 
 Array = NDArray[np.float64]
 
+_NO_TURN: Final = 1e-150  # half its sine: so small that its inverse would be no number
 _DEGREE: Final = 180.0 / math.pi
 _GIMBAL: Final = 1e-11  # cosine of RY below which RX and RZ turn about the same axis
 _NOISE: Final = 1e-12  # deg, mm and parts of a unit vector: closer to a round number is that number
@@ -178,7 +179,7 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
     )
     w, x, y, z = max(candidates, key=lambda entry: entry[0])[1]
     sine = math.hypot(x, y, z)
-    if sine == 0.0:
+    if sine < _NO_TURN:
         return np.array((0.0, 0.0, 1.0)), 0.0
     sign = math.copysign(1.0 / sine, w)
     return np.array((x * sign, y * sign, z * sign)), 2.0 * math.atan2(sine, abs(w)) * _DEGREE

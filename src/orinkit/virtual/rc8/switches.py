@@ -56,7 +56,7 @@ class Token:
         except ValueError:
             raise ValueError(
                 pick(
-                    f"{text!r} is no token; any, tp, io, ethernet or ethernet:ADDRESS",
+                    f"unknown token {text!r}; use any, tp, io, ethernet or ethernet:ADDRESS",
                     f"{text!r} は起動権として使えません (any、tp、io、ethernet、ethernet:アドレス のいずれか)",
                 )
             ) from None

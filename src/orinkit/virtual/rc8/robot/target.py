@@ -13,8 +13,8 @@ from orinkit.language import pick
 from orinkit.poses import Extra, Kind, Target
 from orinkit.virtual.rc8 import frames
 from orinkit.virtual.rc8.classes import CLASSES
-from orinkit.virtual.rc8.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
 from orinkit.virtual.rc8.kinematics import Kinematics
+from orinkit.virtual.rc8.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
 from orinkit.virtual.rc8.memory import Variables
 from orinkit.virtual.rc8.models import Model
 from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_frames

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from orinkit.virtual.rc8.chain import Array
+from orinkit.virtual.rc8.kinematics.chain import Array
 
 Lines = NDArray[np.int_]
 Function = Callable[[Lines, Array], tuple[Array, Array]]

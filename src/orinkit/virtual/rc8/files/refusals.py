@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
-from orinkit.virtual.rc8.file_names import FileName
+from orinkit.virtual.rc8.files.names import FileName
 
 logger = logging.getLogger("orinkit.virtual.rc8")
 

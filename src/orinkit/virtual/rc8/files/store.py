@@ -1,6 +1,6 @@
 """The controller's files: programs and data, in folders below one directory of the disk.
 
-Names are those of :mod:`orinkit.virtual.rc8.file_names`. What is below the directory and is no file or folder with such
+Names are those of :mod:`orinkit.virtual.rc8.files.names`. What is below the directory and is no file or folder with such
 a name is treated as not there: symbolic links, devices, names that the controller does not have. A link is never
 followed, neither to read nor to write; the directory itself may be reached through one, as its owner likes.
 
@@ -33,9 +33,8 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from orinkit.language import pick
-from orinkit.virtual.rc8 import file_disk
-from orinkit.virtual.rc8 import file_refusals as refusals
-from orinkit.virtual.rc8.file_names import (
+from orinkit.virtual.rc8.files import disk, refusals
+from orinkit.virtual.rc8.files.names import (
     MOST_CHARACTERS,
     MOST_PARTS,
     SEPARATOR,
@@ -45,7 +44,7 @@ from orinkit.virtual.rc8.file_names import (
     name_on_disk,
     read_name,
 )
-from orinkit.virtual.rc8.file_refusals import reported
+from orinkit.virtual.rc8.files.refusals import reported
 from orinkit.virtual.rc8.store import StateError
 
 logger = logging.getLogger("orinkit.virtual.rc8")
@@ -89,7 +88,7 @@ class _Place:
 
     @property
     def is_folder(self) -> bool:
-        return self.status is not None and file_disk.is_folder(self.status)
+        return self.status is not None and disk.is_folder(self.status)
 
 
 class FileStore:
@@ -115,7 +114,7 @@ class FileStore:
         try:
             root.mkdir(parents=True, exist_ok=True)
             self.root = root.resolve()
-            self._entries = file_disk.survey(self.root, clean=True)
+            self._entries = disk.survey(self.root, clean=True)
         except OSError as error:
             raise StateError(
                 pick(
@@ -165,7 +164,7 @@ class FileStore:
         if not place.is_folder:
             raise refusals.not_found(wanted)
         with reported(wanted):
-            found = file_disk.listing(place.path)
+            found = disk.listing(place.path)
         return [name + SEPARATOR if is_folder else name for name, is_folder, _ in found]
 
     def programs(self) -> list[str]:
@@ -196,7 +195,7 @@ class FileStore:
         place = self._existing(read_name(name))
         assert place.status is not None
         accessed, modified = place.status.st_atime_ns, place.status.st_mtime_ns
-        return FileDates(self._creation(place), file_disk.moment_of(accessed), file_disk.moment_of(modified))
+        return FileDates(self._creation(place), disk.moment_of(accessed), disk.moment_of(modified))
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.
@@ -208,7 +207,7 @@ class FileStore:
         assert place.status is not None
         data = _read(place)
         with suppress(OSError):  # a file that may be read but not touched
-            file_disk.stamp(place.path, self._now(), place.status.st_mtime_ns)
+            disk.stamp(place.path, self._now(), place.status.st_mtime_ns)
         return data
 
     # --- changes --------------------------------------------------------------------------------------------------
@@ -324,21 +323,21 @@ class FileStore:
 
     def _locate(self, wanted: FileName, *, change: bool = False) -> _Place:
         """Find where a name leads, part by part; with ``change``, refuse what cannot be changed or made there."""
-        path, status, parts = self.root, file_disk.status_of(self.root), list[str]()
+        path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
-            if status is None or not file_disk.is_folder(status):
+            if status is None or not disk.is_folder(status):
                 if change:
                     raise refusals.not_found(FileName(tuple(parts)))
                 return _Place(wanted, path, None)
-            path /= file_disk.spelling(path, part)
+            path /= disk.spelling(path, part)
             parts.append(name_on_disk(path.name) or part)
-            status = file_disk.status_of(path)
-            if status is not None and not (file_disk.is_folder(status) or file_disk.is_file(status)):
+            status = disk.status_of(path)
+            if status is not None and not (disk.is_folder(status) or disk.is_file(status)):
                 if change:
                     raise refusals.in_the_way(FileName(tuple(parts)))
                 status = None
         name = FileName(tuple(parts), wanted.folder)
-        if wanted.folder and status is not None and not file_disk.is_folder(status):
+        if wanted.folder and status is not None and not disk.is_folder(status):
             if change:
                 raise refusals.taken(name)
             status = None
@@ -373,7 +372,7 @@ class FileStore:
         last = target.parts[-1]
         goal = _Place(FileName((*place.name.parts[:-1], last), target.folder), place.path.with_name(last), None)
         with reported(target):
-            there = file_disk.status_of(goal.path)
+            there = disk.status_of(goal.path)
         if there is not None and place.status is not None and not os.path.samestat(there, place.status):
             raise refusals.taken(target)
         return goal
@@ -387,7 +386,7 @@ class FileStore:
             self._check_room()
         else:
             self._created[place.name.key] = self._creation(place)
-        file_disk.write_file(place.path, data, self._now())
+        disk.write_file(place.path, data, self._now())
         if place.status is None:
             self._note_new(place)
 
@@ -397,7 +396,7 @@ class FileStore:
             shutil.rmtree(place.path)  # follows no link
         finally:  # some of it may be gone even where it fails
             self._tell(map(join, inside))
-            self._entries = file_disk.survey(self.root)
+            self._entries = disk.survey(self.root)
 
     def _note_new(self, place: _Place) -> None:
         self._entries += 1
@@ -414,16 +413,16 @@ class FileStore:
 
     def _stamp_folder_of(self, place: _Place) -> None:
         with suppress(OSError):  # its dates are not worth a refusal
-            file_disk.stamp(place.path.parent, self._now())
+            disk.stamp(place.path.parent, self._now())
 
     def _creation(self, place: _Place) -> datetime:
         assert place.status is not None
         known = self._created.get(place.name.key)
-        return file_disk.moment_of(file_disk.born_ns(place.status)) if known is None else known
+        return disk.moment_of(disk.born_ns(place.status)) if known is None else known
 
     def _check_room(self) -> None:
         if self._entries >= MOST_ENTRIES:
-            self._entries = file_disk.survey(self.root)  # somebody may have deleted some on the disk
+            self._entries = disk.survey(self.root)  # somebody may have deleted some on the disk
         if self._entries >= MOST_ENTRIES:
             raise refusals.too_many(self._entries, MOST_ENTRIES)
 
@@ -440,7 +439,7 @@ def _below(folder: Path, parts: _Parts) -> Iterator[tuple[_Parts, bool]]:
     """The parts of all that a name can reach in a folder and those below it, in order, and whether it is a folder."""
     if len(parts) >= MOST_PARTS:
         return
-    for name, is_folder, spelling in file_disk.listing(folder):
+    for name, is_folder, spelling in disk.listing(folder):
         below = (*parts, name)
         if len(join(below)) <= MOST_CHARACTERS:
             yield below, is_folder
@@ -454,7 +453,7 @@ def _files(place: _Place) -> list[_Parts]:
 
 def _read(place: _Place) -> bytes:
     with reported(place.name):
-        data = file_disk.read_file(place.path, MOST_BYTES)
+        data = disk.read_file(place.path, MOST_BYTES)
     if len(data) > MOST_BYTES:
         raise refusals.too_large(place.name, MOST_BYTES)
     return data

@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
-from orinkit.virtual.rc8 import figures
-from orinkit.virtual.rc8.chain import ARM_AXES, RADIAN, Array, Chain, joints_of
-from orinkit.virtual.rc8.inverse import Mask, SphericalWrist
+from orinkit.virtual.rc8.kinematics import figures
+from orinkit.virtual.rc8.kinematics.chain import ARM_AXES, RADIAN, Array, Chain, joints_of
+from orinkit.virtual.rc8.kinematics.inverse import Mask, SphericalWrist
+from orinkit.virtual.rc8.kinematics.search import Search
 from orinkit.virtual.rc8.models import Model
-from orinkit.virtual.rc8.search import Search
 
 AUTOMATIC: Final = -1
 """Rule of :meth:`Kinematics.choose`: keep the figure."""
@@ -91,7 +91,7 @@ class Kinematics:
         return self._chain.jacobian(joints)
 
     def figure(self, joints: ArrayLike) -> int:
-        """Return the figure, 0 to 63 (:mod:`orinkit.virtual.rc8.figures`), of joints (n >= 6,) deg.
+        """Return the figure, 0 to 63 (:mod:`orinkit.virtual.rc8.kinematics.figures`), of joints (n >= 6,) deg.
 
         Raises:
             CallError: E_INVALIDARG, a joint is not finite.
@@ -228,7 +228,7 @@ class Kinematics:
     def limits_exceeded(self, joints: ArrayLike) -> int:
         """Return the axes outside their soft limits as bits, J1 is bit 0; extra axes count where ``joints`` has them.
 
-        Up to :data:`orinkit.virtual.rc8.figures.LIMIT_TOLERANCE` beyond a limit is within it.
+        Up to :data:`orinkit.virtual.rc8.kinematics.figures.LIMIT_TOLERANCE` beyond a limit is within it.
 
         Raises:
             CallError: E_INVALIDARG, a joint is not finite.

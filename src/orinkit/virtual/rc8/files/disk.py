@@ -14,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from orinkit.virtual.rc8.file_names import TEMPORARY_PREFIX, name_on_disk, part_key
+from orinkit.virtual.rc8.files.names import TEMPORARY_PREFIX, name_on_disk, part_key
 
 _ALWAYS: Final = getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
 _READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # a pipe that somebody planted must not wait

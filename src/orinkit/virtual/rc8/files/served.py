@@ -18,8 +18,8 @@ from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.caller import Caller
-from orinkit.virtual.rc8.file_names import SEPARATOR, extension, join, read_name
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
+from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
 
 Run: TypeAlias = Callable[[Caller, str, str], str]
 """Starts a program for a client: the client, the file's name from the root folder, the option; gives the task's name."""

@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from orinkit.virtual.rc8.chain import ARM_AXES, RADIAN, Array, Chain
+from orinkit.virtual.rc8.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
 from orinkit.virtual.rc8.models import Axis, Model
 
 LEFTY: Final = 1
