@@ -51,10 +51,11 @@ TEN = (364.16, 0, 278.5355, 0, 1, 0, 0, 0, -1, 5)
         (P(1, 2, 3, 4, 5, 6), "P(1, 2, 3, 4, 5, 6, -1)", "P(x=1, y=2, z=3, rx=4, ry=5, rz=6, fig=-1)"),
         (T(*TEN), "T(364.16, 0, 278.5355, 0, 1, 0, 0, 0, -1, 5)",
          "T(x=364.16, y=0, z=278.5355, ox=0, oy=1, oz=0, ax=0, ay=0, az=-1, fig=5)"),
-        (V(1, -2.5, 1e-7), "V(1, -2.5, 0.0000001)", "V(x=1, y=-2.5, z=1e-07)"),
+        (V(1, -2.5, 1e-7), "V(1, -2.5, 0)", "V(x=1, y=-2.5, z=1e-07)"),
         (J(45, 30, 120, 0, -60, 0), "J(45, 30, 120, 0, -60, 0)", "J(45, 30, 120, 0, -60, 0)"),
         (J(1e22), "J(10000000000000000000000)", "J(1e+22)"),
-        (J(-0.0, 0.1, 1.2699999999999999e-14), "J(0, 0.1, 0.000000000000012699999999999999)",
+        (J(44.99999999999999, -1e-9, 1 / 3), "J(45, 0, 0.333333)", "J(44.99999999999999, -1e-09, 0.3333333333333333)"),
+        (J(-0.0, 0.1, 1.2699999999999999e-14), "J(0, 0.1, 0)",
          "J(-0, 0.1, 1.2699999999999999e-14)"),
     ],
 )  # fmt: skip
@@ -62,7 +63,22 @@ def test_texts_of_values(value, text, representation):
     assert str(value) == text
     assert repr(value) == representation
     assert eval(repr(value)) == value
-    assert parse_target(text).pose == value
+    assert f"{value}" == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (V(1, -2.5, 1e-7), "V(1, -2.5, 0.0000001)"),
+        (J(-0.0, 0.1, 1.2699999999999999e-14), "J(0, 0.1, 0.000000000000012699999999999999)"),
+        (J(44.99999999999999, 1 / 3), "J(44.99999999999999, 0.3333333333333333)"),
+        (P(1e-9, 0, 0, 0, 0, 0), "P(0.000000001, 0, 0, 0, 0, 0, -1)"),
+    ],
+)
+def test_what_is_sent_keeps_all_digits(value, text):
+    assert to_text(value) == text
+    assert to_text(value, "@E") == f"@E {text}"
+    assert parse_target(to_text(value)).pose == value
 
 
 def test_fields():
@@ -216,8 +232,8 @@ def test_pass_marks(text, mark, written):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", 'column 1: expected "@", the text ends here'),
-        ("E", "column 1: expected \"@\", found 'E'"),
+        ("", 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), the text ends here'),
+        ("E", 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found \'E\''),
         ("@", "column 2: expected P, E, 0 or a radius in mm, the text ends here"),
         ("@X", "column 2: expected P, E, 0 or a radius in mm, found 'X'"),
         ("@ -5", "column 3: expected P, E, 0 or a radius in mm, found '-5'"),
@@ -420,7 +436,10 @@ def test_what_a_client_sends(pose, mark, text):
         ("@E P1", "@P", InvalidValue, "'@E P1' has a pass mark already, @P cannot be put in front"),
         (" \n@E P1", "@P", InvalidValue, "has a pass mark already"),
         (Target("P", 1, AT_ENCODER), AT_ENCODER, InvalidValue, "has a pass mark already"),
-        ("P1", "E", NotationError, 'column 1: expected "@"'),
+        ("P1", "E", NotationError, 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found'),
+        (J(1), "E", NotationError, "pass mark"),
+        (J(1), 10, InvalidValue, '10 is no pass mark; a pass mark is a text: "@P", "@E", "@0", or "@10" for 10 mm'),
+        (J(1), None, InvalidValue, "None is no pass mark"),
         ([1, 2, 3], "", InvalidValue, r"[1, 2, 3] is no pose; give P(...), T(...), J(...), V(...) or a text like 'P1'"),
         (None, "", InvalidValue, "None is no pose"),
     ],

@@ -19,6 +19,7 @@ PAIRS = (
     ("_async_nodes.py", "_sync_nodes.py"),
     ("_async_motion.py", "_sync_motion.py"),
     ("_async_robot.py", "_sync_robot.py"),
+    ("_async_task.py", "_sync_task.py"),
     ("_async.py", "_sync.py"),
 )
 
@@ -45,6 +46,7 @@ REPLACEMENTS = (
     (r"_async_nodes\b", "_sync_nodes"),
     (r"_async_motion\b", "_sync_motion"),
     (r"_async_robot\b", "_sync_robot"),
+    (r"_async_task\b", "_sync_task"),
     (r"\barun\b", "run"),
     (r"\bapause\b", "pause"),
     (r"orinkit\.aio\.Async", "orinkit."),

@@ -15,13 +15,13 @@ from orinkit.client._sync import (
     Extension,
     File,
     Message,
-    Task,
 )
 from orinkit.client._sync import open_controller as connect
 from orinkit.client._sync_client import Client
 from orinkit.client._sync_motion import Motion
 from orinkit.client._sync_nodes import Variable
 from orinkit.client._sync_robot import Robot
+from orinkit.client._sync_task import Task
 from orinkit.device import Device, Part, command, variable
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
 from orinkit.poses import J, P, T, V

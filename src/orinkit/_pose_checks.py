@@ -1,10 +1,11 @@
-"""What the numbers of poses are, how many a pose has, and how they are checked and written (:mod:`orinkit.poses`)."""
+"""What the numbers of poses are and mean, how many a pose has, how they are checked and written (:mod:`orinkit.poses`)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from decimal import Decimal
+from enum import IntFlag
 from itertools import islice
 from typing import Any, Final, SupportsFloat, SupportsIndex
 
@@ -26,7 +27,15 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "": tuple(f"value {place}" for place in range(1, 11)),
 }
 
+FIG_AUTO: Final = -1
+"""Fig: the controller chooses the figure."""
+FIG_NEAREST: Final = -2
+"""Fig: the figure that changes least (RC9)."""
+FIG_WITHIN_LIMITS: Final = -3
+"""Fig: a figure within the software limits (RC9)."""
+
 _SURELY_FINITE: Final = 1e300
+_DECIMALS: Final = 6  # of a number that people see: a millionth of a mm or degree
 _SHOWN: Final = 40  # characters of a value that an error message quotes
 
 
@@ -152,6 +161,11 @@ def written(kind: str, values: Iterable[float]) -> str:
     return f"{kind}({', '.join(map(plain_decimal, values))})"
 
 
+def rounded(kind: str, values: Iterable[float]) -> str:
+    """Return numbers for people: as :func:`written`, but no more than six decimals of each."""
+    return written(kind, [round(value, _DECIMALS) for value in values])
+
+
 def plain_decimal(number: float) -> str:
     """Return the shortest decimal digits that are read as the same number, without an exponent: ``45``, ``0.0001``."""
     text = repr(number)
@@ -182,3 +196,43 @@ def brief(value: object) -> str:
     except Exception:  # noqa: BLE001 - an int of 4300 digits, somebody's __repr__
         return f"<{type(value).__name__}>"
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+# --- figures ----------------------------------------------------------------------------------------------------------
+
+
+class Figure(IntFlag):
+    """The bits of Fig; a bit that is not set is RIGHTY, ABOVE, FLIP, SINGLE."""
+
+    LEFTY = 1
+    BELOW = 2
+    NONFLIP = 4
+    J6_DOUBLE = 8
+    J4_DOUBLE = 16
+    J1_DOUBLE = 32
+
+
+_FIGURE_NAMES: Final = {FIG_AUTO: "AUTO", FIG_NEAREST: "NEAREST", FIG_WITHIN_LIMITS: "WITHIN LIMITS"}
+_DOUBLES: Final = {Figure.J6_DOUBLE: "J6 DOUBLE", Figure.J4_DOUBLE: "J4 DOUBLE", Figure.J1_DOUBLE: "J1 DOUBLE"}
+
+
+def describe_figure(fig: float) -> str:
+    """Return a figure in words, ``LEFTY ABOVE NONFLIP`` for 5; bits without a name as their number (COBOTTA's 256).
+
+    Args:
+        fig: a whole number; negative ones are AUTO, NEAREST, WITHIN LIMITS.
+
+    Raises:
+        InvalidValue: no whole number.
+    """
+    bits = int(whole("Fig", "fig", fig))
+    if bits < 0:
+        return _FIGURE_NAMES.get(bits, str(bits))
+    words = [
+        "LEFTY" if bits & Figure.LEFTY else "RIGHTY",
+        "BELOW" if bits & Figure.BELOW else "ABOVE",
+        "NONFLIP" if bits & Figure.NONFLIP else "FLIP",
+        *(name for bit, name in _DOUBLES.items() if bits & bit),
+    ]
+    unknown = bits & ~63  # those above
+    return " ".join([*words, str(unknown)] if unknown else words)

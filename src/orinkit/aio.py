@@ -20,13 +20,13 @@ from orinkit.client._async import (
     AsyncExtension,
     AsyncFile,
     AsyncMessage,
-    AsyncTask,
     open_controller,
 )
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._async_motion import AsyncMotion
 from orinkit.client._async_nodes import AsyncVariable
 from orinkit.client._async_robot import AsyncRobot
+from orinkit.client._async_task import AsyncTask
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [

@@ -10,8 +10,8 @@ fig)``                                 vector (the tool's Z axis), figure
 ``V(x, y, z)``                         vector
 =====================================  ==========================================================================
 
-All are tuples of ``float``, so a variable takes them as they are. ``str()`` gives the text a controller reads:
-``P(364.16, 0, 278.5355, 180, 0, 180, 5)``.
+All are tuples of ``float``, so a variable takes them as they are. :func:`to_text` gives the text that a controller reads,
+``P(364.16, 0, 278.5355, 180, 0, 180, 5)``, with all digits; ``str()`` the same rounded to six decimals, for people.
 
 A target of a motion as text; blanks between its parts and capitals do not matter::
 
@@ -24,20 +24,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import IntFlag
 from typing import Any, ClassVar, Final, Literal, Self, TypeAlias
 
 from orinkit import _pose_checks as checks
+from orinkit._pose_checks import FIG_AUTO as FIG_AUTO
+from orinkit._pose_checks import FIG_NEAREST as FIG_NEAREST
+from orinkit._pose_checks import FIG_WITHIN_LIMITS as FIG_WITHIN_LIMITS
+from orinkit._pose_checks import Figure as Figure
+from orinkit._pose_checks import describe_figure as describe_figure
 from orinkit._pose_text import Mark, Parts, Scanner, read_mark, read_target
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
-
-FIG_AUTO: Final = -1
-"""Fig: the controller chooses the figure."""
-FIG_NEAREST: Final = -2
-"""Fig: the figure that changes least (RC9)."""
-FIG_WITHIN_LIMITS: Final = -3
-"""Fig: a figure within the software limits (RC9)."""
 
 Kind: TypeAlias = Literal["P", "T", "J", "V", ""]
 """What the numbers of a target are; ``""`` where it was not said."""
@@ -70,7 +67,7 @@ class _Values(tuple[float, ...]):
         return tuple(self)
 
     def __str__(self) -> str:
-        return checks.written(self._kind, self)
+        return checks.rounded(self._kind, self)
 
     def __repr__(self) -> str:
         fields = zip(checks.FIELDS[self._kind], self, strict=True)
@@ -243,46 +240,6 @@ PoseLike: TypeAlias = "P | T | J | V | Target | str"
 """What a client takes as a pose: a value, a target, or its text."""
 
 
-# --- figures ----------------------------------------------------------------------------------------------------------
-
-
-class Figure(IntFlag):
-    """The bits of Fig; a bit that is not set is RIGHTY, ABOVE, FLIP, SINGLE."""
-
-    LEFTY = 1
-    BELOW = 2
-    NONFLIP = 4
-    J6_DOUBLE = 8
-    J4_DOUBLE = 16
-    J1_DOUBLE = 32
-
-
-_FIGURE_NAMES: Final = {FIG_AUTO: "AUTO", FIG_NEAREST: "NEAREST", FIG_WITHIN_LIMITS: "WITHIN LIMITS"}
-_DOUBLES: Final = {Figure.J6_DOUBLE: "J6 DOUBLE", Figure.J4_DOUBLE: "J4 DOUBLE", Figure.J1_DOUBLE: "J1 DOUBLE"}
-
-
-def describe_figure(fig: float) -> str:
-    """Return a figure in words, ``LEFTY ABOVE NONFLIP`` for 5; bits without a name as their number (COBOTTA's 256).
-
-    Args:
-        fig: a whole number; negative ones are AUTO, NEAREST, WITHIN LIMITS.
-
-    Raises:
-        InvalidValue: no whole number.
-    """
-    bits = int(checks.whole("Fig", "fig", fig))
-    if bits < 0:
-        return _FIGURE_NAMES.get(bits, str(bits))
-    words = [
-        "LEFTY" if bits & Figure.LEFTY else "RIGHTY",
-        "BELOW" if bits & Figure.BELOW else "ABOVE",
-        "NONFLIP" if bits & Figure.NONFLIP else "FLIP",
-        *(name for bit, name in _DOUBLES.items() if bits & bit),
-    ]
-    unknown = bits & ~63  # those above
-    return " ".join([*words, str(unknown)] if unknown else words)
-
-
 # --- targets ----------------------------------------------------------------------------------------------------------
 
 
@@ -328,7 +285,10 @@ class PassMark:
         scanner = Scanner(text)
         mark = read_mark(scanner)
         if mark is None:
-            raise scanner.expected('"@"', "「@」")
+            raise scanner.expected(
+                'a pass mark ("@P", "@E", "@0", or "@10" for 10 mm)',
+                'パス指定 ("@P"、"@E"、"@0"、または 10 mm を表す "@10") ',
+            )
         scanner.finish()
         return _pass_mark(mark)
 
@@ -454,13 +414,13 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
         mark: ``@P``, ``@E``, ``@0``, ``@<mm>`` or a :class:`PassMark`, put in front.
 
     Raises:
-        InvalidValue: the pose is something else, or has a mark of its own and another is given.
-        NotationError: the mark is none.
+        InvalidValue: the pose or the mark is something else, or the pose has a mark of its own and another is given.
+        NotationError: the mark is a text that is none.
     """
     text = _text_of(pose)
     if mark == "":
         return text
-    mark = PassMark.parse(mark) if isinstance(mark, str) else mark
+    mark = as_mark(mark)
     if text.lstrip().startswith("@"):
         raise InvalidValue(
             pick(
@@ -469,6 +429,25 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
             )
         )
     return f"{mark} {text}"
+
+
+def as_mark(mark: object) -> PassMark:
+    """Return a pass mark, or its text, as a :class:`PassMark`.
+
+    Raises:
+        InvalidValue: it is something else.
+        NotationError: the text is none.
+    """
+    if isinstance(mark, PassMark):
+        return mark
+    if isinstance(mark, str):
+        return PassMark.parse(mark)
+    raise InvalidValue(
+        pick(
+            f'{checks.brief(mark)} is no pass mark; a pass mark is a text: "@P", "@E", "@0", or "@10" for 10 mm',
+            f'{checks.brief(mark)} はパス指定ではありません。パス指定は "@P"、"@E"、"@0"、"@10" (10 mm) などの文字列です',
+        )
+    )
 
 
 def _target(parts: Parts) -> Target:
@@ -483,7 +462,9 @@ def _pass_mark(mark: Mark) -> PassMark:
 
 
 def _text_of(pose: object) -> str:
-    if isinstance(pose, P | T | J | V | Target | str):
+    if isinstance(pose, P | T | J | V):
+        return checks.written(pose._kind, pose)  # noqa: SLF001 - one of us
+    if isinstance(pose, Target | str):
         return str(pose)
     raise InvalidValue(
         pick(

@@ -165,7 +165,7 @@ MISMATCH = "a pose: VT_BSTR, an array of numbers or a VARIANT array is wanted"
         (form(1, "P", -3), BAD, "-3 is no pass mark: -1 is @P"),
         (form(1, "P", -1.5), BAD, "-1.5 is no pass mark"),
         (form(1, "P", math.inf), BAD, "inf is no usable number"),
-        (form(1, "P", "E"), BAD, "column 1: expected \"@\", found 'E'"),
+        (form(1, "P", "E"), BAD, 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found \'E\''),
         (form(1, "P", "@E", []), BAD, "extra joints of mode '', 0 of them"),
         (form(1, "P", "@E", [3, 3]), BAD, "extra joints of mode 3, 1 of them"),
         (form(1, "P", "@E", form("EXB", [7, 1])), BAD, "extra joints of mode 'EXB', 1 of them"),

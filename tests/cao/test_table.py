@@ -18,7 +18,7 @@ from orinkit import language
 from orinkit.cao import functions, provider, table
 from orinkit.cao.functions import BY_NAME, FUNCTIONS, find
 from orinkit.cao.table import Argument, Function, snake_case
-from orinkit.client import _async, _async_motion, _async_nodes, _async_robot
+from orinkit.client import _async, _async_motion, _async_nodes, _async_robot, _async_task
 from orinkit.variant import VarType
 
 SPEC = json.loads((Path(__file__).parent.parent / "vectors" / "functions.json").read_text())
@@ -187,7 +187,7 @@ def test_the_provider_has_no_other_methods():
 
 
 def test_the_client_uses_every_entry():
-    modules = (_async, _async_motion, _async_nodes, _async_robot)
+    modules = (_async, _async_motion, _async_nodes, _async_robot, _async_task)
     trees = [ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")) for module in modules]
     used = {
         node.attr

@@ -127,7 +127,7 @@ def test_a_record(run, rc8, url, tmp_path):
     [
         (["P(380,0"], "column"),
         (["here"], "column 1"),
-        (["P1", "--mark", "E"], "@"),
+        (["P1", "--mark", "E"], 'a pass mark ("@P", "@E"'),
         (["@E P1", "--mark", "@E"], "pass mark"),
         (["P1", "--speed", "0"], "speed"),
         (["P1", "--speed", "nan"], "speed"),
@@ -144,6 +144,33 @@ def test_a_command_line_that_cannot_be_used(refused, rc8, url, argv, words):
 def test_a_pose_out_of_reach(refused, rc8, url):
     assert "TARGET_OUT_OF_RANGE" in refused("move", url, "P(5000,0,0,0,0,0)")
     assert status(rc8, "motor", "arm_holder") == ["off", ""]
+
+
+def test_an_error_that_is_there_already(refused, run, rc8, url):
+    rc8.raise_error(0x83204071, "axis 1 is at its limit")
+    line = refused("move", url, POSE)
+    assert "the controller reports 0x83204071 axis 1 is at its limit" in line
+    command = f"orinkit call {url} Controller_Execute ClearError"
+    assert f"to clear it: {command}" in line
+    assert run(*command.split()[1:]).code == 0
+    assert run("move", url, POSE).code == 0
+
+
+def test_an_error_on_the_way_is_told_once(refused, rc8, url, when):
+    when(lambda: joints(rc8)[0] > 1, lambda: rc8.raise_error(0x83204071, "axis 1 is at its limit"))
+    line = refused("move", url, POSE, "--speed", "1")
+    assert "STOPPED_DURING_PC_MOTION" in line
+    assert line.count("axis 1 is at its limit") == 1
+    assert "Controller_Execute ClearError" in line
+
+
+def test_the_emergency_stop_is_told(refused, rc8, url, when):
+    when(lambda: joints(rc8)[0] > 1, rc8.pendant.emergency_stop)
+    assert "the emergency stop is pressed" in refused("move", url, POSE, "--speed", "1")
+
+
+def test_help_has_no_empty_default(run):
+    assert '[default: ""]' not in run("move", "--help").out
 
 
 def test_an_arm_that_another_one_has(refused, rc8, url):
@@ -178,7 +205,9 @@ def test_another_one_halts(refused, rc8, url, when, tmp_path):
 
     when(lambda: joints(rc8)[0] > 1, halt)
     path = tmp_path / "motion.csv"
-    assert "STOPPED_DURING_PC_MOTION" in refused("move", url, POSE, "--speed", "1", "--record", str(path))
+    line = refused("move", url, POSE, "--speed", "1", "--record", str(path))
+    assert "STOPPED_DURING_PC_MOTION" in line
+    assert "somebody halted it" in line
     assert status(rc8, "motor", "arm_holder") == ["off", ""]
     assert path.exists()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from orinkit import language
+from orinkit.cli import _motion_plot
 from orinkit.cli._motion_record import PERIOD, joints_of, read_csv, recording_of, write_csv
 
 SIGNATURES = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-"}
@@ -47,9 +48,34 @@ def test_what_is_drawn(run, motion, tmp_path):
     target = tmp_path / "picture.svg"
     run("plot", str(motion), "--out", str(target))
     text = target.read_text()
-    for words in ("joints [deg]", "velocity [deg/s]", "acceleration [deg/s²]", "time [s]", "J1", "J6"):
+    for words in (
+        "joints [deg]",
+        "velocity [deg/s]",
+        "acceleration [deg/s²]",
+        "time [s]",
+        "J1",
+        "J6",
+        "dotted: encoders",
+        "recorded motion, 0.16 s",
+    ):
         assert f"<!-- {words} -->" in text
     assert "<!-- J7 -->" not in text
+
+
+def test_equal_curves_stay_visible(motion):
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    _motion_plot.draw(read_csv(motion), figure)
+    lines = figure.axes[0].get_lines()[:6]
+    assert len({str(line._dash_pattern) for line in lines}) == 6
+
+
+def test_an_arm_that_did_not_move(run, tmp_path):
+    path, target = tmp_path / "x.csv", tmp_path / "x.svg"
+    path.write_text(f"{HEADER}0,1,2\n0.008,1,2\n0.016,1,2\n")
+    assert run("plot", str(path), "--out", str(target)).code == 0
+    assert "<!-- the arm did not move -->" in target.read_text()
 
 
 def test_without_encoders_and_with_two_moments(run, tmp_path):
@@ -84,8 +110,8 @@ def test_extra_joints_are_there_if_they_are_used():
         (b"J1_command\n1\n", "line 1"),
         (b"time_s,J1_command,J1_command\n1,2,3\n", "line 1"),
         (b"time_s,J1_command,J9_command,J2_encoder\n1,2,3,4\n", "not of the same joints"),
-        (f"{HEADER}0,1,2\n".encode(), "two or more rows"),
-        (HEADER.encode(), "two or more rows"),
+        (f"{HEADER}0,1,2\n".encode(), "the arm did not move"),
+        (HEADER.encode(), "the arm did not move"),
         (f"{HEADER}0,1,2\n0,2,3\n".encode(), "rising times"),
         (f"{HEADER}0,1,2\n1,2\n".encode(), "line 3: 2 values, 3 are wanted"),
         (f"{HEADER}0,1,2\n1,2,x\n".encode(), "line 3: a value is no finite number"),

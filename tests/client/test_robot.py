@@ -82,6 +82,20 @@ MOVE, EXECUTE = "Robot_Move", "Robot_Execute"
         (lambda r: r.move(1, "P1"), MOVE, (1, "P1", "")),
         (lambda r: r.move(2, [1.0, 2.0, 3.0], "NEXT"), MOVE, (2, [1.0, 2.0, 3.0], "NEXT")),
         (lambda r: r.move(interpolation=1, pose="P1", option="Next"), MOVE, (1, "P1", "Next")),
+        # a pose is never sent as bare numbers
+        (lambda r: r.move(1, J(10, 30, 100, 0, 50, 0)), MOVE, (1, "J(10, 30, 100, 0, 50, 0)", "")),
+        (lambda r: r.move(2, P(1, 2, 3, 4, 5, 1 / 3)), MOVE, (2, "P(1, 2, 3, 4, 5, 0.3333333333333333, -1)", "")),
+        (lambda r: r.move(1, [[HOME, "@E"], T(1, 2, 3, 0, 1, 0, 0, 0, -1)]), MOVE,
+         (1, [["J(0, 45, 90, 0, 45, 0)", "@E"], "T(1, 2, 3, 0, 1, 0, 0, 0, -1, -1)"], "")),
+        (lambda r: r.move(1, Target("J", 3, PassMark("E"))), MOVE, (1, "@E J3", "")),
+        (lambda r: r.move(1, [[1.0] * 6, "J", "@E"]), MOVE, (1, [[1.0] * 6, "J", "@E"], "")),
+        (lambda r: r.move(1, [1.0] * 8), MOVE, (1, [1.0] * 8, "")),
+        (lambda r: r.move(1, "J(0,45"), MOVE, (1, "J(0,45", "")),
+        (lambda r: r.move(4, 3), MOVE, (4, 3, "")),
+        (lambda r: r.rotate(["XY", V(0, 0, 1)], 45, V(1, 2, 3)), "Robot_Rotate", (["XY", "V(0, 0, 1)"], 45.0, "V(1, 2, 3)", "")),
+        (lambda r: r.execute("OutRange", HOME), EXECUTE, ("OutRange", "J(0, 45, 90, 0, 45, 0)")),
+        (lambda r: r.execute("Approach", [1, (P(1, 2, 3, 4, 5, 6), [J(1)]), "@P 5"]), EXECUTE,
+         ("Approach", [1, ["P(1, 2, 3, 4, 5, 6, -1)", ["J(1)"]], "@P 5"])),
         (lambda r: r.drive(1, 10), "Robot_Drive", (1, 10.0, "")),
         (lambda r: r.drive(axis=1, value=10, option="NEXT"), "Robot_Drive", (1, 10.0, "NEXT")),
         (lambda r: r.rotate("XY", 45, "V(0, 0, 0)", "@E,NEXT"), "Robot_Rotate", ("XY", 45.0, "V(0, 0, 0)", "@E,NEXT")),
@@ -116,6 +130,21 @@ def test_a_method_is_one_call(
         (lambda r: r.move([1.0, 2.0]), "no pose"),
         (lambda r: r.move(None), "no pose"),
         (lambda r: r.move("@E P1", "@E"), "pass mark"),
+        (lambda r: r.move(HOME, 10), '10 is no pass mark; a pass mark is a text: "@P"'),
+        (lambda r: r.move_l(HOME, None), "None is no pass mark"),
+        (lambda r: r.drive({1: 1}, 10), "10 is no pass mark"),
+        (lambda r: r.depart(10, 10), "10 is no pass mark"),
+        (lambda r: r.move(1, [0.0, 45, 90, 0, 45, 0]), r"6 numbers may be joints or a position: J\(...\) or P\(...\)"),
+        (lambda r: r.move(2, (0, 45, 90, 0, 45, 0), "NEXT"), "6 numbers"),
+        (lambda r: r.move(interpolation=1, pose=Variant(0x2005, [0.0] * 6)), "6 numbers"),
+        (lambda r: r.move("J(0,45"), r"'J\(0,45' is no pose: column 7: .*move\(1, text\)"),
+        (lambda r: r.move("X(0,45)"), "column 1"),
+        (lambda r: r.move_l("P(1,2,3"), "column 8"),
+        (lambda r: r.move_c("P1", "P("), "column 3"),
+        (lambda r: r.move_c("P(", "P1"), "column 3"),
+        (lambda r: r.move_s(["P1", "P2 x"]), "column 4"),
+        (lambda r: r.approach("J(0,,1)", 50), "column 5"),
+        (lambda r: r.set_tool(1, "P(1"), "column 4"),
         (lambda r: r.move_s([]), "path"),
         (lambda r: r.move_s("P1"), "list of poses"),
         (lambda r: r.move_s(-1), "-1"),
@@ -155,8 +184,17 @@ def test_what_cannot_be_sent_is_said_before_anything_is(
         (lambda r: r.to_joints("Q1"), NotationError, "column 1"),
         (lambda r: r.move(HOME, sped=1), TypeError, "'sped'.*speed, accel"),
         (lambda r: r.drive({1: 1}, spede=1), TypeError, "'spede'"),
-        (lambda r: r.move(1), TypeError, "pose"),
+        (lambda r: r.move(1), TypeError, r"Robot.move\(\): missing .*'pose'; the forms are"),
         (lambda r: r.move(), TypeError, "pose"),
+        (
+            lambda r: r.move(0, 45, 90, 0, 45, 0),
+            TypeError,
+            r"Robot.move\(\) takes a pose.*move\(J\(0, 45, 90, 0, 45, 0\)\)",
+        ),
+        (lambda r: r.move(0.5, 45.0, 90.0), TypeError, r"move\(J\(0.5, 45, 90\)\)"),
+        (lambda r: r.move(HOME, "@E", "SPEED=5"), TypeError, r"Robot.move\(\): too many"),
+        (lambda r: r.move(1, "P1", speed=5), TypeError, r"Robot.move\(\): .*'speed'"),
+        (lambda r: r.drive(1), TypeError, r"Robot.drive\(\): missing .*'value'"),
     ],
 )
 def test_other_wrong_arguments(
@@ -166,6 +204,29 @@ def test_other_wrong_arguments(
     with pytest.raises(error, match=words):
         both.run(use(recorded))
     assert recorder.calls == []
+
+
+def test_poses_in_the_parameters_of_a_command(both: Both, recorder: Recorder, recorded: Any) -> None:
+    command = both.run(recorded._parent.command("Job"))
+    del recorder.calls[:]
+    both.run(command.put_parameters([1, [HOME], P(1, 2, 3, 4, 5, 6)]))
+    (call,) = recorder.calls
+    assert call.arguments == ([1, ["J(0, 45, 90, 0, 45, 0)"], "P(1, 2, 3, 4, 5, 6, -1)"],)
+
+
+def test_a_variable_takes_the_numbers_of_a_pose(both: Both, recorder: Recorder, recorded: Any) -> None:
+    variable = both.run(recorded.variable("J1"))
+    del recorder.calls[:]
+    both.run(variable.put_value(HOME))
+    (call,) = recorder.calls
+    assert call.arguments == ([0.0, 45.0, 90.0, 0.0, 45.0, 0.0],)
+
+
+def test_a_list_without_an_end(both: Both, recorded: Any) -> None:
+    endless: list[Any] = []
+    endless.append(endless)
+    with pytest.raises(InvalidValue):
+        both.run(recorded.execute("OutRange", endless))
 
 
 def test_a_dropped_robot_is_released_before_the_next_object(both: Both, recorder: Recorder, recorded: Any) -> None:
@@ -573,7 +634,7 @@ def test_the_controller_goes_away_in_the_middle(both: Both) -> None:
     with pytest.raises(TransportError) as caught:
         holding(both, robot, body)
     assert time.monotonic() - began < 2
-    assert ["the connection is gone" in note for note in caught.value.__notes__] == [True, True]
+    assert ["the connection is gone" in note for note in caught.value.__notes__] == [True]
     both.run(controller.close())
     device.close()
 
@@ -703,7 +764,7 @@ class Scripted(Provider):
 
     def __init__(self) -> None:
         self.answers: dict[str, list[Any]] = {
-            "CurJnt": [[0.0] * 8], "DestJnt": [[10.0] * 8], "MotionComplete": [False],
+            "CurJnt": [[0.0] * 8], "DestJnt": [[0.0] * 8, [10.0] * 8], "MotionComplete": [True, False],
         }  # fmt: skip
         self.calls: list[Any] = []
         self.asked: list[str] = []
@@ -750,11 +811,11 @@ def raising(_: object = None) -> None:
 
 
 def test_the_order_of_a_block_that_ends_well(both: Both, scripted: Any, device: Scripted) -> None:
-    device.answers["MotionComplete"] = [False, False, True]
+    device.answers["MotionComplete"] = [True, False, False, True]
     device.answers["CurJnt"] = [[0.0] * 8, [10.0] * 8]
     holding(both, scripted, lambda: both.run(scripted.move("P1", wait=False)))
     assert device.calls == [*TAKEN, ("Move", "NEXT"), *GIVEN]
-    assert device.asked.count("MotionComplete") == 3
+    assert device.asked.count("MotionComplete") == 4
 
 
 def test_the_order_of_a_block_that_fails(both: Both, scripted: Any, device: Scripted) -> None:
@@ -780,7 +841,8 @@ def test_a_paused_motion_is_halted_at_the_end_of_the_block(both: Both, scripted:
 def test_a_raw_motion_is_waited_for_too(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["MotionComplete"] = [False, True]
     holding(both, scripted, lambda: both.run(scripted.move(1, "P1", "NEXT")))
-    assert device.asked == ["TakeArm", "Motor", "Move", "MotionComplete", "MotionComplete", "Motor", "GiveArm"]
+    asked = ["MotionComplete"] * 3  # it runs; it is over; it is still over, so it had begun
+    assert device.asked == ["TakeArm", "Motor", "Move", *asked, "Motor", "GiveArm"]
 
 
 @pytest.mark.parametrize("failing", ["Halt", "Motor", "GiveArm"])
@@ -867,7 +929,7 @@ def test_a_robot_that_is_closed_in_its_block(both: Both, scripted: Any, device: 
 
 
 def test_a_motion_that_has_hardly_been_taken_is_no_stopped_one(both: Both, scripted: Any, device: Scripted) -> None:
-    device.answers["MotionComplete"] = [True, False, False, True]
+    device.answers["MotionComplete"] = [True, True, False, False, True]
     device.answers["CurJnt"] = [[0.0] * 8, [0.0] * 8, [10.0] * 8]
     motion = both.run(scripted.move("P1", wait=False))
     assert both.run(motion.get_done()) is False
@@ -883,7 +945,7 @@ def test_encoders_that_are_late_are_no_stop(both: Both, scripted: Any, device: S
 
 def test_a_controller_that_does_not_tell_where_a_motion_ends(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["DestJnt"] = [CallError(hresult.E_NOTIMPL)]
-    device.answers["MotionComplete"] = [False, False, True]
+    device.answers["MotionComplete"] = [True, False, False, True]
     motion = both.run(scripted.move("P1", wait=False))
     assert progress_of(both, motion) == [0.0, 0.0, 1.0]
     # a pose in joints tells it itself

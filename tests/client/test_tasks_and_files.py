@@ -13,8 +13,8 @@ import orinkit
 from both import Both
 from devices import Call, Recorder
 from orinkit import language
-from orinkit.cao.task_modes import TaskStatus
-from orinkit.client._common import file_text, moment
+from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
+from orinkit.client._common import ErrorInfo, file_text, is_program, logged_message, moment
 from orinkit.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ObjectReleased, ProtocolError
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
@@ -125,6 +125,61 @@ def test_a_program_that_fails_is_over(both: Both, controller: Any) -> None:
     assert both.run(task.wait(PATIENCE)) is TaskStatus.READY
     (error,) = both.run(controller.errors())
     assert "Job" in str(error.details)
+
+
+def test_the_error_that_has_ended_a_program(both: Both, controller: Any) -> None:
+    task = task_of(both, controller, FAULTY)
+    both.run(task.start())
+    with pytest.raises(CallError, match=r"Job, line 3: ") as caught:
+        both.run(task.wait(PATIENCE, check=True))
+    (info,) = both.run(controller.errors())
+    assert (caught.value.code, caught.value.subject) == (info.code, "Job")
+    assert (info.program, info.line) == ("Job", 3)
+    store(both, controller, "Other.pcs", COUNTING)
+    other = both.run(controller.task("Other"))
+    assert both.run(other.wait(check=True)) is TaskStatus.READY  # the error is another one's
+    both.run(controller.clear_error())
+    assert both.run(task.wait(check=True)) is TaskStatus.READY
+
+
+@pytest.mark.parametrize("details", [(), (0, 1), (0, 1, "", 5), (0, 1, 7, 5), (0, 1, "Job", "x")])
+def test_errors_that_do_not_tell_a_line(details: tuple[Any, ...]) -> None:
+    info = ErrorInfo(1, "x", details)
+    assert info.line == 0
+    assert info.program in ("", "Job")
+
+
+@pytest.mark.parametrize(
+    ("program", "task", "same"),
+    [
+        ("Job", "Job", True),
+        ("job.PCS", "Job", True),
+        (r"a\Job", "a/Job.pcs", True),
+        ("Job", "Jo", False),
+        ("", "", False),
+    ],
+)
+def test_whose_error_it_is(program: str, task: str, same: bool) -> None:
+    assert is_program(program, task) is same
+
+
+def test_a_syntax_error_says_what_it_is(both: Both, controller: Any) -> None:
+    task = task_of(both, controller, "Sub Main\n  I[1] = = 1\nEnd Sub\n")
+    with pytest.raises(CallError, match="SYNTAX_ERROR") as caught:
+        both.run(task.start())
+    assert "2" in caught.value.detail
+    assert "Job" in caught.value.detail
+
+
+@pytest.mark.parametrize("answer", [None, 5, [], [1] * 13, ["x"] * 13, [5, *[""] * 12]])
+def test_records_of_the_log_that_say_nothing(answer: Any) -> None:
+    assert logged_message(answer, 5) == ""
+
+
+def test_modes_and_status_are_written_by_name() -> None:
+    assert [str(each) for each in TaskStatus] == ["non_existent", "suspended", "ready", "running", "step_stopped"]
+    assert f"{TaskMode.CYCLE} {StopMode.INITIALIZE}" == "cycle initialize"
+    assert int(TaskStatus.READY) == 2
 
 
 @pytest.mark.parametrize("use", [lambda t: t.start("twice"), lambda t: t.stop("now"), lambda t: t.start("")])

@@ -260,3 +260,58 @@ def test_a_programs_error_is_told_once(cell):
     record = cell.rc8.state.faults.current.newest
     assert (record.code, record.line) == (hresult.TARGET_OVER_SOFT_LIMIT_AXIS1, 3)
     assert not cell.arm.motor.on
+
+
+def _command(controller, name, parameters):
+    command = controller.get_command(name, "")
+    command.put_parameters(variant(parameters))
+    return command
+
+
+def test_a_client_without_a_robot_object_leaves_nothing_behind(cell):
+    """It took the arm and moved with Command objects: that ends with its connection too."""
+    cell.execute("GiveArm")
+    other = cell.connect()
+    _command(other, "TakeArm", [0, 0]).execute(0)
+    _command(other, "Robot.DriveAEx", [[1, 90.0], "NEXT"]).execute(1)
+    cell.trace(10)
+    assert cell.arm.busy
+    other.release()
+    cell.trace(60)
+    assert not cell.arm.busy
+    assert cell.arm.holder is None
+    assert 0 < cell.arm.queue.joints[0] < 89
+    cell.take()
+
+
+def test_the_motor_is_not_on_while_it_is_about_to_be_cut(cell):
+    """The stop was short, but its effect is still to come."""
+    cell.move(*MOVES["ptp"])
+    cell.trace(15)
+    cell.rc8.pendant.emergency_stop()
+    cell.rc8.pendant.emergency_stop(False)
+    assert cell.arm.busy
+    assert cell.code_of(lambda: cell.execute("Motor", [1, 0])) == hresult.MOTOR_SWITCHING_OFF
+    cell.trace(60)
+    cell.execute("Motor", [1, 0])
+    assert cell.arm.motor.on
+
+
+def test_closing_the_controller_breaks_every_promise(cell):
+    move = cell.move(*MOVES["ptp"])
+    cell.trace(10)
+    halt = cell.robot.halt("")
+    cell.rc8.close()
+    assert cell.code(move) == hresult.E_ABORT
+    assert cell.code(halt) == hresult.E_ABORT
+    assert not cell.arm.busy
+    for call in (
+        lambda: cell.robot.execute("Motor", variant([1, 0])),
+        lambda: cell.move(1, "J(0, 45, 90, 0, 45, 0)"),
+        lambda: cell.controller.get_task("Pro1", "").start(1, ""),
+        lambda: cell.controller.execute("HandMoveA", variant([10, 50])),
+    ):
+        assert cell.code_of(call) != 0
+    cell.robot.release()
+    cell.controller.release()
+    cell.rc8.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,9 +10,12 @@ import pytest
 from cell import Cell
 
 from orinkit import hresult
+from orinkit.cao.task_modes import TaskMode
 from orinkit.variant import Variant, VarType, variant
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
-from orinkit.virtual.rc8.tasks import MOST_RUNNING, STATEMENTS
+from orinkit.virtual.rc8.tasks import ALL_STATEMENTS, MOST_RUNNING, STATEMENTS
 
 READY, RUNNING, SUSPENDED, STEP_STOPPED = 2, 3, 1, 4
 ONE_CYCLE, CONTINUOUS, STEP = 1, 2, 3
@@ -312,6 +316,17 @@ def test_statements_of_a_cycle_are_bounded_and_shared_by_nobody(cell):
     served.stop(4, "")
 
 
+def test_many_programs_share_what_there_is_of_a_cycle(cell):
+    """All get the same, and together no more than leaves time for the arm and for clients."""
+    for number in range(MOST_RUNNING):
+        program = FOREVER.replace("I1 = I1", f"I{number} = I{number}")
+        task(cell, program, f"P{number}").start(CONTINUOUS, "")
+    cell.clock.advance(1.0)
+    done = [value(cell, f"I{number}") for number in range(MOST_RUNNING)]
+    assert max(done) - min(done) <= 1
+    assert sum(done) <= ALL_STATEMENTS * 125
+
+
 def test_what_it_prints_is_told(cell):
     served = task(cell, 'Sub Main\n  PrintMsg "hello", 0, "title"\n  PrintDbg "debug"\nEnd Sub\n')
     served.start(ONE_CYCLE, "")
@@ -394,3 +409,61 @@ def test_a_suspended_program_whose_file_has_gone_gives_the_arm_back(cell):
     assert not cell.arm.busy
     assert status(served) == 0
     cell.take()
+
+
+def test_a_large_program_is_loaded_outside_the_lock_for_file_run_too(cell):
+    program = "Sub Main\n" + "  I1 = I1 + 1\n" * 1000 + "End Sub\n"
+    task(cell, program, "Large")
+    assert cell.controller.get_file("Large.pcs", "").run("").run() == "Large"
+    cell.clock.advance(0.1)
+    assert value(cell, "I1") == 1000
+    cell.controller.get_file("Large.pcs", "").put_value(variant(program + "x"))
+    for _ in range(2):  # what is wrong with it is known the second time
+        assert cell.code_of(cell.controller.get_file("Large.pcs", "").run("").run) == hresult.SYNTAX_ERROR
+
+
+def test_programs_that_are_gone_are_forgotten(cell):
+    """Neither they nor what they were compiled to stay in the memory."""
+    tasks = cell.rc8.state.tasks
+    for number in range(100):
+        served = task(cell, FOREVER, f"P{number}")
+        served.start(ONE_CYCLE, "")
+        served.stop(4, "")
+    assert len(tasks._programs) <= 32
+    for number in range(100):
+        cell.rc8.state.files.delete(f"P{number}.pcs")
+    assert (len(tasks._programs), len(tasks._tasks)) == (0, 0)
+
+
+def test_a_program_that_is_made_anew_is_that_of_the_same_task_object(cell):
+    served = task(cell, "Sub Main\n  I1 = 1\nEnd Sub\n")
+    cell.rc8.state.files.delete("Test.pcs")
+    assert status(served) == 0
+    cell.rc8.state.files.write("Test.pcs", b"Sub Main\n  I1 = 2\nEnd Sub\n")
+    served.start(ONE_CYCLE, "")
+    cell.clock.advance(0.1)
+    assert (status(served), value(cell, "I1")) == (READY, 2)
+
+
+def test_long_statements_end_a_cycle_early():
+    """In real time, where each statement takes long, a cycle has as few as leave time for everything else."""
+    rc8 = VirtualRC8(clock=Clock(), samples=False)
+    rc8.state.files.write("Slow.pcs", b"Sub Main\n  Do\n    I1 = I1 + OutRange(J1) * 0 + 1\n  Loop\nEnd Sub\n")
+    with rc8.state.cycles:
+        served = rc8.state.tasks.find("Slow")
+        rc8.state.tasks.start(served, TaskMode.CONTINUOUS)
+        machine = served._machine
+    counted = []
+    original = machine.run
+
+    def run(budget, tired):
+        counted.append(original(budget, tired))
+        return counted[-1]
+
+    machine.run = run
+    end = time.monotonic() + 20
+    while len(counted) < 20 and time.monotonic() < end:
+        time.sleep(0.01)
+    rc8.close()
+    assert len(counted) >= 20
+    assert max(counted) < STATEMENTS

@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Literal, TypeAlias
+
+TaskName: TypeAlias = Literal["cycle", "continuous", "step"]
+"""The names of :class:`TaskMode`."""
+StopName: TypeAlias = Literal["default", "instant", "step", "cycle", "initialize"]
+"""The names of :class:`StopMode`."""
 
 
-class TaskMode(IntEnum):
+class _Named(IntEnum):
+    """A number whose text is its name, in small letters."""
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+
+class TaskMode(_Named):
     """How a program is started (Task_Start)."""
 
     CYCLE = 1
@@ -13,7 +26,7 @@ class TaskMode(IntEnum):
     STEP = 3
 
 
-class StopMode(IntEnum):
+class StopMode(_Named):
     """How a program is stopped (Task_Stop)."""
 
     DEFAULT = 0
@@ -23,7 +36,7 @@ class StopMode(IntEnum):
     INITIALIZE = 4
 
 
-class TaskStatus(IntEnum):
+class TaskStatus(_Named):
     """What a task is doing (GetStatus)."""
 
     NON_EXISTENT = 0

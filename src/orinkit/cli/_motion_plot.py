@@ -23,6 +23,9 @@ FORMATS: Final = ("png", "svg", "pdf")
 
 _SIZE: Final = (9.0, 9.0)  # inch
 _DPI: Final = 120
+_DASHES: Final[tuple[Any, ...]] = (  # a line that lies on another one leaves parts of it to be seen
+    "-", (0, (6, 2)), (0, (4, 2)), (0, (6, 2, 1, 2)), (0, (3, 2)), (0, (4, 2, 1, 2, 1, 2)), (0, (8, 3)), (0, (2, 2)),
+)  # fmt: skip
 _JAPANESE_FONTS: Final = (
     "Noto Sans CJK JP", "Noto Sans JP", "IPAexGothic", "IPAGothic", "TakaoGothic", "VL Gothic", "Yu Gothic", "Meiryo",
     "MS Gothic", "Hiragino Sans",
@@ -92,7 +95,7 @@ def show(recording: Recording) -> None:
 
 
 def draw(recording: Recording, figure: Figure, label: Callable[[str, str], str] = pick) -> None:
-    """Draw a recording: three diagrams below each other, a line for each joint.
+    """Draw a recording: three diagrams below each other, a line for each joint, dashed in ever other ways from the second.
 
     Args:
         recording: the motion.
@@ -100,6 +103,7 @@ def draw(recording: Recording, figure: Figure, label: Callable[[str, str], str] 
         label: picks the English or the Japanese label.
     """
     import numpy as np
+    from matplotlib.lines import Line2D
 
     times = np.asarray(recording.times, dtype=float)
     command = np.asarray(recording.command, dtype=float)
@@ -115,7 +119,10 @@ def draw(recording: Recording, figure: Figure, label: Callable[[str, str], str] 
     axes: list[Axes] = list(figure.subplots(len(panels), 1, sharex=True))
     for each, (title, x, values) in zip(axes, panels, strict=True):
         for place, joint in enumerate(recording.joints):
-            each.plot(x, values[:, place], label=f"J{joint}", linewidth=1.2, color=f"C{joint - 1}")
+            each.plot(
+                x, values[:, place], label=f"J{joint}", linewidth=1.2, color=f"C{joint - 1}",
+                linestyle=_DASHES[place % len(_DASHES)],
+            )  # fmt: skip
         each.set_ylabel(title)
         each.grid(visible=True, alpha=0.3)
     if recording.encoder:
@@ -123,7 +130,19 @@ def draw(recording: Recording, figure: Figure, label: Callable[[str, str], str] 
             late = [row[place] for row in recording.encoder]
             axes[0].plot(times, late, linewidth=0.8, linestyle=":", color=f"C{joint - 1}")
     axes[-1].set_xlabel(label("time [s]", "時間 [s]"))
-    figure.legend(handles=axes[0].get_lines()[: len(recording.joints)], loc="outside upper center", ncols=8)
+    figure.suptitle(_title(recording, label))
+    handles = axes[0].get_lines()[: len(recording.joints)]
+    if recording.encoder:
+        dotted = label("dotted: encoders", "点線: エンコーダ")
+        handles.append(Line2D([], [], color="gray", linewidth=0.8, linestyle=":", label=dotted))
+    figure.legend(handles=handles, loc="outside lower center", ncols=9)
+
+
+def _title(recording: Recording, label: Callable[[str, str], str]) -> str:
+    if all(row == recording.command[0] for row in recording.command):
+        return label("the arm did not move", "アームは動いていません")
+    seconds = recording.times[-1] - recording.times[0]
+    return label(f"recorded motion, {seconds:.2f} s", f"記録した動作 ({seconds:.2f} 秒)")
 
 
 def _with_font(paint: Callable[[Callable[[str, str], str]], None]) -> None:

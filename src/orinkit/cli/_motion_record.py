@@ -171,10 +171,17 @@ def _read(path: Path, lines: Iterator[list[str]]) -> Recording:
         if len(rows) > _MOST_ROWS:
             raise _wrong(path, number, pick(f"more than {_MOST_ROWS} rows", f"行数が {_MOST_ROWS} を超えています"))
     times = [row[header.index(_TIME)] for row in rows]
-    if len(times) < 2 or any(after <= before for before, after in pairwise(times)):
+    if len(times) < 2:
         raise _wrong(
-            path, 0, pick("two or more rows are wanted, with rising times", "時刻が増加する 2 行以上のデータが必要です")
+            path,
+            0,
+            pick(
+                f"{len(times)} rows of two or more that are wanted: the arm did not move",
+                f"データが {len(times)} 行しかありません (2 行以上必要)。アームは動いていません",
+            ),
         )
+    if any(after <= before for before, after in pairwise(times)):
+        raise _wrong(path, 0, pick("rising times are wanted", "時刻は増加している必要があります"))
     return Recording(
         times,
         list(commands),

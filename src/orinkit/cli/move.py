@@ -14,7 +14,9 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit.cli._connection import Connection, Json, Url
-from orinkit.client._robot_common import POLL, MoveOptions, option_text
+from orinkit.client._motion_common import POLL
+from orinkit.client._robot_common import MoveOptions, option_text
+from orinkit.errors import CallError, OrinError
 from orinkit.language import pick
 from orinkit.poses import J, P, parse_target, to_text
 from orinkit.transport.drive import Deadline, pause
@@ -39,7 +41,9 @@ def move(
     speed: Annotated[
         float | None, Parameter(help=pick("Speed in percent; 100 by default.", "速度 (%)。既定は 100。"))
     ] = None,
-    mark: Annotated[str, Parameter(help=pick("Pass mark: @0, @E, @P or @10.", "パス指定: @0, @E, @P, @10。"))] = "",
+    mark: Annotated[
+        str | None, Parameter(help=pick("Pass mark: @0, @E, @P or @10.", "パス指定: @0, @E, @P, @10。"))
+    ] = None,
     record: Annotated[
         str | None,
         Parameter(help=pick("Record the motion in this CSV file, a row for each 8 ms; see orinkit plot.",
@@ -61,13 +65,14 @@ def move(
     if speed is not None:
         options["speed"] = speed
     option_text(options)  # what cannot be is said before anything moves
+    mark = mark or ""
     parse_target(to_text(pose, mark))
     with _notes_shown(), connection.open(url) as controller, controller.robot() as robot, ExitStack() as stack:
         bar = stack.enter_context(_Bar(robot))
         recorder = None
         if record is not None:
             recorder = stack.enter_context(Recorder(robot, Path(record), bar.reading))
-        with _Interrupts() as interrupts:
+        with _Interrupts() as interrupts, _errors_told(controller, url):
             _move(robot, pose, mark, options, interrupts, bar, recorder, line=line, motor=not no_motor)
         joints, position = _shown(robot.joints), robot.position
     if json:
@@ -107,6 +112,31 @@ def _move(
             pause(POLL)
         if recorder is not None:
             recorder.stop()
+
+
+@contextmanager
+def _errors_told(controller: orinkit.Controller, url: str) -> Iterator[None]:
+    """Say in an error which one the controller reports, and how it is cleared."""
+    try:
+        yield
+    except CallError as error:
+        try:
+            errors = controller.errors()
+        except OrinError:  # it is only a hint
+            errors = []
+        if errors:
+            first = str(errors[-1])
+            told = (
+                ""
+                if first in error.detail
+                else pick(f"the controller reports {first}", f"コントローラのエラー: {first}")
+            )
+            clear = pick(
+                f"to clear it: orinkit call {url} Controller_Execute ClearError",
+                f"エラー解除: orinkit call {url} Controller_Execute ClearError",
+            )
+            error.detail = "; ".join(filter(None, (error.detail, told, clear)))
+        raise
 
 
 @contextmanager

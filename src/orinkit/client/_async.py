@@ -13,10 +13,10 @@ from orinkit import hresult
 from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
-from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._async_nodes import AsyncNamed, AsyncNode, AsyncOwner
 from orinkit.client._async_robot import AsyncRobot
+from orinkit.client._async_task import AsyncTask
 from orinkit.client._common import (
     DEFAULT_TIMEOUT,
     RC8,
@@ -32,13 +32,10 @@ from orinkit.client._common import (
     moment,
     no_such_error,
     service_option,
-    task_mode,
-    task_status,
     text_list,
 )
-from orinkit.client._robot_common import POLL, not_in_time
+from orinkit.client._robot_common import sendable
 from orinkit.errors import CallError, ObjectNotFound, OrinError
-from orinkit.transport.drive import Deadline, apause
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -189,65 +186,6 @@ class AsyncFile(AsyncOwner):
         await self._call(f.file_put_value, value)
 
 
-class AsyncTask(AsyncOwner):
-    """A program task (RC8 3.2)."""
-
-    __slots__ = ()
-
-    functions = NodeFunctions(
-        f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
-        f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
-        f.task_get_variable, f.task_get_variable_names, f.task_execute,
-    )  # fmt: skip
-
-    async def start(self, mode: TaskMode | str | int = TaskMode.CYCLE, option: str = "") -> None:
-        """Start: ``"cycle"`` (1) once, ``"continuous"`` (2) again and again, ``"step"`` (3) one statement."""
-        await self._call(f.task_start, task_mode(TaskMode, mode), option)
-
-    async def stop(self, mode: StopMode | str | int = StopMode.DEFAULT, option: str = "") -> None:
-        """Stop: ``"default"`` (0), ``"instant"`` (1), after the statement ``"step"`` (2) or ``"cycle"`` (3), ``"initialize"`` (4)."""
-        await self._call(f.task_stop, task_mode(StopMode, mode), option)
-
-    async def wait(self, timeout: float | None = None) -> TaskStatus:
-        """Wait until it does not run any more, and return its status.
-
-        A program that an error has ended is ready again: what the error was is in the controller's ``errors()``.
-
-        Args:
-            timeout: seconds; by default as long as it takes.
-
-        Raises:
-            TimeoutError: it still runs.
-        """
-        deadline = Deadline(timeout)
-        while (status := await self.get_status()) is TaskStatus.RUNNING:
-            if timeout is not None and deadline.passed:
-                raise not_in_time(timeout, "the task still runs", "タスクが実行中です")
-            await apause(min(POLL, deadline.left))
-        return status
-
-    async def get_status(self) -> TaskStatus:
-        """What it is doing (GetStatus)."""
-        return task_status(await self.execute("GetStatus"))
-
-    async def get_running(self) -> bool:
-        """Whether it runs."""
-        return await self.get_status() is TaskStatus.RUNNING
-
-    async def get_line(self) -> int:
-        """Line of the program that is executed next (@LINE_NO)."""
-        async with await self.variable("@LINE_NO") as variable:
-            return int(await variable.get_value())
-
-    async def delete(self, option: str = "") -> None:
-        """Delete the task."""
-        await self._call(f.task_delete, option)
-
-    async def get_file_name(self) -> str:
-        """File that the task came from."""
-        return await self._call(f.task_get_file_name)
-
-
 class AsyncCommand(AsyncNamed):
     """A command that can be started, watched and cancelled."""
 
@@ -283,8 +221,8 @@ class AsyncCommand(AsyncNamed):
         return await self._call(f.command_get_parameters)
 
     async def put_parameters(self, parameters: Value) -> None:
-        """Set the parameters."""
-        await self._call(f.command_put_parameters, parameters)
+        """Set the parameters; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in them go out as their texts."""
+        await self._call(f.command_put_parameters, sendable(parameters))
 
     async def get_result(self) -> Any:
         """Result of the last execution."""

@@ -11,10 +11,11 @@ from typing import Any, Final
 
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
-from orinkit.client import _robot_common as common
+from orinkit.client import _motion_common as common
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._async_nodes import AsyncNode, AsyncOwner
 from orinkit.client._common import error_count, error_info
+from orinkit.client._robot_common import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
 from orinkit.errors import (
     BusyError,
     CallError,
@@ -36,16 +37,24 @@ class AsyncTrack:
 
     Attributes:
         newest: number of the last motion that was commanded.
-        running: that motion, until it is known to be over.
+        answered: number of the last one that was answered at its end, so that all before it are over.
+        halted: number of the last one that this program has halted.
+        running: the last one that is not answered at its end, until it is known to be over.
+        passing: whether the last one was answered at its pass mark, while the arm may still have moved.
+        sure: whether all that was commanded is known; not where a call had no answer, or a command may have moved the arm.
         paused: whether this program has paused it.
         at_rest: whether the arm surely stands: it was halted, and nothing has been commanded since.
     """
 
-    __slots__ = ("at_rest", "newest", "paused", "running")
+    __slots__ = ("answered", "at_rest", "halted", "newest", "passing", "paused", "running", "sure")
 
     def __init__(self) -> None:
         self.newest = 0
+        self.answered = 0
+        self.halted = 0
         self.running: AsyncMotion | None = None
+        self.passing = False
+        self.sure = False
         self.paused = False
         self.at_rest = False
 
@@ -74,45 +83,77 @@ class AsyncMover(AsyncOwner):
             way: is filled in with where the motion begins and ends; by default nothing more is asked of the controller.
         """
         track = self._track
-        before = track.running
-        if way is not None and not wait and before is not None and await self.motion_complete():
-            before = None
+        before = None if wait or way is None else await self._before(track)
         previous, track.newest, track.at_rest = track.newest, track.newest + 1, False
         number = track.newest
         try:
             await self._call(function, *arguments)
-        except OrinError:
-            track.newest = previous
+        except OrinError as error:
+            if common.may_have_moved(error):
+                track.sure = False
+            else:
+                track.newest = previous
             raise
-        except BaseException:
+        except BaseException as error:
             await self.client.close()
+            error.add_note(common.note_broken_off())
             raise
-        motion = AsyncMotion(
-            self, track, number, (self._label, function.name, arguments), way or common.Way(), over=wait
-        )
+        call = (self._label, function.name, arguments)
+        motion = AsyncMotion(self, track, number, call, way or common.Way(), over=wait)
         track.running = None if wait else motion
-        if way is not None and not wait:
-            await self._note_way(way, None if before is None else before.way)
+        track.passing = wait and passes(arguments)
+        if wait:
+            track.answered, track.sure = number, True
+        elif before is not None:
+            await self._note_way(motion.way, *before)
         return motion
 
-    async def _note_way(self, way: common.Way, before: common.Way | None) -> None:
+    async def _before(self, track: AsyncTrack) -> tuple[common.Way, bool] | None:
+        """Return the way of the motion before, and whether that one is as good as over; None where it is not known."""
+        running = track.running
+        answered = track.sure and running is None and track.newest == track.answered
         try:
-            way.begin(await self.get_joints(), await self.get_destination(), before)
+            if answered or await self.motion_complete():
+                track.sure = True
+                return common.Way.leading_to(await self.get_destination()), True
+            if running is None or not track.sure:
+                return None
+            running.way.see(await self.get_destination())
         except CallError as error:
-            if not common.is_missing(error):
+            if not is_missing(error):
+                raise
+            return None
+        return running.way, False
+
+    async def _note_way(self, way: common.Way, before: common.Way, over: bool) -> None:
+        try:
+            way.begin(before, await self.get_joints() if over else None, await self.get_destination())
+        except CallError as error:
+            if not is_missing(error):
                 raise
 
     async def execute(self, command: str, parameter: Value = None) -> Any:
-        """Execute an extended command, for example ``execute("CurJnt")``, and return its result."""
-        if str(command).strip().lower() not in common.HOLDING_COMMANDS:
-            self._track.at_rest = False
-        return await super().execute(command, parameter)
+        """Execute an extended command, for example ``execute("CurJnt")``, and return its result.
+
+        Args:
+            command: its name.
+            parameter: a value of CAO; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in it go out as their texts.
+        """
+        if str(command).strip().lower() not in HOLDING_COMMANDS:
+            self._track.at_rest = self._track.sure = False
+        return await super().execute(command, sendable(parameter))
 
     async def halt(self, option: str = "") -> None:
-        """Stop the motion and abandon it; works from a second connection while the first waits for its motion."""
+        """Stop the motion and abandon it; works from a second connection while the first waits for its motion.
+
+        It is answered when the command stands. The encoders follow a few cycles later: joints that are read at once may
+        still change by a fraction of a degree.
+        """
+        track = self._track
+        track.halted = track.newest
         await self._call(f.robot_halt, option)
-        self._track.at_rest = True
-        self._track.paused = False
+        track.at_rest = track.sure = True
+        track.paused = track.passing = False
 
     async def hold(self, option: str = "") -> None:
         """Pause the motion."""
@@ -128,46 +169,54 @@ class AsyncMover(AsyncOwner):
 
     async def motion_complete(self, mode: int = 0) -> bool:
         """Return whether all motions are over (MotionComplete): 0 the command's, 1 the arm's too."""
-        return bool(common.read_number("MotionComplete", await self._ask("MotionComplete", [-1, mode])))
+        return bool(read_number("MotionComplete", await self._ask("MotionComplete", [-1, mode])))
 
     async def get_joints(self) -> J:
         """Joints of the arm, degrees (CurJnt)."""
-        return common.read_pose(J, "CurJnt", await self._ask("CurJnt"))
+        return read_pose(J, "CurJnt", await self._ask("CurJnt"))
 
     async def get_position(self) -> P:
         """Where the tool is: mm, degrees, figure (CurPos), in the work frame in use."""
-        return common.read_pose(P, "CurPos", await self._ask("CurPos"))
+        return read_pose(P, "CurPos", await self._ask("CurPos"))
 
     async def get_trans(self) -> T:
         """Where the tool is, as a homogeneous transformation (CurTrn)."""
-        return common.read_pose(T, "CurTrn", await self._ask("CurTrn"))
+        return read_pose(T, "CurTrn", await self._ask("CurTrn"))
 
     async def get_destination(self) -> J:
         """Where the motion that runs ends, degrees (DestJnt); where the arm is, when nothing moves."""
-        return common.read_pose(J, "DestJnt", await self._ask("DestJnt"))
+        return read_pose(J, "DestJnt", await self._ask("DestJnt"))
 
     async def _locked(self) -> bool:
         """Return whether the machine lock is on: motions run, the arm stays."""
-        if not isinstance(self._parent, AsyncOwner):
-            return False
-        try:
-            async with await self._parent.variable("@LOCK") as lock:
-                return bool(await lock.get_value())
-        except CallError:  # it has no such variable, or does not tell
-            return False
+        return bool(await _told(self._controller(), "@LOCK"))
 
-    async def _reason(self) -> str:
-        """Return the first of the errors that the controller reports, ``""`` for none."""
-        if not isinstance(self._parent, AsyncOwner):
-            return ""
+    async def _reason(self, *, halted: bool) -> str:
+        """Return in words why a motion was stopped; ``halted``: this program has halted it."""
+        owner = self._controller()
         try:
-            count = error_count(await self._parent.execute("GetCurErrorCount"))
-            return str(error_info(await self._parent.execute("GetCurErrorInfo", count - 1))) if count else ""
+            count = error_count(await owner.execute("GetCurErrorCount"))
+            error = str(error_info(await owner.execute("GetCurErrorInfo", count - 1))) if count else ""
         except (CallError, ProtocolError):  # it is only a hint
-            return ""
+            error = ""
+        stops = await _told(owner, "@EMERGENCY_STOP"), await _told(owner, "@PROTECTIVE_STOP")
+        known = common.Circumstances(*stops, await _told(owner, "@MODE"), await _told(self, "@SERVO_ON"))
+        return known.reason(error, halted=halted)
+
+    def _controller(self) -> AsyncOwner:
+        return self._parent if isinstance(self._parent, AsyncOwner) else self
 
     async def _ask(self, name: str, parameter: Value = None) -> Any:
         return await self._call(f.robot_execute, name, parameter)
+
+
+async def _told(owner: AsyncOwner, name: str) -> Any:
+    """Return the value of a variable; None where an object has no such variable, or does not tell."""
+    try:
+        async with await owner.variable(name) as variable:
+            return await variable.get_value()
+    except (CallError, ProtocolError):
+        return None
 
 
 class AsyncMotion:
@@ -258,33 +307,34 @@ class AsyncMotion:
 
     async def _look(self) -> None:
         """Ask how it goes, and note it if it is over or was stopped."""
-        robot, way = self._robot, self.way
-        followed = self._track.newest != self._number
-        if followed or way.waits:
-            end = await robot.get_destination()
+        robot, way, track = self._robot, self.way, self._track
+        followed = track.newest != self._number
+        complete = False
+        if self._number < track.answered:
+            self._over = True
+        elif followed or way.waits:
+            told = await robot.get_destination()
             complete = await robot.motion_complete()
             if not complete:  # an arm that stands says where it stands
-                way.reach(end)
-                self._over = followed and way.end is not None and not common.near(end, way.end)
+                way.see(told)
+                self._over = followed and way.left_behind(told)
         else:
             complete = await robot.motion_complete()
-        if complete:
-            self._over = followed or await self._arrived() or await self._arrived_late()
+        if not self._over and complete:
+            self._over = followed or bool(await self._arrived()) or await self._arrived_late()
         if self._over:
             self._fraction = 1.0
-        if (self._over or self._stop is not None) and self._track.running is self:
-            self._track.running = None
+        if (self._over or self._stop is not None) and track.running is self:
+            track.running = None
 
-    async def _arrived(self) -> bool:
-        """Return whether the arm is where the motion ends; True where nobody knows where that is."""
+    async def _arrived(self) -> bool | None:
+        """Return whether the arm is where the motion ends; None where nobody knows where that is."""
         robot, way = self._robot, self.way
-        if way.end is not None:
-            return common.near(await robot.get_joints(), way.end)
-        if isinstance(way.target, J):
-            return common.near(await robot.get_joints(), way.target)
-        if way.target is not None:
-            return common.near((await robot.get_position())[:3], way.target[:3])
-        return True
+        if way.end is not None and common.near(await robot.get_joints(), way.end):
+            return True
+        if isinstance(way.target, P):
+            return common.same_place(await robot.get_position(), way.target)
+        return None if way.end is None else False
 
     async def _arrived_late(self) -> bool:
         """Look again: the encoders are behind the command, and a motion that was just taken may not have begun."""
@@ -292,9 +342,10 @@ class AsyncMotion:
         await apause(common.SETTLE)
         if not await robot.motion_complete(_ARM):
             return False
-        if await self._arrived() or await robot._locked():  # noqa: SLF001 - one of us
+        if await self._arrived() is not False or await robot._locked():  # noqa: SLF001 - one of us
             return True
-        self._stop = common.Stop(await robot.get_joints(), await robot._reason())  # noqa: SLF001
+        reason = await robot._reason(halted=self._number <= self._track.halted)  # noqa: SLF001
+        self._stop = common.Stop(await robot.get_joints(), reason)
         return False
 
 
@@ -364,13 +415,17 @@ class AsyncHolding:
         await self._give()
 
     async def _come_to_rest(self) -> None:
-        motion = self._track.running
-        if motion is None or self._track.at_rest:
+        track = self._track
+        if track.at_rest or (track.running is None and not track.passing):
             return
-        if self._track.paused:
+        if track.paused:
             await self._robot.halt()
+        elif track.running is not None:
+            await track.running.wait()
         else:
-            await motion.wait()
+            while not await self._robot.motion_complete():
+                await apause(common.POLL)
+            track.passing = False
 
     async def _clean_up(self, error: BaseException) -> None:
         """Halt and give back after an exception; what fails is noted in it."""
@@ -401,7 +456,7 @@ class AsyncHolding:
                 if isinstance(problem, BusyError) and not deadline.passed:
                     await apause(common.SETTLE)
                     continue
-                error.add_note(common.note_failed(problem))
+                common.note_failure(error, problem)
                 return problem
             return None
 

@@ -12,8 +12,9 @@ from orinkit.cao import functions as f
 from orinkit.client import _robot_common as common
 from orinkit.client._async_motion import AsyncArm, AsyncMotion, AsyncMotor, AsyncMover
 from orinkit.client._common import NodeFunctions
-from orinkit.client._robot_common import MoveOptions
-from orinkit.poses import J, P, PassMark, PoseLike, T, to_text
+from orinkit.client._motion_common import Way
+from orinkit.client._robot_common import MoveOptions, pose_text
+from orinkit.poses import J, P, PassMark, PoseLike, T
 from orinkit.variant import Value
 
 
@@ -63,13 +64,30 @@ class AsyncRobot(AsyncMover):
     async def move(self, *arguments: Any, **named: Any) -> AsyncMotion | None:
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
-        As CAO has it: ``move(1, "@E P1", "SPEED=20")``; 1 point to point, 2 line, 3 arc, 4 free curve.
+        As CAO has it, where the first argument is a number: ``move(1, "@E P1", "SPEED=20,TIME=1500")``. That form checks
+        nothing but bare lists of 6 numbers, and returns nothing.
+
+        Args:
+            *arguments: ``pose``: ``P(...)`` (mm, degrees), ``J(...)`` (degrees), ``T(...)``, or a text such as ``"P1"``; then
+                ``mark``: the pass mark, ``"@0"`` the command is there (the controller's default), ``"@E"`` the encoders
+                are, ``"@P"`` near, ``"@10"`` within 10 mm. Of CAO's form: ``interpolation``, 1 point to point, 2 line, 3
+                arc, 4 free curve; ``pose``, any value of CAO with its pass mark, in which ``P(...)``, ``J(...)`` and
+                ``T(...)`` go out as their texts; ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in
+                percent, TIME in ms.
+            **named: the same by name, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in seconds,
+                ``wait``.
+
+        Returns:
+            the motion; it is over unless ``wait=False``, or the arm still passes (``"@P"``, ``"@10"``).
 
         Raises:
+            TypeError: the arguments are of neither form.
             InvalidValue: the pose, the mark or an option cannot be sent.
+            NotationError: the mark is a text that is none.
             CallError: the controller refuses, or the motion was stopped.
         """
-        if "interpolation" in named or (arguments and isinstance(arguments[0], int)):
+        common.check_move(arguments, named)
+        if common.is_raw("interpolation", arguments, named):
             await self._move_raw(*arguments, **named)
             return None
         return await self._move_to(common.PTP, *arguments, **named)
@@ -82,7 +100,7 @@ class AsyncRobot(AsyncMover):
         self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
         """Move the tool along the arc through one pose to another."""
-        way = common.Way(common.literal_end(end))
+        way = Way(common.literal_end(end))
         return await self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
 
     async def move_s(
@@ -95,7 +113,7 @@ class AsyncRobot(AsyncMover):
             mark: pass mark of its end.
             options: of every motion.
         """
-        return await self._interpolate(common.CURVE, common.curve_text(path, mark), options, common.Way())
+        return await self._interpolate(common.CURVE, common.curve_text(path, mark), options, Way())
 
     async def approach(
         self,
@@ -108,7 +126,7 @@ class AsyncRobot(AsyncMover):
     ) -> AsyncMotion:
         """Move to before a pose, ``distance`` mm back along its tool's Z; point to point, or along a line."""
         comp = common.LINE if line else common.PTP
-        return await self._extended("Approach", [comp, to_text(pose), common.distance_text(distance, mark)], options)
+        return await self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
     async def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
@@ -131,37 +149,69 @@ class AsyncRobot(AsyncMover):
     async def drive(self, *arguments: Any, **named: Any) -> AsyncMotion | None:
         """Move joints by degrees (mm for linear ones), or to them: ``drive({1: 10, 2: -5}, absolute=False)``.
 
-        As CAO has it, one joint: ``drive(1, 10.0, "SPEED=20")``.
+        As CAO has it, one joint, where the first argument is a number: ``drive(1, 10.0, "SPEED=20,TIME=1500")``.
+
+        Args:
+            *arguments: ``axes``: for each joint, 1 to 8, by how many degrees or mm, or with ``absolute`` to which; then
+                ``mark``: the pass mark, as of :meth:`move`. Of CAO's form: ``axis``, 1 to 8; ``value``, degrees or mm;
+                ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in percent, TIME in ms.
+            **named: the same by name, ``absolute``, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in
+                seconds, ``wait``.
+
+        Raises:
+            TypeError: the arguments are of neither form.
+            InvalidValue: a joint, the mark or an option cannot be sent.
+            CallError: the controller refuses, or the motion was stopped.
         """
-        if "axis" in named or (arguments and isinstance(arguments[0], int)):
+        common.check_drive(arguments, named)
+        if common.is_raw("axis", arguments, named):
             await self._drive_raw(*arguments, **named)
             return None
         return await self._drive(*arguments, **named)
 
     async def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
-        """Rotate by degrees in a plane about a pivot."""
-        await self._begin(f.robot_rotate, plane, angle, pivot, option, wait=common.waits(option))
+        """Rotate by degrees in a plane about a pivot.
+
+        Args:
+            plane: ``"XY"``, ``"XYH"``, or a value of CAO; poses in it go out as their texts.
+            angle: degrees.
+            pivot: ``V(...)``, ``"P1"``, or a value of CAO.
+            option: pass mark and options as a text: ``"@E,SPEED=20,NEXT"``.
+        """
+        places = common.sendable(plane), angle, common.sendable(pivot)
+        await self._begin(f.robot_rotate, *places, option, wait=common.waits(option))
 
     async def go_home(self) -> None:
         """Move to the home pose."""
         await self._begin(f.robot_go_home, wait=True)
 
     async def chuck(self, option: str = "") -> None:
-        """Close the chuck."""
+        """Close the chuck. A virtual RC8 has none and answers E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
         await self._call(f.robot_chuck, option)
 
     async def unchuck(self, option: str = "") -> None:
-        """Open the chuck."""
+        """Open the chuck. A virtual RC8 has none and answers E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
         await self._call(f.robot_unchuck, option)
 
     # --- settings -----------------------------------------------------------------------------------------------
 
     async def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed in percent; axis -1 is the tool tip."""
+        """Set the internal speed, with the arm taken and nothing moving.
+
+        Args:
+            axis: -1 all motions, 0 point-to-point ones only.
+            speed: percent, above 0, at most 100.
+        """
         await self._call(f.robot_speed, axis, speed)
 
     async def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in percent; -1 keeps one."""
+        """Set internal acceleration and deceleration, with the arm taken and nothing moving.
+
+        Args:
+            axis: -1 all motions, 0 point-to-point ones only.
+            accel: percent, above 0, at most 100; -1 keeps it.
+            decel: the same.
+        """
         await self._call(f.robot_accelerate, axis, accel, decel)
 
     async def change(self, name: str) -> None:
@@ -173,7 +223,10 @@ class AsyncRobot(AsyncMover):
         return common.read_number("CurExtSpd", await self._ask("CurExtSpd"))
 
     async def put_ext_speed(self, percent: float) -> None:
-        """Set the external speed in percent; the accelerations become its square by 100."""
+        """Set the external speed in percent; the accelerations become its square by 100.
+
+        It is the controller's and stays after the connection has ended.
+        """
         await self._ask("ExtSpeed", [float(percent)])
 
     async def get_tool(self) -> int:
@@ -194,11 +247,11 @@ class AsyncRobot(AsyncMover):
 
     async def set_tool(self, number: int, frame: PoseLike) -> None:
         """Define a tool, until the controller is switched off: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``, in the flange."""
-        await self._ask("SetToolDef", [number, to_text(frame)])
+        await self._ask("SetToolDef", [number, pose_text(frame)])
 
     async def set_work(self, number: int, frame: PoseLike) -> None:
         """Define a work frame, until the controller is switched off; in the base."""
-        await self._ask("SetWorkDef", [number, to_text(frame)])
+        await self._ask("SetWorkDef", [number, pose_text(frame)])
 
     # --- how it is ----------------------------------------------------------------------------------------------
 
@@ -239,12 +292,12 @@ class AsyncRobot(AsyncMover):
             0 if it can; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... that would be beyond their limits; -1 out of
             reach; -2 at a singular point.
         """
-        return int(common.read_number("OutRange", await self._ask("OutRange", to_text(pose))))
+        return int(common.read_number("OutRange", await self._ask("OutRange", pose_text(pose))))
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
     async def _move_raw(self, interpolation: int, pose: Value, option: str = "") -> None:
-        await self._begin(f.robot_move, interpolation, pose, option, wait=common.waits(option))
+        await self._begin(f.robot_move, interpolation, common.raw_pose(pose), option, wait=common.waits(option))
 
     async def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
         await self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
@@ -262,21 +315,21 @@ class AsyncRobot(AsyncMover):
     async def _move_to(
         self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
-        way = common.Way(common.literal_end(pose))
-        return await self._interpolate(interpolation, to_text(pose, mark), options, way)
+        way = Way(common.literal_end(pose))
+        return await self._interpolate(interpolation, pose_text(pose, mark), options, way)
 
-    async def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: common.Way) -> AsyncMotion:
+    async def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: Way) -> AsyncMotion:
         option, wait = common.option_text(options)
         return await self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
 
     async def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> AsyncMotion:
         option, wait = common.option_text(options)
         whole = [*parameter, option] if option else parameter
-        return await self._begin(f.robot_execute, name, whole, wait=wait, way=common.Way())
+        return await self._begin(f.robot_execute, name, whole, wait=wait, way=Way())
 
     async def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
         command = f"{common.kind_of(pose, wanted)}2{wanted}"
-        return common.read_pose(kind, command, await self._ask(command, to_text(pose)))
+        return common.read_pose(kind, command, await self._ask(command, pose_text(pose)))
 
     async def _read(self, name: str) -> Any:
         async with await self.variable(name) as variable:

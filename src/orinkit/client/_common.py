@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from orinkit import hresult
 from orinkit.cao.table import Function
 from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
-from orinkit.errors import CallError, InvalidValue, ProtocolError
+from orinkit.errors import CallError, InvalidValue, ProtocolError, error_for
 from orinkit.language import pick
 from orinkit.variant import Value
 
@@ -21,6 +21,8 @@ T = TypeVar("T", str, bytes)
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
 _MOST_SECONDS: Final = 2e6
+_LINE: Final = 3  # place of the line in the details of an error; that of the program is before it
+_LOGGED_MESSAGE: Final = 12  # place in a record of the error log
 
 
 class NodeFunctions(NamedTuple):
@@ -51,6 +53,17 @@ class ErrorInfo(NamedTuple):
     code: int
     message: str
     details: tuple[Any, ...] = ()
+
+    @property
+    def program(self) -> str:
+        """Program in which it happened; ``""`` where that is not told."""
+        return self.details[2] if len(self.details) > _LINE and isinstance(self.details[2], str) else ""
+
+    @property
+    def line(self) -> int:
+        """Line of the program, counted from 1; 0 where that is not told."""
+        line = self.details[_LINE] if self.program else 0
+        return line if isinstance(line, int) else 0
 
     def __str__(self) -> str:
         return f"0x{self.code:08X} {self.message or hresult.lookup(self.code).text}"
@@ -159,6 +172,30 @@ def task_status(answer: Any) -> TaskStatus:
         return TaskStatus(answer)
     except ValueError:
         raise not_understood("GetStatus", answer) from None
+
+
+def is_program(program: str, task: str) -> bool:
+    """Return whether the program that an error tells is that of a task."""
+    names = [name.strip().replace("\\", "/").casefold().removesuffix(".pcs") for name in (program, task)]
+    return bool(names[0]) and names[0] == names[1]
+
+
+def program_error(info: ErrorInfo, task: str) -> CallError:
+    """Return the error that has ended a program as an exception."""
+    where = (
+        pick(f"{info.program}, line {info.line}", f"{info.program} の {info.line} 行目") if info.line else info.program
+    )
+    error = error_for(info.code, f"{where}: {info.message}")
+    error.subject = task
+    return error
+
+
+def logged_message(answer: Any, code: int) -> str:
+    """Return the message of a record that GetErrorLog answers with, ``""`` for one of another code, or none."""
+    if not isinstance(answer, list) or len(answer) <= _LOGGED_MESSAGE or not isinstance(answer[0], int):
+        return ""
+    message = answer[_LOGGED_MESSAGE]
+    return message if isinstance(message, str) and hresult.unsigned(answer[0]) == code else ""
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

@@ -1,17 +1,20 @@
-"""What both clients' robots share: option strings, poses in answers, how far a motion is. Plain data, no calls."""
+"""What both clients' robots share: what is sent for a motion, what is read from answers. Plain data, no calls."""
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final, NamedTuple, TypedDict, TypeVar
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypedDict, TypeVar
 
 from orinkit import hresult
 from orinkit._pose_checks import brief, finite, plain_decimal
 from orinkit.client._common import not_understood
-from orinkit.errors import CallError, InvalidValue, OrinError, TransportError, error_for
+from orinkit.errors import CallError, InvalidValue, NotationError
 from orinkit.language import pick
-from orinkit.poses import J, P, PassMark, PoseLike, T, Target, V, parse_target, to_text
+from orinkit.poses import J, P, PassMark, PoseLike, T, Target, V, as_mark, parse_target, parse_targets, to_text
+from orinkit.variant import Value, Variant, plain
 
 PTP: Final = 1
 LINE: Final = 2
@@ -21,18 +24,12 @@ CURVE: Final = 4
 HOLDING_COMMANDS: Final = frozenset(("takearm", "givearm", "motor"))
 """Commands, in small letters, that surely move nothing."""
 
-POLL: Final = 0.03
-"""Seconds between two looks at a motion."""
-SETTLE: Final = 0.05
-"""Seconds after which a look that found the arm somewhere else is repeated: encoders are late, a motion may just begin."""
-TOLERANCE: Final = 0.1
-"""How far, in degrees or mm, a joint may be from where the motion ends; ten times what controllers stand still with."""
-UNFINISHED: Final = 0.999
-"""The most that is said of a motion that is not over."""
-
 _MISSING: Final = (hresult.E_NOTIMPL, hresult.E_INVALID_CMD_NAME, hresult.E_INVALIDARG, hresult.FUNCTION_NOT_DEFINED)
+_DEEPEST: Final = 32  # of lists that are looked through for poses; a VARIANT has fewer
+_PASSING: Final = re.compile(r"@\s*(?:[Pp]|[0-9.+]*[1-9])")
 _MOST_PERCENT: Final = 100.0
 _MOST_SECONDS: Final = 3600.0
+_JOINTS: Final = 6  # of most arms
 
 Pose = TypeVar("Pose", P, T, J)
 
@@ -103,12 +100,150 @@ def _amount(name: str, value: object, most: float) -> float:
     return number
 
 
+# --- the two forms of move and drive ----------------------------------------------------------------------------------
+
+
+def is_raw(first: str, arguments: tuple[object, ...], named: Mapping[str, object]) -> bool:
+    """Return whether a method was called as CAO has it: its first argument is a number.
+
+    Args:
+        first: name of that argument.
+        arguments: of the call.
+        named: of the call.
+    """
+    return first in named or (bool(arguments) and isinstance(arguments[0], int))
+
+
+def check_move(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
+    """Make sure that ``move`` was called in one of its forms.
+
+    Raises:
+        TypeError: it was not; the message has what to write.
+    """
+    if (
+        len(arguments) > 1
+        and not named
+        and all(map(_is_number, arguments))
+        and (len(arguments), arguments[0]) != (2, 4)
+    ):
+        numbers = ", ".join(f"{number:g}" for number in arguments)
+        raise TypeError(
+            pick(
+                f"Robot.move() takes a pose, not numbers: move(J({numbers})) for joints, move(P({numbers})) for a position",
+                f"Robot.move() には数値ではなくポーズを指定してください。関節角度なら move(J({numbers}))、"
+                f"位置なら move(P({numbers})) です",
+            )
+        )
+    form = _MOVE_RAW if is_raw("interpolation", arguments, named) else _MOVE
+    _check_form("move", form, arguments, named, 'move(J(...), "@E", speed=20)', 'move(1, "@E P1", "SPEED=20")')
+
+
+def check_drive(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
+    """Make sure that ``drive`` was called in one of its forms.
+
+    Raises:
+        TypeError: it was not; the message has what to write.
+    """
+    form = _DRIVE_RAW if is_raw("axis", arguments, named) else _DRIVE
+    _check_form("drive", form, arguments, named, "drive({1: 10, 2: -5}, speed=20)", 'drive(1, 10.0, "SPEED=20")')
+
+
+def _check_form(
+    name: str, form: inspect.Signature, arguments: tuple[object, ...], named: Mapping[str, Any], usual: str, raw: str
+) -> None:
+    try:
+        form.bind(*arguments, **named)
+    except TypeError as error:
+        raise TypeError(
+            pick(
+                f"Robot.{name}(): {error}; the forms are {usual} and, as CAO has it, {raw}",
+                f"Robot.{name}(): 引数が正しくありません ({error})。{usual} または CAO の形式 {raw} で呼び出してください",
+            )
+        ) from None
+
+
+def _form(*names: str, options: bool, **defaults: object) -> inspect.Signature:
+    kinds = inspect.Parameter
+    parameters = [kinds(name, kinds.POSITIONAL_OR_KEYWORD, default=defaults.get(name, kinds.empty)) for name in names]
+    return inspect.Signature([*parameters, kinds("options", kinds.VAR_KEYWORD)] if options else parameters)
+
+
+_MOVE: Final = _form("pose", "mark", options=True, mark="")
+_MOVE_RAW: Final = _form("interpolation", "pose", "option", options=False, option="")
+_DRIVE: Final = _form("axes", "mark", options=True, mark="")
+_DRIVE_RAW: Final = _form("axis", "value", "option", options=False, option="")
+
+
 # --- poses that are sent ----------------------------------------------------------------------------------------------
+
+
+def sendable(value: Value, depth: int = 0) -> Value:
+    """Return a value of CAO with the text of each pose in place of the pose, also in lists.
+
+    The numbers of a pose alone do not say what they are: a controller could read those of a J as a P.
+    """
+    given: Any = value
+    if isinstance(given, P | T | J | V | Target):
+        return to_text(given)
+    if isinstance(given, PassMark):
+        return str(given)
+    if isinstance(given, list | tuple) and depth < _DEEPEST:
+        return [sendable(each, depth + 1) for each in given]
+    return value
+
+
+def raw_pose(pose: Value) -> Value:
+    """Return the pose of a motion as CAO has it.
+
+    Raises:
+        InvalidValue: 6 numbers, of which nobody knows what they are.
+    """
+    text = sendable(pose)
+    values = plain(text)
+    numbers = values.tolist() if hasattr(values, "tolist") else values  # of numpy
+    if isinstance(numbers, list | tuple) and len(numbers) == _JOINTS and all(map(_is_number, numbers)):
+        raise InvalidValue(
+            pick(
+                f"{brief(pose)}: 6 numbers may be joints or a position: J(...) or P(...)",
+                f"{brief(pose)}: 6 個の数値は関節角度とも位置とも解釈できます。J(...) または P(...) を使ってください",
+            )
+        )
+    return text
+
+
+def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
+    """Return the text that is sent for a pose; one that is given as text is read first.
+
+    Raises:
+        InvalidValue: no pose, or a text that is none; the message names the column.
+        NotationError: the mark is none.
+    """
+    text = to_text(pose, mark)
+    if isinstance(pose, str):
+        try:
+            parse_targets(pose)
+        except NotationError as error:
+            raise InvalidValue(
+                pick(
+                    f"{brief(pose)} is no pose: {error}; what is to be sent as it is: move(1, text)",
+                    f"{brief(pose)} はポーズとして解釈できません。{error} (そのまま送信する場合は move(1, 文字列))",
+                )
+            ) from None
+    return text
+
+
+def passes(arguments: object) -> bool:
+    """Return whether a motion may be answered while the arm still moves: its pass mark is ``@P``, or a radius."""
+    if isinstance(arguments, str):
+        return _PASSING.search(arguments) is not None
+    if isinstance(arguments, list | tuple):
+        return any(isinstance(each, list | tuple) or passes(each) for each in arguments)
+    return isinstance(arguments, Variant)
 
 
 def arc_text(via: PoseLike, end: PoseLike, mark: str | PassMark) -> str:
     """Return the two poses of an arc (RC8 3.3.4): ``P1, @E P2``."""
-    return f"{to_text(via)}, {to_text(end, mark)}"
+    return f"{pose_text(via)}, {pose_text(end, mark)}"
 
 
 def curve_text(path: int | Sequence[PoseLike], mark: str | PassMark) -> str:
@@ -120,7 +255,7 @@ def curve_text(path: int | Sequence[PoseLike], mark: str | PassMark) -> str:
     if isinstance(path, int):
         if path < 0:
             raise InvalidValue(pick(f"{path} is no number of a path", f"{path} は経路番号ではありません"))
-        return f"{_mark(mark)} {path}" if mark else str(path)
+        return f"{as_mark(mark)} {path}" if mark else str(path)
     poses: object = path
     if not isinstance(poses, list | tuple) or isinstance(poses, P | T | J | V) or not poses:
         raise InvalidValue(
@@ -130,12 +265,12 @@ def curve_text(path: int | Sequence[PoseLike], mark: str | PassMark) -> str:
             )
         )
     *middle, last = path
-    return ", ".join([*map(to_text, middle), to_text(last, mark)])
+    return ", ".join([*map(pose_text, middle), pose_text(last, mark)])
 
 
 def distance_text(distance: float, mark: str | PassMark) -> str:
     """Return a distance with its pass mark, as Approach and Depart take it: ``@P 10``."""
-    return f"{_mark(mark or '@0')} {plain_decimal(finite('move', 'distance', distance))}"
+    return f"{as_mark(mark or '@0')} {plain_decimal(finite('move', 'distance', distance))}"
 
 
 def axes_text(axes: Mapping[int, float], mark: str | PassMark) -> str:
@@ -153,15 +288,15 @@ def axes_text(axes: Mapping[int, float], mark: str | PassMark) -> str:
             )
         )
     pairs = ",".join(f"({axis},{plain_decimal(finite('drive', f'J{axis}', value))})" for axis, value in axes.items())
-    return f"{_mark(mark or '@0')} {pairs}"
+    return f"{as_mark(mark or '@0')} {pairs}"
 
 
 def _is_axis(axis: object) -> bool:
     return isinstance(axis, int) and 1 <= axis <= 8
 
 
-def _mark(mark: str | PassMark) -> PassMark:
-    return PassMark.parse(mark) if isinstance(mark, str) else mark
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def kind_of(pose: PoseLike, wanted: str) -> str:
@@ -234,127 +369,3 @@ def read_number(command: str, answer: Any) -> float:
 def is_missing(error: CallError) -> bool:
     """Return whether a controller says that it does not have a command."""
     return error.code in _MISSING
-
-
-# --- progress ---------------------------------------------------------------------------------------------------------
-
-
-class Way:
-    """From where to where a motion goes, as far as that is known.
-
-    Attributes:
-        target: where it ends, as its pose itself says.
-        start, end: joints, as the controller says.
-        behind: end of the motion before; while the controller says this, that one is not over.
-    """
-
-    __slots__ = ("behind", "end", "start", "target")
-
-    def __init__(self, target: J | P | None = None) -> None:
-        self.target = target
-        self.start: J | None = None
-        self.end: J | None = None
-        self.behind: J | None = None
-
-    @property
-    def waits(self) -> bool:
-        """Whether it is still to be seen where it ends, because another motion was not over."""
-        return self.end is None and self.behind is not None
-
-    def begin(self, now: J, end: J, before: Way | None) -> None:
-        """Note where the arm is and where it is going, when the controller has just taken the motion.
-
-        Args:
-            now: joints of the arm.
-            end: where it is going.
-            before: the motion that was not over yet, if there was one.
-        """
-        if before is None:
-            self.start, self.end = now, end
-        elif before.end is not None:
-            self.start = self.behind = before.end
-            self.reach(end)
-
-    def reach(self, end: J) -> None:
-        """Note where the arm is going, while it moves: somewhere else than before once this motion has begun."""
-        if self.waits and not near(end, self.behind or ()):
-            self.end = end
-
-    def fraction(self, now: J) -> float:
-        """Return how far an arm at these joints is, from 0 to a little below 1; 0 where that is not known.
-
-        It is the part of the way that the joints have left behind. They go together, so it is that of the path too
-        where the path is a line in joint space, and roughly elsewhere.
-        """
-        if self.start is None or self.end is None:
-            return 0.0
-        whole = math.dist(self.start, self.end)
-        return min(UNFINISHED, max(0.0, 1.0 - math.dist(now, self.end) / whole)) if whole else 0.0
-
-
-def near(one: Iterable[float], other: Iterable[float], tolerance: float = TOLERANCE) -> bool:
-    """Return whether two poses are the same, as far as both have numbers."""
-    return all(abs(a - b) <= tolerance for a, b in zip(one, other, strict=False))
-
-
-class Stop(NamedTuple):
-    """How a motion was stopped before its end.
-
-    Attributes:
-        at: where the arm stands.
-        reason: the first of the errors that the controller reports, ``""`` for none.
-    """
-
-    at: J
-    reason: str
-
-    def error(self, subject: str, function: str, arguments: tuple[object, ...], way: Way) -> CallError:
-        """Return it as an exception.
-
-        Args:
-            subject: name of the robot.
-            function: the call that began the motion.
-            arguments: of the call.
-            way: of the motion.
-        """
-        detail = pick(f"the arm stands at {_rounded(self.at)}", f"現在位置 {_rounded(self.at)}")
-        end = way.end if way.target is None else way.target
-        if end is not None:
-            detail += pick(f", the motion ends at {_rounded(end)}", f"、目標 {_rounded(end)}")
-        if self.reason:
-            detail += pick(f"; the controller reports {self.reason}", f"。コントローラのエラー: {self.reason}")
-        error = error_for(hresult.STOPPED_DURING_PC_MOTION, detail, function, arguments)
-        error.subject = subject
-        return error
-
-
-def _rounded(pose: J | P) -> J | P:
-    return pose.of(round(value, 3) for value in pose)
-
-
-def not_in_time(seconds: float, en: str, ja: str) -> TimeoutError:
-    """Return the error of waiting that has taken too long."""
-    return TimeoutError(pick(f"{en} after {seconds:g} s", f"{seconds:g} 秒経過しても{ja}"))
-
-
-# --- letting go -------------------------------------------------------------------------------------------------------
-
-
-def note_failed(problem: OrinError) -> str:
-    """Return the note that an exception gets where a step of the clean-up has failed too."""
-    if isinstance(problem, TransportError):
-        return pick(
-            "orinkit: the connection is gone; the controller then stops the arm and takes it back by itself, "
-            "the motor may still be on",
-            "orinkit: 接続が失われました。アームの停止と占有解除はコントローラが行います。モータは ON のままの可能性があります",
-        )
-    return pick(f"orinkit: while cleaning up: {problem}", f"orinkit: 後始末の際のエラー: {problem}")
-
-
-def note_closed() -> str:
-    """Return the note that an exception gets where only closing the connection could stop the arm."""
-    return pick(
-        "orinkit: the controller is still busy with the call before, so the connection was closed to stop the arm; "
-        "the motor may still be on",
-        "orinkit: コントローラが前の呼び出しを実行中のため、接続を閉じてアームを停止させました。モータは ON のままの可能性があります",
-    )

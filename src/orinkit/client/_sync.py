@@ -11,7 +11,6 @@ from orinkit import hresult
 from orinkit.bcap.client import Trace
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
-from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.client._common import (
     DEFAULT_TIMEOUT,
     RC8,
@@ -27,16 +26,14 @@ from orinkit.client._common import (
     moment,
     no_such_error,
     service_option,
-    task_mode,
-    task_status,
     text_list,
 )
-from orinkit.client._robot_common import POLL, not_in_time
+from orinkit.client._robot_common import sendable
 from orinkit.client._sync_client import Client
 from orinkit.client._sync_nodes import Named, Node, Owner
 from orinkit.client._sync_robot import Robot
+from orinkit.client._sync_task import Task
 from orinkit.errors import CallError, ObjectNotFound, OrinError
-from orinkit.transport.drive import Deadline, pause
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -258,85 +255,6 @@ class File(Owner):
         self.put_value(new)
 
 
-class Task(Owner):
-    """A program task (RC8 3.2)."""
-
-    __slots__ = ()
-
-    functions = NodeFunctions(
-        f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
-        f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
-        f.task_get_variable, f.task_get_variable_names, f.task_execute,
-    )  # fmt: skip
-
-    def start(self, mode: TaskMode | str | int = TaskMode.CYCLE, option: str = "") -> None:
-        """Start: ``"cycle"`` (1) once, ``"continuous"`` (2) again and again, ``"step"`` (3) one statement."""
-        self._call(f.task_start, task_mode(TaskMode, mode), option)
-
-    def stop(self, mode: StopMode | str | int = StopMode.DEFAULT, option: str = "") -> None:
-        """Stop: ``"default"`` (0), ``"instant"`` (1), after the statement ``"step"`` (2) or ``"cycle"`` (3), ``"initialize"`` (4)."""
-        self._call(f.task_stop, task_mode(StopMode, mode), option)
-
-    def wait(self, timeout: float | None = None) -> TaskStatus:
-        """Wait until it does not run any more, and return its status.
-
-        A program that an error has ended is ready again: what the error was is in the controller's ``errors()``.
-
-        Args:
-            timeout: seconds; by default as long as it takes.
-
-        Raises:
-            TimeoutError: it still runs.
-        """
-        deadline = Deadline(timeout)
-        while (status := self.get_status()) is TaskStatus.RUNNING:
-            if timeout is not None and deadline.passed:
-                raise not_in_time(timeout, "the task still runs", "タスクが実行中です")
-            pause(min(POLL, deadline.left))
-        return status
-
-    def get_status(self) -> TaskStatus:
-        """What it is doing (GetStatus)."""
-        return task_status(self.execute("GetStatus"))
-
-    def get_running(self) -> bool:
-        """Whether it runs."""
-        return self.get_status() is TaskStatus.RUNNING
-
-    def get_line(self) -> int:
-        """Line of the program that is executed next (@LINE_NO)."""
-        with self.variable("@LINE_NO") as variable:
-            return int(variable.get_value())
-
-    def delete(self, option: str = "") -> None:
-        """Delete the task."""
-        self._call(f.task_delete, option)
-
-    def get_file_name(self) -> str:
-        """File that the task came from."""
-        return self._call(f.task_get_file_name)
-
-    @property
-    def status(self) -> TaskStatus:
-        """What it is doing (GetStatus)."""
-        return self.get_status()
-
-    @property
-    def running(self) -> bool:
-        """Whether it runs."""
-        return self.get_running()
-
-    @property
-    def line(self) -> int:
-        """Line of the program that is executed next (@LINE_NO)."""
-        return self.get_line()
-
-    @property
-    def file_name(self) -> str:
-        """File that the task came from."""
-        return self.get_file_name()
-
-
 class Command(Named):
     """A command that can be started, watched and cancelled."""
 
@@ -372,8 +290,8 @@ class Command(Named):
         return self._call(f.command_get_parameters)
 
     def put_parameters(self, parameters: Value) -> None:
-        """Set the parameters."""
-        self._call(f.command_put_parameters, parameters)
+        """Set the parameters; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in them go out as their texts."""
+        self._call(f.command_put_parameters, sendable(parameters))
 
     def get_result(self) -> Any:
         """Result of the last execution."""

@@ -11,9 +11,10 @@ from typing import Any, Unpack, overload
 from orinkit.cao import functions as f
 from orinkit.client import _robot_common as common
 from orinkit.client._common import NodeFunctions
-from orinkit.client._robot_common import MoveOptions
+from orinkit.client._motion_common import Way
+from orinkit.client._robot_common import MoveOptions, pose_text
 from orinkit.client._sync_motion import Arm, Motion, Motor, Mover
-from orinkit.poses import J, P, PassMark, PoseLike, T, to_text
+from orinkit.poses import J, P, PassMark, PoseLike, T
 from orinkit.variant import Value
 
 
@@ -63,13 +64,30 @@ class Robot(Mover):
     def move(self, *arguments: Any, **named: Any) -> Motion | None:
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
-        As CAO has it: ``move(1, "@E P1", "SPEED=20")``; 1 point to point, 2 line, 3 arc, 4 free curve.
+        As CAO has it, where the first argument is a number: ``move(1, "@E P1", "SPEED=20,TIME=1500")``. That form checks
+        nothing but bare lists of 6 numbers, and returns nothing.
+
+        Args:
+            *arguments: ``pose``: ``P(...)`` (mm, degrees), ``J(...)`` (degrees), ``T(...)``, or a text such as ``"P1"``; then
+                ``mark``: the pass mark, ``"@0"`` the command is there (the controller's default), ``"@E"`` the encoders
+                are, ``"@P"`` near, ``"@10"`` within 10 mm. Of CAO's form: ``interpolation``, 1 point to point, 2 line, 3
+                arc, 4 free curve; ``pose``, any value of CAO with its pass mark, in which ``P(...)``, ``J(...)`` and
+                ``T(...)`` go out as their texts; ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in
+                percent, TIME in ms.
+            **named: the same by name, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in seconds,
+                ``wait``.
+
+        Returns:
+            the motion; it is over unless ``wait=False``, or the arm still passes (``"@P"``, ``"@10"``).
 
         Raises:
+            TypeError: the arguments are of neither form.
             InvalidValue: the pose, the mark or an option cannot be sent.
+            NotationError: the mark is a text that is none.
             CallError: the controller refuses, or the motion was stopped.
         """
-        if "interpolation" in named or (arguments and isinstance(arguments[0], int)):
+        common.check_move(arguments, named)
+        if common.is_raw("interpolation", arguments, named):
             self._move_raw(*arguments, **named)
             return None
         return self._move_to(common.PTP, *arguments, **named)
@@ -80,7 +98,7 @@ class Robot(Mover):
 
     def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
         """Move the tool along the arc through one pose to another."""
-        way = common.Way(common.literal_end(end))
+        way = Way(common.literal_end(end))
         return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
 
     def move_s(
@@ -93,7 +111,7 @@ class Robot(Mover):
             mark: pass mark of its end.
             options: of every motion.
         """
-        return self._interpolate(common.CURVE, common.curve_text(path, mark), options, common.Way())
+        return self._interpolate(common.CURVE, common.curve_text(path, mark), options, Way())
 
     def approach(
         self,
@@ -106,7 +124,7 @@ class Robot(Mover):
     ) -> Motion:
         """Move to before a pose, ``distance`` mm back along its tool's Z; point to point, or along a line."""
         comp = common.LINE if line else common.PTP
-        return self._extended("Approach", [comp, to_text(pose), common.distance_text(distance, mark)], options)
+        return self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
     def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
@@ -129,37 +147,69 @@ class Robot(Mover):
     def drive(self, *arguments: Any, **named: Any) -> Motion | None:
         """Move joints by degrees (mm for linear ones), or to them: ``drive({1: 10, 2: -5}, absolute=False)``.
 
-        As CAO has it, one joint: ``drive(1, 10.0, "SPEED=20")``.
+        As CAO has it, one joint, where the first argument is a number: ``drive(1, 10.0, "SPEED=20,TIME=1500")``.
+
+        Args:
+            *arguments: ``axes``: for each joint, 1 to 8, by how many degrees or mm, or with ``absolute`` to which; then
+                ``mark``: the pass mark, as of :meth:`move`. Of CAO's form: ``axis``, 1 to 8; ``value``, degrees or mm;
+                ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in percent, TIME in ms.
+            **named: the same by name, ``absolute``, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in
+                seconds, ``wait``.
+
+        Raises:
+            TypeError: the arguments are of neither form.
+            InvalidValue: a joint, the mark or an option cannot be sent.
+            CallError: the controller refuses, or the motion was stopped.
         """
-        if "axis" in named or (arguments and isinstance(arguments[0], int)):
+        common.check_drive(arguments, named)
+        if common.is_raw("axis", arguments, named):
             self._drive_raw(*arguments, **named)
             return None
         return self._drive(*arguments, **named)
 
     def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
-        """Rotate by degrees in a plane about a pivot."""
-        self._begin(f.robot_rotate, plane, angle, pivot, option, wait=common.waits(option))
+        """Rotate by degrees in a plane about a pivot.
+
+        Args:
+            plane: ``"XY"``, ``"XYH"``, or a value of CAO; poses in it go out as their texts.
+            angle: degrees.
+            pivot: ``V(...)``, ``"P1"``, or a value of CAO.
+            option: pass mark and options as a text: ``"@E,SPEED=20,NEXT"``.
+        """
+        places = common.sendable(plane), angle, common.sendable(pivot)
+        self._begin(f.robot_rotate, *places, option, wait=common.waits(option))
 
     def go_home(self) -> None:
         """Move to the home pose."""
         self._begin(f.robot_go_home, wait=True)
 
     def chuck(self, option: str = "") -> None:
-        """Close the chuck."""
+        """Close the chuck. A virtual RC8 has none and answers E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
         self._call(f.robot_chuck, option)
 
     def unchuck(self, option: str = "") -> None:
-        """Open the chuck."""
+        """Open the chuck. A virtual RC8 has none and answers E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
         self._call(f.robot_unchuck, option)
 
     # --- settings -----------------------------------------------------------------------------------------------
 
     def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed in percent; axis -1 is the tool tip."""
+        """Set the internal speed, with the arm taken and nothing moving.
+
+        Args:
+            axis: -1 all motions, 0 point-to-point ones only.
+            speed: percent, above 0, at most 100.
+        """
         self._call(f.robot_speed, axis, speed)
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in percent; -1 keeps one."""
+        """Set internal acceleration and deceleration, with the arm taken and nothing moving.
+
+        Args:
+            axis: -1 all motions, 0 point-to-point ones only.
+            accel: percent, above 0, at most 100; -1 keeps it.
+            decel: the same.
+        """
         self._call(f.robot_accelerate, axis, accel, decel)
 
     def change(self, name: str) -> None:
@@ -171,7 +221,10 @@ class Robot(Mover):
         return common.read_number("CurExtSpd", self._ask("CurExtSpd"))
 
     def put_ext_speed(self, percent: float) -> None:
-        """Set the external speed in percent; the accelerations become its square by 100."""
+        """Set the external speed in percent; the accelerations become its square by 100.
+
+        It is the controller's and stays after the connection has ended.
+        """
         self._ask("ExtSpeed", [float(percent)])
 
     def get_tool(self) -> int:
@@ -192,11 +245,11 @@ class Robot(Mover):
 
     def set_tool(self, number: int, frame: PoseLike) -> None:
         """Define a tool, until the controller is switched off: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``, in the flange."""
-        self._ask("SetToolDef", [number, to_text(frame)])
+        self._ask("SetToolDef", [number, pose_text(frame)])
 
     def set_work(self, number: int, frame: PoseLike) -> None:
         """Define a work frame, until the controller is switched off; in the base."""
-        self._ask("SetWorkDef", [number, to_text(frame)])
+        self._ask("SetWorkDef", [number, pose_text(frame)])
 
     # --- how it is ----------------------------------------------------------------------------------------------
 
@@ -237,12 +290,12 @@ class Robot(Mover):
             0 if it can; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... that would be beyond their limits; -1 out of
             reach; -2 at a singular point.
         """
-        return int(common.read_number("OutRange", self._ask("OutRange", to_text(pose))))
+        return int(common.read_number("OutRange", self._ask("OutRange", pose_text(pose))))
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _move_raw(self, interpolation: int, pose: Value, option: str = "") -> None:
-        self._begin(f.robot_move, interpolation, pose, option, wait=common.waits(option))
+        self._begin(f.robot_move, interpolation, common.raw_pose(pose), option, wait=common.waits(option))
 
     def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
         self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
@@ -260,21 +313,21 @@ class Robot(Mover):
     def _move_to(
         self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> Motion:
-        way = common.Way(common.literal_end(pose))
-        return self._interpolate(interpolation, to_text(pose, mark), options, way)
+        way = Way(common.literal_end(pose))
+        return self._interpolate(interpolation, pose_text(pose, mark), options, way)
 
-    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: common.Way) -> Motion:
+    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: Way) -> Motion:
         option, wait = common.option_text(options)
         return self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
 
     def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> Motion:
         option, wait = common.option_text(options)
         whole = [*parameter, option] if option else parameter
-        return self._begin(f.robot_execute, name, whole, wait=wait, way=common.Way())
+        return self._begin(f.robot_execute, name, whole, wait=wait, way=Way())
 
     def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
         command = f"{common.kind_of(pose, wanted)}2{wanted}"
-        return common.read_pose(kind, command, self._ask(command, to_text(pose)))
+        return common.read_pose(kind, command, self._ask(command, pose_text(pose)))
 
     def _read(self, name: str) -> Any:
         with self.variable(name) as variable:

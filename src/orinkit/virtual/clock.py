@@ -69,6 +69,11 @@ class Clock:
             return datetime.now()  # follows corrections of the computer's clock, as now() must not
         return self._began_wall + timedelta(seconds=self.now())
 
+    def stopwatch(self, seconds: float) -> Callable[[], bool]:
+        """Return what tells whether so many real seconds have passed; for a device that must not work for too long."""
+        end = time.monotonic() + seconds
+        return lambda: time.monotonic() >= end
+
     def drive(self, advance: Callable[[], float | None]) -> Driver:
         """Have a device go on with time.
 
@@ -158,6 +163,10 @@ class ManualClock(Clock):
         self._seconds += seconds
         for advance in list(self._driven):
             advance()
+
+    def stopwatch(self, seconds: float) -> Callable[[], bool]:  # noqa: ARG002 - declared by the base
+        """Return what is never true: on this clock everything is done that is due, however long it takes."""
+        return lambda: False
 
     def drive(self, advance: Callable[[], float | None]) -> Driver:
         """Have a device go on whenever the clock is moved."""

@@ -153,6 +153,7 @@ class RC8Controller(ControllerObject):
             return
         self._connected = False
         state = self._caller.state
+        state.arm.forget(self._caller)  # it may have taken it with a Command object
         if self.events is not None:
             state.events.unsubscribe(self.events)
         state.log(Operation.DISCONNECT, state.say("Client disconnected", "クライアント切断"), self._caller.origin)

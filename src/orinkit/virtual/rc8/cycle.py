@@ -13,12 +13,21 @@ import threading
 from collections.abc import Callable
 from typing import Final, Protocol
 
+from orinkit import hresult
+from orinkit.errors import error_for
+from orinkit.language import pick
 from orinkit.virtual.clock import Clock
 
 logger = logging.getLogger("orinkit.rc8")
 
 PERIOD: Final = 0.008
 """Seconds of a cycle, the servo cycle of RC8 controllers (RC8 4.1)."""
+
+
+_TURN: Final = 0.004
+"""Real seconds after which whoever brings the controller up to the present lets others have the lock."""
+
+_LEAST_PART: Final = 5e-5
 
 
 class Part(Protocol):
@@ -82,6 +91,21 @@ class Cycles:
         if not self._stepping:
             self._driver.wake()
 
+    def stopwatch(self, part: float) -> Callable[[], bool]:
+        """Return what tells whether such a part of a cycle's real time has passed."""
+        return self._clock.stopwatch(max(_LEAST_PART, part * PERIOD / self._clock.scale))
+
+    def require_open(self) -> None:
+        """Check that the controller has not been switched off: what is begun then would never end.
+
+        Raises:
+            CallError: E_ABORT.
+        """
+        if self._closed:
+            raise error_for(
+                hresult.E_ABORT, pick("the controller has been switched off", "コントローラは停止しています")
+            )
+
     def close(self) -> None:
         """Stop for good; the cycle that is being done is finished first."""
         self._driver.close()
@@ -116,7 +140,8 @@ class Cycles:
         self._stepping = True
         try:
             due = self._due()
-            while self._busy and self.number < due:
+            enough = self._clock.stopwatch(_TURN)
+            while self._busy and self.number < due and not enough():
                 self.number += 1
                 self._woken = False
                 more = self._step()

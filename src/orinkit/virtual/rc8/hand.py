@@ -271,6 +271,7 @@ class Hand:
             raise error_for(hresult.EMERGENCY_STOP_ON)
         if not self.motor:
             raise error_for(hresult.MOTOR_NOT_ON, pick("motor of the hand", "ハンドのモータ"))
+        self._cycles.require_open()
         self.stop()
         self.force = 0.0
         self._move = _Move(target, SPEED * speed / MOST_SPEED, force, grips, homing, Later[None]())

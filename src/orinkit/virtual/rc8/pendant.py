@@ -98,6 +98,8 @@ class Pendant:
             self._require_enabled()
             if not arm.motor.on:
                 raise error_for(hresult.MOTOR_NOT_ON)
+            if arm.held:
+                raise error_for(hresult.ROBOT_PAUSED)
             if arm.busy:
                 raise error_for(hresult.ROBOT_MOVING)
             start = arm.queue.end_joints

@@ -7,7 +7,6 @@ a client, the cycle itself while it steps, and the methods here, which may be ca
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
@@ -39,8 +38,6 @@ from orinkit.virtual.rc8.store import Store
 from orinkit.virtual.rc8.switches import Mode, Switches, Token
 from orinkit.virtual.rc8.tasks import Task, Tasks
 from orinkit.virtual.rc8.timers import Timers
-
-logger = logging.getLogger("orinkit.rc8")
 
 _STOPPING_LEVEL: Final = 2
 _CUTTING_MOTION_LEVEL: Final = 3
@@ -331,9 +328,11 @@ class State:
             CallError: MOTOR_IS_ON: a lock that comes off while it is on would have the arm jump.
         """
         with self.cycles:
+            if bool(on) is self.switches.machine_lock:
+                return
             if self.arm.motor.state is not MotorState.OFF:
                 raise error_for(hresult.MOTOR_IS_ON)
-            self.arm.lock(on)
+            self.arm.lock(bool(on))
             text = (
                 self.say("Machine lock on", "マシンロック ON")
                 if on
@@ -368,9 +367,11 @@ class State:
         self.raise_error(code, f"{text}: {detail}" if detail else text)
 
     def _show(self, program: str, kind: str, text: str) -> None:
-        """A program prints: PrintMsg is an event for the clients, both are lines of the operation log."""
+        """A program prints: PrintMsg is an event for the clients, both are lines of the operation log.
+
+        Not of the log on stderr: nobody may be reading that, and a program that prints for ever would stop there.
+        """
         self.log(Operation.PROGRAM_OUTPUT, f"{program}: {text}")
-        logger.info("%s: %s", program, text)
         if kind == "msg":
             self.events.publish(EventKind.MESSAGE, 0, f"{program}: {text}", self.calendar.now())
 
@@ -391,6 +392,8 @@ class State:
         """Stop everything and write down what has to be kept."""
         self.cycles.close()
         with self.cycles:
+            self.arm.close()
+            self.hand.stop(hresult.E_ABORT)
             self.variables.close()
 
 

@@ -28,7 +28,11 @@ class RC8Task(TaskObject):
         super().__init__(name, attribute=int(caller.access), help=f"{text} {task.name}{SUFFIX}")
         self._caller = caller
         self._state = caller.state
-        self._task = task
+        self._path = task.name  # a program may be deleted and made anew: its task is then another
+
+    @property
+    def _task(self) -> Task:
+        return self._state.tasks.named(self._path)
 
     def start(self, mode: int, option: str) -> Blocking | None:  # noqa: ARG002 - has none
         """Start (RC8 3.2.2): 1 one cycle, 2 continuous, 3 one statement; one that is suspended goes on.
@@ -48,7 +52,7 @@ class RC8Task(TaskObject):
     def _load_and_start(self, mode: TaskMode) -> None:
         try:
             self._state.tasks.load(self._task)
-        except CallError:  # the start tells of it
+        except CallError:  # it is kept too, and the start tells of it
             pass
         with self._state.cycles:
             require("Task_Start", self._state.arm, self._caller)  # things may have changed meanwhile
@@ -162,16 +166,22 @@ def find_task(caller: Caller, name: str) -> RC8Task:
     return RC8Task(caller, caller.state.tasks.find(name), name)
 
 
-def run_file(caller: Caller, name: str, option: str) -> str:  # noqa: ARG001 - has none
+def run_file(caller: Caller, name: str, option: str) -> str | Blocking:  # noqa: ARG001 - has none
     """Run a program for File_Run: one cycle; returns the name of its task.
 
     Raises:
         CallError: as :meth:`RC8Task.start`.
     """
     served = find_task(caller, name)
-    require("Task_Start", caller.state.arm, caller)
-    caller.state.start_task(served.task, TaskMode.CYCLE, caller.origin)
-    return served.task.name
+    loading = served.start(TaskMode.CYCLE, "")
+    if loading is None:
+        return served.task.name
+
+    def run() -> str:
+        loading.run()
+        return served.task.name
+
+    return Blocking(run)
 
 
 def _mode(kind: type[E], mode: int) -> E:

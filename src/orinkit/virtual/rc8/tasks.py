@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
@@ -22,10 +23,15 @@ from orinkit.virtual.rc8.switches import Switches
 STATEMENTS: Final = 200
 """Statements that a task executes in a cycle at most: 25,000 in a second."""
 
+ALL_STATEMENTS: Final = 800
+"""Statements of all tasks together in a cycle: more would leave too little of it for the arm and for clients."""
+
 MOST_RUNNING: Final = 32
 PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
+_PART_OF_CYCLE: Final = 0.25  # that programs may take, where each of their statements is a long one
+_KEPT: Final = 32
 _LARGE: Final = 8192  # bytes; loading them takes about 0.1 s
 
 
@@ -118,15 +124,20 @@ class Task:
         self._machine = None
         self.status = TaskStatus.READY
 
-    def step(self) -> ProgramFault | None:
-        """Do what belongs to one cycle; returns the fault that ended it, if one did."""
+    def step(self, statements: int, tired: Callable[[], bool]) -> ProgramFault | None:
+        """Do what belongs to one cycle; returns the fault that ended it, if one did.
+
+        Args:
+            statements: how many at most.
+            tired: tells when it has been long enough, however few they were.
+        """
         machine = self._machine
         if self.status is not TaskStatus.RUNNING or machine is None:
             return None
         if self._mode is TaskMode.STEP or self._ending is StopMode.STEP:
             machine.step()
         else:
-            machine.run(STATEMENTS)
+            machine.run(statements, tired)
         if machine.state is MachineState.FAULT:
             self.initialize(halt=True)
             return machine.fault
@@ -175,7 +186,8 @@ class Tasks:
         self._report = report
         self._tasks: dict[str, Task] = {}
         files.changed.append(self._file_changed)
-        self._programs: dict[str, tuple[bytes, Program]] = {}
+        self._programs: OrderedDict[str, tuple[bytes, Program | CallError]] = OrderedDict()
+        self._first = 0
         self._world = lambda task: ProgramWorld(task, task.suspend, arm, moves, variables, seconds, show)
         self._seconds = seconds
 
@@ -203,8 +215,17 @@ class Tasks:
             exists = False
         if not exists:
             raise not_found(name)
-        path = self._files.path(wanted + SUFFIX).lstrip("\\")[: -len(SUFFIX)]
-        return self._tasks.setdefault(path.lower(), Task(path, self._world, self._seconds))
+        return self.named(self._files.path(wanted + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
+
+    def named(self, path: str) -> Task:
+        """Return the task of a path, whether there is such a program or not."""
+        key = path.lower()
+        task = self._tasks.get(key)
+        if task is None:
+            task = Task(path, self._world, self._seconds)
+            if self.exists(task):
+                self._tasks[key] = task
+        return task
 
     def exists(self, task: Task) -> bool:
         """Return whether a task's program is still there."""
@@ -216,6 +237,7 @@ class Tasks:
         Raises:
             CallError: E_CAO_OBJECT_NOTFOUND; SYNTAX_ERROR; PROGRAM_RUNNING; TASKS_TOO_MANY.
         """
+        self._cycles.require_open()
         if not self.exists(task):
             raise not_found(task.name)
         if self.running >= MOST_RUNNING:
@@ -232,9 +254,13 @@ class Tasks:
 
     def _file_changed(self, name: str) -> None:
         """A program that is suspended and whose file has gone can never go on: it gives the arm back."""
-        task = self._tasks.get(name.lower().removesuffix(SUFFIX))
-        if task is not None and not task.running and task.status is not TaskStatus.READY and not self.exists(task):
-            task.initialize(halt=True)
+        key = name.lower().removesuffix(SUFFIX)
+        self._programs.pop(key, None)
+        task = self._tasks.get(key)
+        if task is not None and not task.running and not self.exists(task):
+            if task.status is not TaskStatus.READY:
+                task.initialize(halt=True)
+            del self._tasks[key]
 
     def delete(self, task: Task) -> None:
         """Delete a task and its program.
@@ -249,13 +275,20 @@ class Tasks:
 
     def step(self) -> bool:
         """Do one cycle; returns whether a program runs."""
-        for task in list(self._tasks.values()):
-            if task.running:
-                self._run(task)
+        running = [task for task in self._tasks.values() if task.running]
+        if not running:
+            return False
+        self._first = (self._first + 1) % len(running)  # where time is short, each comes first in its turn
+        tired = self._cycles.stopwatch(_PART_OF_CYCLE)
+        for task in running[self._first :] + running[: self._first]:
+            if task.running:  # no other one's fault has stopped it meanwhile
+                self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), tired)
+            if tired():
+                break
         return self.running > 0
 
-    def _run(self, task: Task) -> None:
-        fault = task.step()
+    def _run(self, task: Task, statements: int, tired: Callable[[], bool]) -> None:
+        fault = task.step(statements, tired)
         if fault is not None:
             self._report(fault.code, fault.detail, task.name, fault.line)
         elif not task.running:
@@ -271,16 +304,22 @@ class Tasks:
         Raises:
             CallError: SYNTAX_ERROR, with file, line and column in its detail; as the file store refuses.
         """
-        source = self._files.read(task.name + SUFFIX)
-        known = self._programs.get(task.name.lower())
-        if known is not None and known[0] == source:
-            return known[1]
-        try:
-            program = compile_program(_text(source), task.name + SUFFIX)
-        except PacScriptError as error:
-            raise error_for(error.code, str(error)) from error
-        self._programs[task.name.lower()] = (source, program)
-        return program
+        key, source = task.name.lower(), self._files.read(task.name + SUFFIX)
+        known = self._programs.get(key)
+        if known is None or known[0] != source:
+            known = self._programs[key] = (source, _compiled(source, task.name + SUFFIX))
+            while len(self._programs) > _KEPT:  # what runs has its own
+                self._programs.popitem(last=False)
+        if isinstance(known[1], CallError):
+            raise error_for(known[1].code, known[1].detail)
+        return known[1]
+
+
+def _compiled(source: bytes, file: str) -> Program | CallError:
+    try:
+        return compile_program(_text(source), file)
+    except PacScriptError as error:
+        return error_for(error.code, str(error))
 
 
 def milliseconds(seconds: float) -> int:

@@ -38,6 +38,7 @@ class Timers:
 
     def after(self, milliseconds: int, ended: Callable[[], None]) -> Timer:
         """Have a function called in the cycle in which a time is up."""
+        self._cycles.require_open()
         timer = Timer(max(1, math.ceil(milliseconds / (PERIOD * _MILLISECONDS))), ended)
         self._running.append(timer)
         self._cycles.wake()

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 
 from orinkit import hresult
 from orinkit.cao.options import Options
-from orinkit.cao.provider import FileObject, VariableObject, not_found, not_implemented
+from orinkit.cao.provider import Blocking, FileObject, VariableObject, not_found, not_implemented
 from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.variant import ARRAY, Value, Variant, VarType, type_name
@@ -21,7 +21,7 @@ from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
 from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
 
-Run: TypeAlias = Callable[[Caller, str, str], str]
+Run: TypeAlias = Callable[[Caller, str, str], str | Blocking]
 """Starts a program for a client: the client, the file's name from the root folder, the option; gives the task's name."""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
@@ -172,7 +172,7 @@ class RC8File(FileObject):
         self._path = self._store.path(target)
         self.name = _last_part(self._path)
 
-    def run(self, option: str) -> str:
+    def run(self, option: str) -> str | Blocking:
         """Run the program; the name of its task is returned.
 
         Raises:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
@@ -85,18 +86,19 @@ class Machine:
         if self._state is MachineState.WAITING:
             self._state = MachineState.RUNNING
 
-    def run(self, budget: int) -> int:
+    def run(self, budget: int, tired: Callable[[], bool] = lambda: False) -> int:
         """Execute statements until the budget is used up or the program waits or ends.
 
         Args:
             budget: how many. A call of a Function in an expression counts as one of its own.
+            tired: is asked after each of them whether it has been long enough.
 
         Returns:
             how many were executed; the one that began to wait is among them.
         """
         if self._state is MachineState.WAITING:
             self._poll()
-        return self._execute(budget) if self._state is MachineState.RUNNING else 0
+        return self._execute(budget, tired) if self._state is MachineState.RUNNING else 0
 
     def step(self) -> None:
         """Execute one statement; of one that waits, look whether it is over."""
@@ -162,7 +164,7 @@ class Machine:
 
     # --- running
 
-    def _execute(self, budget: int) -> int:
+    def _execute(self, budget: int, tired: Callable[[], bool] = lambda: False) -> int:
         ops = self._ops
         pc = self._pc
         done = 0
@@ -176,6 +178,8 @@ class Machine:
                         return done
                     following = self._pc
                 pc = following
+                if tired():
+                    break
             self._pc = pc
         except (CallError, InvalidValue) as error:
             self._pc = pc

@@ -143,9 +143,12 @@ class Arm:
     def leave(self, operator: Operator) -> None:
         """Take a client's Robot object off; with its last one what it moves is brought to rest, and the arm is free."""
         self._objects[operator] -= 1
-        if self._objects[operator] > 0:
-            return
-        del self._objects[operator]
+        if self._objects[operator] <= 0:
+            self.forget(operator)
+
+    def forget(self, operator: Operator) -> None:
+        """An operator has gone, however it took the arm: what it moves is brought to rest, and the arm is free."""
+        self._objects.pop(operator, None)
         for taker, promise in self._takers:
             if taker is operator:
                 promise.fail(error_for(hresult.E_ABORT))
@@ -157,6 +160,7 @@ class Arm:
 
     def begin(self, motion: Motion) -> Ticket:
         """Put a motion at the end of the queue; it starts in the next cycle if nothing else runs."""
+        self._cycles.require_open()
         ticket = self.queue.add(motion)
         self._cycles.wake()
         return ticket
@@ -222,8 +226,11 @@ class Arm:
         """Begin to switch the motor; kept when that is done.
 
         Raises:
-            CallError: MOTOR_SWITCHING_OFF.
+            CallError: MOTOR_SWITCHING_OFF, also while the arm is being brought to rest to be cut off.
         """
+        self._cycles.require_open()
+        if on and self._cut:
+            raise error_for(hresult.MOTOR_SWITCHING_OFF)
         done = self.motor.switch(on)
         self._cycles.wake()
         return done
@@ -253,6 +260,15 @@ class Arm:
             )
         self.queue.place(wanted)
         self.servo.place(wanted)
+
+    def close(self) -> None:
+        """The controller is switched off: whoever waits for anything is told that it will not come."""
+        gone = error_for(hresult.E_ABORT)
+        for done in (*(wait.done for wait in self._waiting), *self._still, *(promise for _, promise in self._takers)):
+            done.fail(gone)
+        self._waiting, self._still, self._takers = [], [], []
+        self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
+        self.motor.cut()
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 

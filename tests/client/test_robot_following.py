@@ -1,0 +1,264 @@
+"""Motions after motions that may still run, and why a motion was stopped: both clients against the virtual RC8."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import orinkit
+from both import Both
+from orinkit import J, P, T, hresult
+from orinkit.client._motion_common import Way, same_place
+from orinkit.errors import CallError
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+
+HOME = J(0, 45, 90, 0, 45, 0)
+LEFT = J(-30, 45, 90, 0, 45, 0)
+RIGHT = J(20, 45, 90, 0, 45, 0)
+PLACE = P(380, 0, 250, 180, 0, 180, 5)
+OTHER = P(364, 20, 290, 180, 0, 180, 5)
+PATIENCE = 20.0
+
+MARKS = ("@P", "@10", "@0", "@E", "")
+FIRST: dict[str, Callable[[Any, str], Any]] = {
+    "move": lambda r, mark: r.move(LEFT, mark),
+    "raw move": lambda r, mark: r.move(1, f"{mark} J(-30, 45, 90, 0, 45, 0)".strip()),
+    "approach": lambda r, mark: r.approach(PLACE, 20, mark),
+    "depart": lambda r, mark: r.depart(30, mark, line=True),
+    "drive": lambda r, mark: r.drive({1: -20}, mark),
+}
+SECOND: dict[str, Callable[[Any], Any]] = {
+    "joints": lambda r: r.move(RIGHT, wait=False),
+    "back": lambda r: r.move(HOME, wait=False),
+    "position": lambda r: r.move(OTHER, wait=False),
+    "trans": lambda r: r.move(T(364, 20, 290, 0, 1, 0, 0, 0, -1, 5), wait=False),
+    "approach": lambda r: r.approach(OTHER, 20, wait=False),
+    "depart": lambda r: r.depart(20, line=True, wait=False),
+    "drive": lambda r: r.drive({1: 10}, wait=False),
+}
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8(clock=Clock(20), language="en")
+    yield device
+    device.close()
+
+
+@pytest.fixture
+def url(rc8: VirtualRC8) -> Iterator[str]:
+    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+        yield server.url
+
+
+@pytest.fixture
+def moving(both: Both, url: str) -> Iterator[Any]:
+    """A robot with the arm taken and the motor on."""
+    controller = both.connect(url)
+    robot = both.run(controller.robot())
+    both.run(robot.execute("TakeArm", [0, 0]))
+    both.run(robot.execute("Motor", [1, 0]))
+    yield robot
+    both.run(controller.close())
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def at_rest(both: Both, robot: Any) -> None:
+    until(lambda: bool(both.run(robot.motion_complete(1))))
+
+
+# --- no false alarm -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("name", FIRST)
+def test_a_motion_after_one_that_was_answered(both: Both, moving: Any, name: str, mark: str) -> None:
+    """It may still run: where it ends is not where the next one ends."""
+    for second in SECOND.values():
+        both.run(moving.move(HOME))
+        both.run(FIRST[name](moving, mark))
+        motion = both.run(second(moving))
+        both.run(motion.wait())
+        assert both.run(moving.motion_complete())
+        assert both.run(motion.get_done()) is True
+
+
+@pytest.mark.parametrize("mark", ["@P", ""])
+@pytest.mark.parametrize("name", FIRST)
+def test_chains_of_three(both: Both, moving: Any, name: str, mark: str) -> None:
+    for second in SECOND.values():
+        both.run(moving.move(HOME))
+        both.run(FIRST[name](moving, mark))
+        middle = both.run(second(moving))
+        last = both.run(moving.move(LEFT, wait=False))
+        both.run(middle.wait())
+        both.run(last.wait())
+        at_rest(both, moving)
+        assert both.run(moving.get_joints())[:6] == pytest.approx(LEFT, abs=1e-6)
+
+
+def test_a_chain_after_raw_motions(both: Both, moving: Any) -> None:
+    both.run(moving.move(1, "@P J(-30, 45, 90, 0, 45, 0)", "NEXT"))
+    both.run(moving.move(1, "J(0, 45, 90, 0, 45, 0)", "SPEED=50,NEXT"))
+    for use in SECOND.values():
+        motion = both.run(use(moving))
+    both.run(motion.wait())
+    assert both.run(moving.motion_complete())
+
+
+def test_a_chain_that_comes_back(both: Both, moving: Any) -> None:
+    """The same end twice: the third is not over because the first one has the same end."""
+    motions = [both.run(moving.move(pose, speed=3, wait=False)) for pose in (LEFT, HOME, LEFT, RIGHT)]
+    assert [both.run(motion.get_done()) for motion in motions] == [False] * 4
+    both.run(motions[2].wait())
+    assert both.run(moving.get_joints())[0] < 0
+    both.run(motions[3].wait())
+    assert [both.run(motion.get_done()) for motion in motions] == [True] * 4
+
+
+def test_a_motion_that_was_commanded_by_another_object(both: Both, moving: Any) -> None:
+    other = both.run(moving._parent.robot("Other"))
+    both.run(other.move(LEFT, speed=20, wait=False))
+    motion = both.run(moving.depart(20, line=True, wait=False))
+    both.run(motion.wait())
+    assert both.run(moving.motion_complete())
+
+
+def test_those_before_an_answered_motion_are_over(both: Both, moving: Any) -> None:
+    first = both.run(moving.move(LEFT, wait=False))
+    both.run(moving.move(RIGHT, speed=50))
+    assert both.run(first.get_done()) is True
+
+
+@pytest.mark.parametrize("mark", ["@P", "@10"])
+def test_a_block_ends_when_the_arm_stands(both: Both, url: str, rc8: VirtualRC8, mark: str) -> None:
+    controller = both.connect(url)
+    robot = both.run(controller.robot())
+    both.within(robot.arm(), lambda _: both.within(robot.motor(), lambda _: both.run(robot.move(LEFT, mark, speed=50))))
+    at_rest(both, robot)
+    assert both.run(robot.get_joints())[:6] == pytest.approx(LEFT, abs=1e-6)
+    assert rc8.pendant.status()["motor"] == "off"
+    both.run(controller.close())
+
+
+# --- stops are still told -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("name", SECOND)
+def test_a_stop_after_an_answered_motion_is_told(both: Both, moving: Any, url: str, name: str, mark: str) -> None:
+    both.run(moving.move(LEFT, mark))
+    both.run(moving.put_ext_speed(2))
+    motion = both.run(SECOND[name](moving))
+    until(lambda: bool(both.run(motion.get_progress()) > 0))
+    with orinkit.connect(url) as other:
+        other.robot().halt()
+    with pytest.raises(CallError) as caught:
+        both.run(motion.wait())
+    assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
+    assert "somebody halted it" in caught.value.detail
+
+
+@pytest.mark.parametrize(
+    ("stop", "words"),
+    [
+        (lambda rc8, motion: rc8.pendant.emergency_stop(), "the emergency stop is pressed"),
+        (lambda rc8, motion: rc8.pendant.protective_stop(), "the protective stop is on"),
+        (lambda rc8, motion: rc8.pendant.mode(1), "the controller is in manual mode"),
+        (lambda rc8, motion: rc8.pendant.mode(2), "the controller is in teach-check mode"),
+        (
+            lambda rc8, motion: rc8.raise_error(0x83204071, "axis 1"),
+            "the motor is off; the controller reports 0x83204071",
+        ),
+        (lambda rc8, motion: motion.halt(), "it was halted"),
+    ],
+)
+def test_why_it_was_stopped(both: Both, moving: Any, rc8: VirtualRC8, stop: Callable[..., Any], words: str) -> None:
+    motion = both.run(moving.move(LEFT, speed=1, wait=False))
+    result = stop(rc8, motion)
+    if result is not None and both.kind == "async":
+        both.run(result)
+    with pytest.raises(CallError) as caught:
+        both.run(motion.wait())
+    assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
+    assert f"; {words}" in caught.value.detail
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
+def test_ctrl_c_in_a_motion_is_told_once(rc8: VirtualRC8, url: str) -> None:
+    def interrupt() -> None:
+        until(lambda: bool(rc8.pendant.status()["moving"]))
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    with orinkit.connect(url) as controller:
+        robot = controller.robot()
+        thread = threading.Thread(target=interrupt)
+        with pytest.raises(KeyboardInterrupt) as caught, robot.arm(), robot.motor():
+            thread.start()
+            robot.move(LEFT, speed=1)
+        thread.join()
+    (note,) = caught.value.__notes__
+    assert note.endswith(
+        "the motion was broken off, so the connection was closed; the arm stops and is free again; "
+        "the motor may still be on"
+    )
+
+
+# --- what is known of a way -----------------------------------------------------------------------------------------
+
+
+def test_a_way_begins_when_another_end_is_told() -> None:
+    way = Way()
+    way.begin(Way.leading_to(HOME), HOME, HOME)
+    assert [way.waits, way.begun, way.end] == [True, False, None]
+    way.see(LEFT)
+    assert [way.waits, way.begun, way.end] == [False, True, LEFT]
+    assert not way.left_behind(LEFT)
+    assert way.left_behind(RIGHT)
+
+
+def test_a_way_behind_an_unknown_one_is_never_sure() -> None:
+    way = Way()
+    way.begin(Way(), None, HOME)
+    way.see(LEFT)
+    way.see(RIGHT)
+    assert not way.begun
+    assert way.end is None
+
+
+def test_a_long_chain_is_given_up() -> None:
+    way = Way.leading_to(HOME)
+    for _ in range(10_000):
+        new = Way(LEFT)
+        new.begin(way, None, HOME)
+        way = new
+    way.see(LEFT)
+    assert not way.begun
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        (P(1, 2, 3, 180, 0, 180), P(1, 2, 3, -180, 0, -180), True),
+        (P(1, 2, 3, 180, 0, 180), P(1, 2, 3, 0, 180, 0), True),
+        (P(1, 2, 3, 10, 90, 0), P(1, 2, 3, 0, 90, -10), True),
+        (P(1, 2, 3, 0, 0, 0, 5), P(1, 2, 3, 0, 0, 0, 1), True),
+        (P(1, 2, 3, 0, 0, 0), P(1, 2, 3.2, 0, 0, 0), False),
+        (P(1, 2, 3, 0, 0, 0), P(1, 2, 3, 0, 0, 1), False),
+        (P(1, 2, 3, 0, 0, 0), P(1, 2, 3, 1, 0, 0), False),
+    ],
+)
+def test_positions_that_are_the_same(one: P, other: P, same: bool) -> None:
+    assert same_place(one, other) is same
