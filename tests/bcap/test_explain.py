@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from datetime import datetime
 from pathlib import Path
 
@@ -375,3 +376,10 @@ def test_everything_is_there_in_japanese():
     assert error_of(GOOD[:-1] + b"\x05").meaning == "末尾に EOT 04 がありません"
     assert error_of(GOOD + b"\xff").meaning == "68 バイト (実際は 69 バイト)"
     assert one_line(b"\x02").startswith("不正なパケット: ")
+
+
+@pytest.mark.parametrize("vt", [2, 3, 5, 11, 16, 17])
+def test_a_value_that_is_cut_short_by_its_own_length_is_where_it_is_wrong(vt):
+    """The argument says that it is over before its value is."""
+    argument = struct.pack("<IHI", 6, vt, 1)
+    assert "does not agree with its 0 bytes of data" in error_of(packet.pack(1, 101, 1, argument)).meaning

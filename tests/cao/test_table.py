@@ -8,7 +8,7 @@ import inspect
 import json
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import pytest
 from hypothesis import given
@@ -18,6 +18,7 @@ from orinkit import language
 from orinkit.cao import functions, provider, table
 from orinkit.cao.functions import BY_NAME, FUNCTIONS, find
 from orinkit.cao.table import Argument, Function, snake_case
+from orinkit.cao.task_modes import StopMode, StopName, TaskMode, TaskName, TaskStatus
 from orinkit.client import _async, _async_motion, _async_nodes, _async_robot, _async_task
 from orinkit.variant import VarType
 
@@ -316,3 +317,16 @@ def test_an_annotation_without_a_type_is_refused_at_once(hint):
     with pytest.raises(TypeError, match="is no argument type of the table"):
         table.function(201, "Thing_X", "", "here", en="", ja="")(thing)
     assert 201 not in FUNCTIONS
+
+
+def test_task_modes_and_status_are_told_by_their_names():
+    """Of :mod:`orinkit.cao.task_modes`."""
+    assert [str(mode) for mode in (*TaskMode, *TaskStatus)][:5] == [
+        "cycle",
+        "continuous",
+        "step",
+        "non_existent",
+        "suspended",
+    ]
+    assert (f"{StopMode.INITIALIZE}", int(StopMode.INITIALIZE)) == ("initialize", 4)
+    assert (get_args(TaskName), get_args(StopName)) == (tuple(map(str, TaskMode)), tuple(map(str, StopMode)))
