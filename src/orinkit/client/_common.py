@@ -202,8 +202,8 @@ def logged_message(answer: Any, code: int) -> str:
 
 
 def is_no_file(error: CallError) -> bool:
-    """Return whether an error says that a file is not there."""
-    return error.code in (hresult.FILE_NOT_FOUND, hresult.E_CAO_OBJECT_NOTFOUND)
+    """Return whether an error says that a file is not there, but could be."""
+    return error.code == hresult.FILE_NOT_FOUND
 
 
 def file_option(option: str, *, create: bool) -> str:
