@@ -10,7 +10,8 @@ from typing import Any, Unpack, overload
 
 from orinkit.cao import functions as f
 from orinkit.client import _robot_common as common
-from orinkit.client._async_motion import AsyncArm, AsyncMotion, AsyncMotor, AsyncMover
+from orinkit.client._async_holding import AsyncArm, AsyncMotor
+from orinkit.client._async_motion import AsyncMotion, AsyncMover
 from orinkit.client._common import NodeFunctions
 from orinkit.client._motion_common import Way
 from orinkit.client._robot_common import MoveOptions, pose_text

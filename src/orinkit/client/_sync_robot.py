@@ -13,7 +13,8 @@ from orinkit.client import _robot_common as common
 from orinkit.client._common import NodeFunctions
 from orinkit.client._motion_common import Way
 from orinkit.client._robot_common import MoveOptions, pose_text
-from orinkit.client._sync_motion import Arm, Motion, Motor, Mover
+from orinkit.client._sync_holding import Arm, Motor
+from orinkit.client._sync_motion import Motion, Mover
 from orinkit.poses import J, P, PassMark, PoseLike, T
 from orinkit.variant import Value
 
