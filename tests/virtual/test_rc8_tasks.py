@@ -433,6 +433,11 @@ def test_programs_that_are_gone_are_forgotten(cell):
     for number in range(100):
         cell.rc8.state.files.delete(f"P{number}.pcs")
     assert (len(tasks._programs), len(tasks._tasks)) == (0, 0)
+    task(cell, COUNT, "Running").start(ONE_CYCLE, "")
+    cell.rc8.state.files.delete("Running.pcs")
+    cell.clock.advance(1.0)
+    assert value(cell, "I2") == 1  # it ran to its end
+    assert not tasks._tasks
 
 
 def test_a_program_that_is_made_anew_is_that_of_the_same_task_object(cell):

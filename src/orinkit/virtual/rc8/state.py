@@ -245,7 +245,7 @@ class State:
         """Do what switching it off and on does for errors, motor, motions and programs; clients stay connected."""
         with self.cycles:
             self.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
-            self.tasks.stop_all(initialise=True)
+            self.tasks.stop_all()
             self.arm.give()
             self.hand.stop()
             self.faults.clear()

@@ -246,11 +246,10 @@ class Tasks:
         self.cycle_complete = False
         self._cycles.wake()
 
-    def stop_all(self, *, initialise: bool = True) -> None:
+    def stop_all(self) -> None:
         """Stop every program for good: its next start is from the beginning. The arm is stopped by whoever calls."""
         for task in self._tasks.values():
-            if initialise or task.status is TaskStatus.RUNNING:
-                task.initialize(halt=False)
+            task.initialize(halt=False)
 
     def _file_changed(self, name: str) -> None:
         """A program that is suspended and whose file has gone can never go on: it gives the arm back."""
@@ -293,6 +292,8 @@ class Tasks:
             self._report(fault.code, fault.detail, task.name, fault.line)
         elif not task.running:
             self.cycle_complete = task.status is TaskStatus.READY
+        if not task.running and not self.exists(task):  # its file was deleted while it ran
+            self._tasks.pop(task.name.lower(), None)
 
     def is_large(self, task: Task) -> bool:
         """Return whether loading a task's program takes long enough to be done outside the controller's lock."""
