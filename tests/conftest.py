@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import settings
 
 from both import Both
 from orinkit import language
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a background job of a shell: Ctrl-C is tested too
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples on every run in CI, new ones elsewhere; no deadline, as other people's machines are slow.
 settings.register_profile("orinkit", deadline=None, max_examples=100, derandomize="CI" in os.environ)
