@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import strategies as st
 from orinkit import hresult
 from orinkit.errors import CallError
 from orinkit.virtual.rc8.frames import (
-    interpolate_rotation,
     inverse_of,
     matrix_of_position,
     matrix_of_trans,
@@ -121,7 +119,6 @@ def test_numbers_that_are_not_finite(bad):
     ):
         assert code_of(call, argument) == hresult.E_INVALIDARG
     assert code_of(rotation_about, (0, 0, 1), bad) == hresult.E_INVALIDARG
-    assert code_of(interpolate_rotation, np.eye(3), np.eye(3), [bad]) == hresult.E_INVALIDARG
     assert code_of(rotation_about, (0, 0, 0), 1.0) == hresult.E_INVALIDARG
 
 
@@ -137,8 +134,6 @@ def test_numbers_that_are_not_finite(bad):
 def test_other_shapes_are_programming_errors(call, argument):
     with pytest.raises(ValueError):
         call(argument)
-    with pytest.raises(ValueError):
-        interpolate_rotation(np.eye(3), np.eye(3), 0.5)
 
 
 def test_huge_numbers_are_numbers():
@@ -167,17 +162,3 @@ def test_nothing_turns():
     axis, angle = rotation_between(np.eye(3), np.eye(3))
     assert angle == 0
     assert axis.tolist() == [0, 0, 1]
-
-
-def test_interpolation_turns_evenly_about_one_axis():
-    first = matrix_of_position((0, 0, 0, 10, 20, 30))[:3, :3]
-    second = matrix_of_position((0, 0, 0, -80, 50, 170))[:3, :3]
-    axis, angle = rotation_between(first, second)
-    way = interpolate_rotation(first, second, np.linspace(0, 1, 5))
-    assert way[0] == pytest.approx(first, abs=1e-15)
-    assert way[-1] == pytest.approx(second, abs=1e-14)
-    for before, after in pairwise(way):
-        step_axis, step = rotation_between(before, after)
-        assert step == pytest.approx(angle / 4)
-        assert step_axis == pytest.approx(axis)
-    assert interpolate_rotation(first, second, []).shape == (0, 3, 3)

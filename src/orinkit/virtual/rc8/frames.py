@@ -151,8 +151,17 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
         CallError: E_INVALIDARG, a number is not finite, or the axis is zero.
         ValueError: the axis has not three numbers.
     """
-    turns = _turned(_unit(_finite(axis, 3), pick("the axis", "回転軸")), _finite([angle], 1))
+    turns = turns_about(_unit(_finite(axis, 3), pick("the axis", "回転軸")), _finite([angle], 1))
     return np.asarray(turns[0], dtype=np.float64)
+
+
+def turns_about(axis: Array, angles: Array) -> Array:
+    """Return the rotations (N, 3, 3) about a unit vector (3,) by angles (N,) in deg; they are not checked."""
+    x, y, z = axis.tolist()
+    cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    radians = angles[:, None, None] / _DEGREE
+    versine = 2.0 * np.sin(0.5 * radians) ** 2
+    return np.asarray(np.eye(3) + np.sin(radians) * cross + versine * (cross @ cross), dtype=np.float64)
 
 
 def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]:
@@ -183,37 +192,6 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
         return np.array((0.0, 0.0, 1.0)), 0.0
     sign = math.copysign(1.0 / sine, w)
     return np.array((x * sign, y * sign, z * sign)), 2.0 * math.atan2(sine, abs(w)) * _DEGREE
-
-
-def interpolate_rotation(first: ArrayLike, second: ArrayLike, fractions: ArrayLike) -> Array:
-    """Return the orientations on the way from one to another, by turning about one axis.
-
-    Args:
-        first: (3, 3), at fraction 0.
-        second: (3, 3), at fraction 1.
-        fractions: (N,).
-
-    Returns:
-        (N, 3, 3)
-
-    Raises:
-        CallError: E_INVALIDARG, a number is not finite.
-        ValueError: the shapes are others.
-    """
-    axis, angle = rotation_between(first, second)
-    parts = np.asarray(fractions, dtype=np.float64)
-    if parts.ndim != 1:
-        raise ValueError(pick(f"fractions are (N,), not {parts.shape}", f"割合の形は (N,) です: {parts.shape}"))
-    return _turned(axis, angle * _finite(parts, *parts.shape)) @ np.asarray(first, dtype=np.float64)
-
-
-def _turned(axis: Array, angles: Array) -> Array:
-    """Return the rotations (N, 3, 3) about a unit vector by angles (N,) deg."""
-    x, y, z = axis.tolist()
-    cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-    radians = angles[:, None, None] / _DEGREE
-    versine = 2.0 * np.sin(0.5 * radians) ** 2
-    return np.asarray(np.eye(3) + np.sin(radians) * cross + versine * (cross @ cross), dtype=np.float64)
 
 
 def _unit(vector: Array, name: str) -> Array:

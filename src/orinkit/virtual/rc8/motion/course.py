@@ -15,7 +15,7 @@ import numpy as np
 from orinkit import hresult
 from orinkit.errors import error_for
 from orinkit.language import pick
-from orinkit.virtual.rc8.frames import rotation_between
+from orinkit.virtual.rc8.frames import rotation_between, turns_about
 from orinkit.virtual.rc8.motion.profile import Array
 
 LONGEST_CURVE: Final = 5001
@@ -58,7 +58,7 @@ def line(start: Array, end: Array) -> Course:
     axis, angle = rotation_between(start[:3, :3], end[:3, :3])
 
     def frames(u: Array) -> Array:
-        return _frames(_turned(start[:3, :3], axis, angle * u), start[:3, 3] + u[:, None] * way, u, end)
+        return _frames(turns_about(axis, angle * u) @ start[:3, :3], start[:3, 3] + u[:, None] * way, u, end)
 
     return _even(frames, float(np.linalg.norm(way)), angle)
 
@@ -93,7 +93,7 @@ def arc(start: Array, via: Array, end: Array) -> Course:
 
     def frames(u: Array) -> Array:
         positions = origin + _on_circle(-centre, across, sweep * u)
-        return _frames(_turned(start[:3, :3], axis, angle * u), positions, u, end)
+        return _frames(turns_about(axis, angle * u) @ start[:3, :3], positions, u, end)
 
     return _even(frames, float(np.linalg.norm(centre)) * sweep, angle)
 
@@ -129,7 +129,7 @@ def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_or
 
     def frames(u: Array) -> Array:
         positions = start[:3, 3] + _on_circle(arm, np.cross(axis, arm), math.radians(degrees) * u)
-        return _frames(_turned(start[:3, :3], axis, turns * u), positions, u, None)
+        return _frames(turns_about(axis, turns * u) @ start[:3, :3], positions, u, None)
 
     return _even(frames, float(np.linalg.norm(arm)) * math.radians(abs(degrees)), abs(turns))
 
@@ -208,15 +208,6 @@ def _frames(rotations: Array, positions: Array, u: Array, end: Array | None) -> 
     if end is not None:
         frames[u >= 1] = end
     return frames
-
-
-def _turned(rotation: Array, axis: Array, degrees: Array) -> Array:
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angles = np.radians(degrees)[:, None, None]
-    turns = np.eye(3) + np.sin(angles) * cross + 2 * np.sin(angles / 2) ** 2 * (cross @ cross)
-    turned: Array = turns @ rotation
-    return turned
 
 
 def _on_circle(arm: Array, across: Array, angles: Array) -> Array:

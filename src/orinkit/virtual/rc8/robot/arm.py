@@ -264,7 +264,7 @@ class Arm:
     def close(self) -> None:
         """The controller is switched off: whoever waits for anything is told that it will not come."""
         gone = error_for(hresult.E_ABORT)
-        for done in (*(wait.done for wait in self._waiting), *self._still, *(promise for _, promise in self._takers)):
+        for done in (*(promise for _, promise in self._takers), *(wait.done for wait in self._waiting), *self._still):
             done.fail(gone)
         self._waiting, self._still, self._takers = [], [], []
         self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
