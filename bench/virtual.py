@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from orinkit.arms import load_model
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.task_modes import TaskMode
 from orinkit.poses import AT_COMMAND
@@ -17,7 +18,6 @@ from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
 from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.models import load_model
 from orinkit.virtual.rc8.motion import plan
 
 COUNTING = """Sub Main

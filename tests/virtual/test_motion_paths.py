@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from orinkit import hresult, language
+from orinkit.arms import Axis, load_model
 from orinkit.errors import CallError
 from orinkit.poses import PassMark
 from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.models import Axis, load_model
 from orinkit.virtual.rc8.motion import course as courses
 from orinkit.virtual.rc8.motion.path import JointPath, TablePath, table_path
 from orinkit.virtual.rc8.motion.plan import (

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orinkit import hresult
+from orinkit.arms import load_model
 from orinkit.errors import CallError
 from orinkit.poses import PassMark
 from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.models import load_model
 from orinkit.virtual.rc8.motion.plan import Motion, Rates, plan_arc, plan_line, plan_ptp
 from orinkit.virtual.rc8.motion.queue import CYCLE, ROOM, MotionQueue, QueueState, TicketState
 

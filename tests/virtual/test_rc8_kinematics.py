@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orinkit import hresult
+from orinkit.arms import MODEL_NAMES, Axis, Model, load_model
 from orinkit.errors import CallError
 from orinkit.virtual.rc8.frames import matrix_of_position, position_of_matrix, trans_of_matrix
 from orinkit.virtual.rc8.kinematics import Kinematics
 from orinkit.virtual.rc8.kinematics.figures import LIMIT_TOLERANCE, around, figure_of
-from orinkit.virtual.rc8.models import MODEL_NAMES, Axis, Model, load_model
 
 ARMS = {name: Kinematics(load_model(name)) for name in MODEL_NAMES}
 CLOSED_FORM = [name for name in MODEL_NAMES if name != "COBOTTA"]

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from orinkit import language
+from orinkit.arms import MODEL_NAMES, Axis, Model, load_model, parse_model
 from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.models import MODEL_NAMES, Axis, Model, load_model, parse_model
 
 GOOD = """
 name = "Arm"
@@ -84,9 +84,7 @@ def test_ve026a_has_its_hand_as_seventh_axis():
 
 
 def test_every_data_file_belongs_to_a_name():
-    files = [
-        file for file in resources.files("orinkit.virtual.rc8").joinpath("arms").iterdir() if file.name != "__pycache__"
-    ]
+    files = [file for file in resources.files("orinkit.arms").iterdir() if file.name.endswith(".toml")]
     found = {tomllib.loads(file.read_text(encoding="utf-8"))["name"] for file in files}
     assert found == set(MODEL_NAMES)
     assert len(files) == len(MODEL_NAMES)

@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
+from orinkit.arms import MODEL_NAMES
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._serving import LISTENING, Control, Listening, check, check_control, run
 from orinkit.cli.pendant import read_mode
@@ -16,7 +17,6 @@ from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import Permission, VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
 from orinkit.virtual.rc8.memory import DEFAULT_IO_POINTS
-from orinkit.virtual.rc8.models import MODEL_NAMES
 
 _CONTROLLER: Final = Group(pick("Controller", "コントローラ"), sort_key=7)
 _ROBOT: Final = Group(pick("Robot", "ロボット"), sort_key=7)

@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from orinkit.arms import Model, load_model
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.language import Language, pick
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.controller import RC8Controller
 from orinkit.virtual.rc8.memory import DEFAULT_IO_POINTS
-from orinkit.virtual.rc8.models import Model, load_model
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.motor import MotorState
@@ -39,8 +39,8 @@ class VirtualRC8(Provider):
         counts: how many variables of each class I F D V P J T S; 100 of one that is not named.
         io_points: how many I/O points.
         state: directory in which the variables are kept; ``None`` to forget them at the end.
-        model: its arm: a name of :data:`orinkit.virtual.rc8.models.MODEL_NAMES`, a TOML file, or a
-            :class:`~orinkit.virtual.rc8.models.Model`.
+        model: its arm: a name of :data:`orinkit.arms.MODEL_NAMES`, a TOML file, or a
+            :class:`~orinkit.arms.Model`.
         mode: what the mode switch is at.
         token: the executable token: a :class:`Token`, or its text (:meth:`Token.parse`).
         motor: whether the motor is on from the beginning.

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from orinkit import hresult
+from orinkit.arms import Model
 from orinkit.cao.task_modes import TaskMode
 from orinkit.errors import CallError, error_for
 from orinkit.hresult import Family
@@ -28,7 +29,6 @@ from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.hand import Hand
 from orinkit.virtual.rc8.logs import ErrorRecord, OperationLog, OperationRecord
 from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.models import Model
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.arm import Arm
 from orinkit.virtual.rc8.robot.motor import MotorState

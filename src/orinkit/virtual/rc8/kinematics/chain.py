@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orinkit import hresult
+from orinkit.arms import Model
 from orinkit.errors import error_for
 from orinkit.language import pick
-from orinkit.virtual.rc8.models import Model
 
 Array = NDArray[np.float64]
 Number = TypeVar("Number", float, Array)

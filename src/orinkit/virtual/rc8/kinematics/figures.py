@@ -22,8 +22,8 @@ from typing import Final
 
 import numpy as np
 
+from orinkit.arms import Axis, Model
 from orinkit.virtual.rc8.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
-from orinkit.virtual.rc8.models import Axis, Model
 
 LEFTY: Final = 1
 BELOW: Final = 2

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from orinkit.arms import Model
 from orinkit.virtual.rc8.kinematics.chain import RADIAN, Array, Chain
 from orinkit.virtual.rc8.kinematics.figures import BELOW, LEFTY, NONFLIP, around, figure_of, turn_centres
-from orinkit.virtual.rc8.models import Model
 
 Mask = NDArray[np.bool_]
 

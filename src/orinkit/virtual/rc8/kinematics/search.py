@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from orinkit.arms import Model
 from orinkit.virtual.rc8.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
 from orinkit.virtual.rc8.kinematics.figures import around, turn_centres
 from orinkit.virtual.rc8.kinematics.inverse import Arm, Mask, seen_from_forearm
 from orinkit.virtual.rc8.kinematics.roots import Samples, all_roots
-from orinkit.virtual.rc8.models import Model
 
 _SAMPLES: Final = 96  # of one turn of joint 6
 _ROUNDS: Final = 60

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orinkit import hresult
+from orinkit.arms import Model
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.virtual.rc8.kinematics import figures
 from orinkit.virtual.rc8.kinematics.chain import ARM_AXES, RADIAN, Array, Chain, joints_of
 from orinkit.virtual.rc8.kinematics.inverse import Mask, SphericalWrist
 from orinkit.virtual.rc8.kinematics.search import Search
-from orinkit.virtual.rc8.models import Model
 
 AUTOMATIC: Final = -1
 """Rule of :meth:`Kinematics.choose`: keep the figure."""

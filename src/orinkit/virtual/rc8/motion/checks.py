@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from orinkit import hresult
+from orinkit.arms import Axis, Model
 from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.virtual.rc8.kinematics.figures import LIMIT_TOLERANCE
-from orinkit.virtual.rc8.models import Axis, Model
 from orinkit.virtual.rc8.motion.path import Joints, Path
 
 

@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 
 from orinkit import hresult
+from orinkit.arms import Axis, Model
 from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.poses import PassMark
 from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.models import Axis, Model
 from orinkit.virtual.rc8.motion import course as courses
 from orinkit.virtual.rc8.motion.checks import check_end, check_way
 from orinkit.virtual.rc8.motion.course import Course

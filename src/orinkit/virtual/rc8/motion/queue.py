@@ -20,9 +20,9 @@ from typing import Final
 import numpy as np
 
 from orinkit import hresult
+from orinkit.arms import Model
 from orinkit.errors import error_for
 from orinkit.language import pick
-from orinkit.virtual.rc8.models import Model
 from orinkit.virtual.rc8.motion.path import Joints
 from orinkit.virtual.rc8.motion.plan import Motion
 

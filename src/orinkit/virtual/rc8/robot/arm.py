@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from orinkit import hresult
+from orinkit.arms import Model
 from orinkit.cao.provider import Later
 from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.virtual.rc8.cycle import Cycles
 from orinkit.virtual.rc8.faults import Faults
 from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.models import Model
 from orinkit.virtual.rc8.motion.plan import Motion
 from orinkit.virtual.rc8.motion.queue import MotionQueue, QueueState, Ticket, TicketState
 from orinkit.virtual.rc8.robot.motor import Motor

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from orinkit.arms import Model
 from orinkit.variant import Value
 from orinkit.virtual.rc8.cycle import PERIOD
-from orinkit.virtual.rc8.models import Model
 
 LAG: Final = 3
 """Cycles by which the encoders are behind the command."""

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from orinkit import hresult
+from orinkit.arms import Model
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.poses import Extra, Kind, Target
@@ -16,7 +17,6 @@ from orinkit.virtual.rc8.classes import CLASSES
 from orinkit.virtual.rc8.kinematics import Kinematics
 from orinkit.virtual.rc8.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
 from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.models import Model
 from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_frames
 
 ROBOT_AXES: Final = 6

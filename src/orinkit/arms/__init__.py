@@ -1,4 +1,4 @@
-"""Robot models as data: one TOML file per arm, those of ``arms/`` and any of a user's own.
+"""Robot models as data: one TOML file per arm, those beside this module and any of a user's own.
 
 A file has ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
 ``upper``, ``velocity`` and, if wanted, ``acceleration`` and ``linear``), ``home``, and, if wanted, a table ``path`` of
@@ -104,9 +104,19 @@ def load_model(name_or_path: str | Path) -> Model:
     wanted = _plain(str(name_or_path))
     for name, file in _BUILT_IN.items():
         if isinstance(name_or_path, str) and _plain(name) == wanted:
-            text = resources.files("orinkit.virtual.rc8").joinpath("arms", file).read_text(encoding="utf-8")
+            text = resources.files("orinkit.arms").joinpath(file).read_text(encoding="utf-8")
             return parse_model(text, file)
     return parse_model(_read(Path(name_or_path)), str(name_or_path))
+
+
+def model_of_type(type_name: str) -> Model | None:
+    """Return the arm whose controller gives this type name (``@TYPE_NAME``, GetRobotTypeName); ``None``: not known here."""
+    wanted = type_name.strip().upper()
+    for name in MODEL_NAMES:
+        model = load_model(name)
+        if model.type_name.upper() == wanted:
+            return model
+    return None
 
 
 def parse_model(text: str, source: str) -> Model:
