@@ -8,6 +8,7 @@ A file has ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (s
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ MODEL_NAMES: Final = tuple(_BUILT_IN)
 DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # velocity / acceleration where a file does not say: 5 x velocity per second
 DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
 
+_SERIES: Final = re.compile("[A-Z]+[0-9]+")
 _ARM_AXES: Final = 6
 _MOST_AXES: Final = 8
 _LARGEST: Final = 1e6  # mm, deg, and their first and second derivatives
@@ -110,11 +112,15 @@ def load_model(name_or_path: str | Path) -> Model:
 
 
 def model_of_type(type_name: str) -> Model | None:
-    """Return the arm whose controller gives this type name (``@TYPE_NAME``, GetRobotTypeName); ``None``: not known here."""
-    wanted = type_name.strip().upper()
+    """Return the arm whose controller gives this type name (``@TYPE_NAME``, GetRobotTypeName); ``None``: not known here.
+
+    Letters and number of the series decide (``VS050`` of ``VS050A3-AV6-NNN-NNN``); what follows is about the controller.
+    """
+    wanted = _SERIES.match(type_name.strip().upper())
     for name in MODEL_NAMES:
         model = load_model(name)
-        if model.type_name.upper() == wanted:
+        known = _SERIES.match(model.type_name)
+        if wanted is not None and known is not None and known[0] == wanted[0]:
             return model
     return None
 
