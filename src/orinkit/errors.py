@@ -14,6 +14,7 @@
     │   └── ConnectionClosed               used after it was closed here
     ├── MissingExtra (ImportError)         a part of orinkit needs a package that is not installed
     ├── ObjectReleased                     an object was used after it was closed here
+    ├── StreamError                        streaming in slave mode has ended, or cannot begin
     ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
     └── CallError                          the controller answered with an error code
         ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx
@@ -112,6 +113,10 @@ class ConnectionClosed(TransportError):
 
 class ObjectReleased(OrinError):
     """An object of a controller was used after it had been closed on this side; nothing was sent."""
+
+
+class StreamError(OrinError):
+    """Streaming in slave mode has ended, or cannot begin, for a reason that is not the controller's."""
 
 
 class CallTimeout(OrinError, TimeoutError):

@@ -48,6 +48,11 @@ CALLS: dict[str, Callable[[Cell], Any]] = {
     "Change": lambda cell: cell.robot.change("Tool1"),
     "SetToolDef": _execute("SetToolDef", [1, "P(0, 0, 100, 0, 0, 0)"]),
     "SetWorkDef": _execute("SetWorkDef", [1, "P(100, 0, 0, 0, 0, 0)"]),
+    "slvChangeMode on": _execute("slvChangeMode", 0x102),
+    "slvChangeMode off": _execute("slvChangeMode", 0),
+    "slvMove": _execute("slvMove", [0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0]),
+    "slvSendFormat": _execute("slvSendFormat", 0x20),
+    "slvRecvFormat": _execute("slvRecvFormat", [0x11, 1]),
     "Task_Start": lambda cell: cell.controller.get_task("Pro1", "").start(1, ""),
     "Task_Stop": lambda cell: cell.controller.get_task("Pro1", "").stop(0, ""),
 }
@@ -113,6 +118,19 @@ def _held(cell: Cell) -> None:
     cell.run(cell.robot.hold(""))
 
 
+def _slave(cell: Cell) -> None:
+    """This client has turned slave mode on."""
+    cell.take()
+    cell.execute("slvChangeMode", 0x002)
+
+
+def _slave_elsewhere(cell: Cell) -> None:
+    """Another one has."""
+    other = cell.connect().get_robot("Arm", "")
+    for command, parameter in (("TakeArm", [0, 0]), ("slvChangeMode", 0x002)):
+        cell.run(other.execute(command, variant(parameter)))
+
+
 def _read_only(cell: Cell) -> None:
     """The permission of the client's address is "r"."""
 
@@ -131,6 +149,8 @@ STATES: dict[str, Callable[[Cell], None]] = {
     "read-only": _read_only,
     "moving": _moving,
     "held": _held,
+    "slave mode": _slave,
+    "slave elsewhere": _slave_elsewhere,
 }
 
 

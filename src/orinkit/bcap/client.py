@@ -61,6 +61,15 @@ class Conversation:
         self._serial = 1
 
     @property
+    def serial(self) -> int:
+        """Serial number of the next request; may be set where another process has made requests on the same link."""
+        return self._serial
+
+    @serial.setter
+    def serial(self, number: int) -> None:
+        self._serial = number
+
+    @property
     def skipped(self) -> int:
         """Bytes received outside any packet."""
         return self._framer.skipped

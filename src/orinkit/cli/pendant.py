@@ -110,6 +110,14 @@ def _jog(words: Words) -> list[float]:
     return [int(axis), distance, int(words.wait)]
 
 
+def _whole(words: Words) -> int:
+    words.count(1)
+    number = words.number(0)
+    if not number.is_integer():
+        raise words.wrong()
+    return int(number)
+
+
 def _workpiece(words: Words) -> list[float] | None:
     word = words.one()
     return None if word.lower() == "none" else [words.number(0)]
@@ -126,6 +134,7 @@ ACTIONS: Final[dict[str, Action]] = {
     "motor": Action("Motor", "on|off", lambda words: [words.flag(), words.wait], ("motor",), waits=True),
     "jog": Action("Jog", "AXIS DISTANCE", _jog, ("moving", "joints"), waits=True),
     "lock": Action("MachineLock", "on|off", Words.flag, ("machine_lock",)),
+    "slave-limit": Action("SlaveLimit", "0|1|2|3", _whole, ("slave_limit",)),
     "error": Action("RaiseError", "NAME|0xCODE [MESSAGE]", lambda words: list(words.count(1, 2)), ("error",)),
     "clear": Action("ClearErrors", "", Words.none, ("error",)),
     "restart": Action("Restart", "", Words.none, _STOPS),
@@ -249,7 +258,8 @@ _LABELS: Final = {
     "deadman": ("enable switch", "イネーブルスイッチ"), "machine_lock": ("machine lock", "マシンロック"),
     "motor": ("motor", "モータ"), "moving": ("moving", "動作中"), "held": ("paused", "一時停止中"),
     "arm_holder": ("arm taken by", "アームの占有者"), "error": ("error", "エラー"), "joints": ("joints", "各軸値"),
-    "programs": ("programs running", "実行中のプログラム数"), "hand.position": ("hand: position", "ハンド: 位置"),
+    "programs": ("programs running", "実行中のプログラム数"), "slave_mode": ("slave mode", "スレーブモード"),
+    "slave_limit": ("slave limit", "スレーブモードの限界値"), "hand.position": ("hand: position", "ハンド: 位置"),
     "hand.motor": ("hand: motor", "ハンド: モータ"), "hand.moving": ("hand: moving", "ハンド: 動作中"),
     "hand.holding": ("hand: holding", "ハンド: 把持中"), "hand.force": ("hand: force", "ハンド: 把持力"),
     "hand.workpiece": ("hand: workpiece", "ハンド: ワーク"),

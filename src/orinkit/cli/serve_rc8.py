@@ -98,6 +98,22 @@ def serve_rc8(
             help=pick("Put no sample programs into an empty file store.", "ファイル領域が空でもサンプルプログラムを置かない。"),
         ),
     ] = False,
+    no_slave_licence: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=pick("Refuse slave mode: its licence is not registered.", "スレーブ機能のライセンスが未登録の状態にする。"),
+        ),
+    ] = False,
+    slave_limit: Annotated[
+        int,
+        Parameter(
+            group=_ROBOT,
+            converter=whole_number,
+            help=pick("Limits in slave mode: 0 servo, 1 servo x external speed, 2 command, 3 command x external speed.",
+                      "スレーブモードの限界値: 0 サーボ限界、1 サーボ限界 (外部速度連動)、2 指令限界、3 指令限界 (外部速度連動)。"),
+        ),
+    ] = 0,
     time_scale: Annotated[
         float,
         Parameter(
@@ -133,6 +149,8 @@ def serve_rc8(
             motor=motor_on,
             joints=None if joints is None else read_joints(joints),
             samples=not no_samples,
+            slave_licence=not no_slave_licence,
+            slave_limit=slave_limit,
             clock=Clock(time_scale),
         )
     except ValueError as error:

@@ -19,6 +19,7 @@ logger = logging.getLogger("orinkit.server")
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
+_TURNS_OF_A_LOOK: Final = 3
 
 
 class Connections:
@@ -176,7 +177,7 @@ class TcpConnection(asyncio.BufferedProtocol):
         if self._shared.closing:
             transport.abort()
         elif len(self._shared.open) < self._shared.clients:
-            self._session = Session(self._shared.host, ClientInfo(address, "tcp", port))
+            self._session = Session(self._shared.host, ClientInfo(address, "tcp", port, self.look))
             self._shared.open.add(self)
             logger.info("%s:%s connected", address, port)
         else:
@@ -226,6 +227,25 @@ class TcpConnection(asyncio.BufferedProtocol):
                 f": {exc}" if exc else "",
             )
             self._session.close()
+
+    def look(self, handled: Callable[[], None]) -> None:
+        """Call back once everything that has arrived by now has been handled; may be called from any thread.
+
+        The next turn of the loop asks for what has arrived, the one behind it has handled that. One more, because the
+        loop may just have asked and not begun to handle. A loop that is closed handles nothing any more.
+        """
+        turns = iter(range(_TURNS_OF_A_LOOK - 1))
+
+        def turn() -> None:
+            if next(turns, None) is None:
+                handled()
+            else:
+                self._loop.call_soon(turn)
+
+        try:
+            self._loop.call_soon_threadsafe(turn)
+        except RuntimeError:  # the server has been closed
+            handled()
 
     # --- what the conversation says -----------------------------------------------------------------------------
 

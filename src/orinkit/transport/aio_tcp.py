@@ -109,6 +109,7 @@ class AsyncTcpLink(asyncio.BufferedProtocol):
         if self._transport is None:
             raise closed()
         if not self._received and not self._ended:
+            self._transport.resume_reading()
             loop = asyncio.get_running_loop()
             self._waiter = loop.create_future()
             alarm = loop.call_later(seconds, self._wake)
@@ -127,6 +128,18 @@ class AsyncTcpLink(asyncio.BufferedProtocol):
         if self._error is not None:
             raise lost(self._error)
         return b"" if self._ended else None
+
+    def fileno(self) -> int:
+        """Descriptor of the connection, to be lent to another process; nothing is received here until the next call.
+
+        Raises:
+            ConnectionClosed: it has been closed.
+        """
+        if self._transport is None:
+            raise closed()
+        self._transport.pause_reading()
+        descriptor: int = self._transport.get_extra_info("socket").fileno()
+        return descriptor
 
     def close(self) -> None:
         """Close; a receive that is waiting ends at once."""

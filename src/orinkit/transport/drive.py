@@ -11,7 +11,8 @@ from collections.abc import Generator
 from time import monotonic, sleep
 from typing import Protocol, TypeAlias, TypeVar
 
-from orinkit.errors import OrinError
+from orinkit.errors import OrinError, StreamError
+from orinkit.language import pick
 
 T = TypeVar("T")
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
@@ -26,6 +27,9 @@ class Link(Protocol):
     def receive(self, seconds: float) -> bytes | None:
         """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
 
+    def fileno(self) -> int:
+        """Descriptor, to be lent to another process."""
+
     def close(self) -> None:
         """Close; may be called again."""
 
@@ -39,8 +43,76 @@ class AsyncLink(Protocol):
     async def receive(self, seconds: float) -> bytes | None:
         """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
 
+    def fileno(self) -> int:
+        """Descriptor, to be lent to another process; nothing is received here until the next call."""
+
     def close(self) -> None:
         """Close; may be called again."""
+
+
+class LentLink:
+    """Stands for a link that another process has: nothing can be sent over it."""
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+
+    def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - as of every link
+        """Refuse.
+
+        Raises:
+            StreamError: always.
+        """
+        raise _lent()
+
+    def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
+        """Refuse, as :meth:`send`."""
+        raise _lent()
+
+    def fileno(self) -> int:
+        """Refuse, as :meth:`send`."""
+        raise _lent()
+
+    def close(self) -> None:
+        """Close the link itself."""
+        self.link.close()
+
+
+class AsyncLentLink:
+    """The same for asyncio."""
+
+    def __init__(self, link: AsyncLink) -> None:
+        self.link = link
+
+    def send(self, data: bytes) -> None:  # noqa: ARG002 - as of every link
+        """Refuse.
+
+        Raises:
+            StreamError: always.
+        """
+        raise _lent()
+
+    async def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
+        """Refuse, as :meth:`send`."""
+        raise _lent()
+
+    def fileno(self) -> int:
+        """Refuse, as :meth:`send`."""
+        raise _lent()
+
+    def close(self) -> None:
+        """Close the link itself."""
+        self.link.close()
+
+
+def _lent() -> StreamError:
+    return StreamError(
+        pick(
+            "the connection is in slave mode: it carries nothing but set-points until the block ends. "
+            "Try: the stream's own feedback, or another connection",
+            "この接続はスレーブモード中のため、ブロックの終わりまで位置指令以外の呼び出しはできません。"
+            "対処: ストリームの feedback を使うか、別の接続を使ってください",
+        )
+    )
 
 
 def run(operation: Operation[T], link: Link) -> T:

@@ -45,15 +45,29 @@ class TcpLink:
             ConnectFailed: it could not be done within ``seconds``.
         """
         try:
-            self._socket = socket.create_connection((address.host, address.port), seconds)
+            connection = socket.create_connection((address.host, address.port), seconds)
         except (OSError, ValueError) as error:
             raise connect_failed(address, error) from error
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._use(connection)
+
+    def _use(self, connection: socket.socket) -> None:
+        self._socket = connection
         self._open = True
-        self._seconds = seconds
-        self._sendall = self._socket.sendall
-        self._recv = self._socket.recv
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._seconds = -1.0
+        self._sendall = connection.sendall
+        self._recv = connection.recv
+
+    def fileno(self) -> int:
+        """Descriptor of the connection, to be lent to another process.
+
+        Raises:
+            ConnectionClosed: it has been closed.
+        """
+        if not self._open:
+            raise closed()
+        return self._socket.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
         """Send all of the bytes; if that does not succeed the link is closed, for the stream would have a torn packet.
@@ -109,6 +123,11 @@ class TcpLink:
         self.close()
         return lost(error) if was_open else closed()
 
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
+        self._open = False
+        self._socket.close()
+
     def close(self) -> None:
         """Close; a receive that another thread is in ends at once."""
         if self._open:
@@ -118,3 +137,11 @@ class TcpLink:
             except OSError:  # the other side may have gone first
                 pass
             self._socket.close()
+
+
+class AdoptedTcpLink(TcpLink):
+    """A TCP connection that is there already: another process has made it."""
+
+    def __init__(self, descriptor: int) -> None:
+        """Use a connection by its descriptor, which is this link's from then on."""
+        self._use(socket.socket(fileno=descriptor))

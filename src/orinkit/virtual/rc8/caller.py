@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
 from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.slave.formats import Formats
+from orinkit.virtual.rc8.slave.pace import Look
 from orinkit.virtual.rc8.state import Origin, State
 from orinkit.virtual.rc8.switches import Switches
 
@@ -19,11 +21,15 @@ class Caller:
         state: the controller.
         origin: name and address of the client, for the logs.
         access: what it may do.
+        look: of its connection (:class:`orinkit.cao.provider.ClientInfo`).
+        formats: what its slvMove carries and is answered.
     """
 
     state: State
     origin: Origin
     access: Access
+    look: Look | None = None
+    formats: Formats = field(default_factory=Formats)
 
     def require_read(self) -> None:
         """Check the right to read.
@@ -42,6 +48,15 @@ class Caller:
         """
         if not self.access & Access.WRITE:
             raise self._refused(hresult.NO_WRITE_RIGHT)
+
+    def require_not_slave(self) -> None:
+        """Check that it does not move the arm in slave mode: a client that does may do little else (RC8 4.1, note 2).
+
+        Raises:
+            CallError: REFUSED_IN_SLAVE_MODE.
+        """
+        if self.state.arm.slave.owner is self:
+            raise self._refused(hresult.REFUSED_IN_SLAVE_MODE)
 
     # --- as an operator of the robot (orinkit.virtual.rc8.robot.conditions) -----------------------------------------
 

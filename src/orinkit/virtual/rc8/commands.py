@@ -44,11 +44,13 @@ def execute(caller: Caller, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
-        CallError: E_INVALID_CMD_NAME; NO_READ_RIGHT, NO_WRITE_RIGHT; what the command itself refuses.
+        CallError: E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT, NO_WRITE_RIGHT; what the command itself
+            refuses.
     """
     command = COMMANDS.get(name.strip().lower())
     if command is None:
         raise error_for(hresult.E_INVALID_CMD_NAME, name)
+    caller.require_not_slave()
     if command.writes:
         caller.require_write()
     else:

@@ -124,6 +124,10 @@ def _raise_error(rc8: VirtualRC8, parameter: Variant) -> None:
     rc8.pendant.raise_error(_code(_first(parameter)), message)
 
 
+def _slave_limit(rc8: VirtualRC8, parameter: Variant) -> None:
+    rc8.pendant.slave_limit(parameters.whole_numbers(parameter, None)[0])
+
+
 def _clear_errors(rc8: VirtualRC8, _: Variant) -> None:
     rc8.pendant.clear_errors()
 
@@ -152,6 +156,7 @@ _BUTTONS: Final[dict[str, Callable[[VirtualRC8, Variant], Any]]] = {
     "Motor": _motor,
     "Jog": _jog,
     "MachineLock": _switch(Pendant.machine_lock),
+    "SlaveLimit": _slave_limit,
     "RaiseError": _raise_error,
     "ClearErrors": _clear_errors,
     "Restart": _restart,

@@ -44,18 +44,24 @@ class Cycles:
         clock: of the controller.
 
     Attributes:
+        clock: as given.
         number: cycles since the controller was switched on.
+        pace: decides how many cycles are run where some are due, ``None`` for all of them. It is given how many are due,
+            1 or more, inside the lock, and returns how many to run now; 0 to wait: whoever set it enters the lock again
+            when it knows more. It may call :meth:`put_off`.
     """
 
     def __init__(self, clock: Clock) -> None:
+        self.clock = clock
         self.number = 0
-        self._clock = clock
+        self.pace: Callable[[int], int] | None = None
         self._base = clock.now()  # when cycle 0 was, moved on where cycles were left out
         self._parts: list[Part] = []
         self._failed: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
         self._busy = False
         self._stepping = False
+        self._waiting = False  # the pace wants to know more
         self._woken = False
         self._closed = False
         self._driver = clock.drive(self._drive)
@@ -69,6 +75,11 @@ class Cycles:
     def busy(self) -> bool:
         """Whether cycles run."""
         return self._busy
+
+    @property
+    def late(self) -> float:
+        """Seconds of the clock that have passed since the next cycle was due; negative while it is not."""
+        return self.clock.now() - self._base - (self.number + 1) * PERIOD
 
     def add(self, *parts: Part, failed: Callable[[Exception], None]) -> None:
         """Have parts step in every cycle, in this order.
@@ -91,9 +102,17 @@ class Cycles:
         if not self._stepping:
             self._driver.wake()
 
+    def put_off(self, cycles: int) -> None:
+        """Have the last of so many cycles, from the next one on, be now, and those behind it at whole periods from now.
+
+        Cycles that were due and are not among these never were: the controller's time is late from then on. With 0 the
+        next cycle is a whole period from now. To be called inside the lock.
+        """
+        self._base = self.clock.now() - (self.number + cycles) * PERIOD
+
     def stopwatch(self, part: float) -> Callable[[], bool]:
         """Return what tells whether such a part of a cycle's real time has passed."""
-        return self._clock.stopwatch(max(_LEAST_PART, part * PERIOD / self._clock.scale))
+        return self.clock.stopwatch(max(_LEAST_PART, part * PERIOD / self.clock.scale))
 
     def require_open(self) -> None:
         """Check that the controller has not been switched off: what is begun then would never end.
@@ -125,29 +144,40 @@ class Cycles:
         self._lock.release()
 
     def _due(self) -> int:
-        return int((self._clock.now() - self._base) / PERIOD + 1e-9)
+        return int((self.clock.now() - self._base) / PERIOD + 1e-9)
 
     def _drive(self) -> float | None:
         with self:
             if not self._busy:
                 return None
-            return max(0.0, self.seconds + PERIOD - self._clock.now())
+            if self._waiting:  # not for this thread: it comes back only in case nobody else does
+                return PERIOD
+            return max(0.0, self.seconds + PERIOD - self.clock.now())
 
     def _catch_up(self) -> None:
-        behind = (self._due() - self.number) * PERIOD - self._clock.patience
+        behind = (self._due() - self.number) * PERIOD - self.clock.patience
         if behind > 0:  # a machine that was busy with something else: late, but no jump
             self._base += behind
         self._stepping = True
         try:
-            due = self._due()
-            enough = self._clock.stopwatch(_TURN)
-            while self._busy and self.number < due and not enough():
+            last = self.number + self._wanted()
+            enough = self.clock.stopwatch(_TURN)
+            while self._busy and self.number < last and not enough():
                 self.number += 1
                 self._woken = False
                 more = self._step()
                 self._busy = more or self._woken
         finally:
             self._stepping = False
+
+    def _wanted(self) -> int:
+        due = self._due() - self.number
+        self._waiting = False
+        if self.pace is None or due < 1:
+            return due
+        wanted = self.pace(due)
+        self._waiting = wanted == 0
+        return wanted
 
     def _step(self) -> bool:
         more = False

@@ -105,6 +105,25 @@ class Variables:
         moments = [self._written[key] for n in range(kind.bits) if (key := ("IO", index + n)) in self._written]
         return max(moments, default=self._made)
 
+    def points(self, first: int, count: int) -> int:
+        """Return the states of I/O points as bits, the first one lowest; 0 for points that there are not."""
+        return self._points >> first & (1 << count) - 1
+
+    def set_points(self, first: int, count: int, states: int) -> None:
+        """Set I/O points, which must be there, to bits, the first one lowest; those that do not change are not written.
+
+        Raises:
+            CallError: E_FAIL where they cannot be stored.
+        """
+        changed = self.points(first, count) ^ states
+        numbers = [first + bit for bit in range(count) if changed >> bit & 1]
+        if not numbers:
+            return
+        written = self._now()
+        self._save("IO", {number: bool(states >> number - first & 1) for number in numbers}, written)
+        self._points ^= changed << first
+        self._written.update({("IO", number): written for number in numbers})
+
     def close(self) -> None:
         """Close the store."""
         if self._store is not None:

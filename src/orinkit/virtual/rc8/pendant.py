@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.motion import plan
 from orinkit.virtual.rc8.motion.plan import Rates
 from orinkit.virtual.rc8.motion.queue import Ticket
 from orinkit.virtual.rc8.state import State
-from orinkit.virtual.rc8.switches import Mode, Token
+from orinkit.virtual.rc8.switches import Mode, SlaveLimit, Token
 
 _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
 """A tenth of the largest speed: what hand operation has at most."""
@@ -130,6 +130,19 @@ class Pendant:
         with self._state.cycles:
             self._state.arm.speeds.set_external(percent)
 
+    def slave_limit(self, number: int) -> None:
+        """Set "153: b-CAP Slave speed setting" (RC8 4.8): what commands in slave mode are limited to.
+
+        Args:
+            number: 0 servo limit, 1 servo limit x external speed, 2 command limit, 3 command limit x external speed.
+
+        Raises:
+            ValueError: another number.
+        """
+        wanted = SlaveLimit.read(number)
+        with self._state.cycles:
+            self._state.switches.slave_limit = wanted
+
     def machine_lock(self, on: bool = True) -> None:
         """Set the machine lock: motions run, the arm stays.
 
@@ -177,6 +190,8 @@ class Pendant:
                 "error": f"{self._state.faults.code:08X}" if self._state.faults.code else "",
                 "joints": [round(joint, 6) for joint in arm.servo.encoder],
                 "programs": self._state.tasks.running,
+                "slave_mode": arm.slave.mode.number if arm.slave.mode else 0,
+                "slave_limit": int(switches.slave_limit),
             }
 
     def _require_enabled(self) -> None:

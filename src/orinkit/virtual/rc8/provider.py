@@ -24,7 +24,7 @@ from orinkit.virtual.rc8.samples import sample_programs
 from orinkit.virtual.rc8.speech import speaker
 from orinkit.virtual.rc8.state import Identity, Origin, State, read_mode
 from orinkit.virtual.rc8.store import Store
-from orinkit.virtual.rc8.switches import Mode, Switches, Token
+from orinkit.virtual.rc8.switches import Mode, SlaveLimit, Switches, Token
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
@@ -46,6 +46,8 @@ class VirtualRC8(Provider):
         motor: whether the motor is on from the beginning.
         joints: where the arm stands, degrees; its home pose if not given.
         samples: put the sample programs into a file store that is empty.
+        slave_licence: the licence of the slave function is registered; without it slave mode is refused.
+        slave_limit: what commands in slave mode are limited to: a :class:`SlaveLimit`, or its number 0 to 3.
         permission: who may read and write; everyone both, if not given.
         clock: its clock; real time, if not given.
         accept_pc_provider: answer also to ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
@@ -59,8 +61,8 @@ class VirtualRC8(Provider):
         pendant: its buttons, for a person or a test.
 
     Raises:
-        ValueError: a count, a class, a language, a model, a mode or a token that there is not; joints that the arm
-            cannot take.
+        ValueError: a count, a class, a language, a model, a mode, a token or a limit that there is not; joints that
+            the arm cannot take.
         StateError: the state directory cannot be used.
     """
 
@@ -76,6 +78,8 @@ class VirtualRC8(Provider):
         motor: bool = False,
         joints: Sequence[float] | None = None,
         samples: bool = True,
+        slave_licence: bool = True,
+        slave_limit: int = SlaveLimit.SERVO,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -94,7 +98,12 @@ class VirtualRC8(Provider):
                     f'permission は Permission で指定してください (例: Permission.parse("*=r")): {permission!r}',
                 )
             )
-        switches = Switches(mode=read_mode(mode), token=token if isinstance(token, Token) else Token.parse(token))
+        switches = Switches(
+            mode=read_mode(mode),
+            token=token if isinstance(token, Token) else Token.parse(token),
+            slave_licence=bool(slave_licence),
+            slave_limit=SlaveLimit.read(slave_limit),
+        )
         arm = model if isinstance(model, Model) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
         if state is None:
@@ -133,7 +142,7 @@ class VirtualRC8(Provider):
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name does not matter."""
         access = self.state.permission.of(client.address)
-        return RC8Controller(Caller(self.state, Origin(name, client.address), access), option)
+        return RC8Controller(Caller(self.state, Origin(name, client.address), access, client.look), option)
 
     def close(self) -> None:
         """Stop everything, write down the variables, let go of the state directory; closing twice is no error."""

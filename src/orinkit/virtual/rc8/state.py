@@ -148,7 +148,10 @@ class State:
         self._began = clock.now()
         self.cycles = Cycles(clock)
         self.files = FileStore(files, self.calendar.now)
-        self.arm = Arm(model, self.cycles, self.switches, self.faults, self.variables, lambda: self.cycle_seconds)
+        self.arm = Arm(
+            model, self.cycles, self.switches, self.faults, self.variables, lambda: self.cycle_seconds,
+            self._motion_fault,
+        )  # fmt: skip
         self.hand = Hand(self.cycles, self.switches)
         self.timers = Timers(self.cycles)
         self.moves = Moves(self.arm, self.variables, self._motion_fault)

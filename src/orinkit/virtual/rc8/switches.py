@@ -18,6 +18,32 @@ class Mode(IntEnum):
     AUTOMATIC = 3
 
 
+class SlaveLimit(IntEnum):
+    """What commands in slave mode are limited to ("153: b-CAP Slave speed setting", RC8 4.8)."""
+
+    SERVO = 0
+    SERVO_EXTERNAL = 1
+    COMMAND = 2
+    COMMAND_EXTERNAL = 3
+
+    @classmethod
+    def read(cls, number: int) -> SlaveLimit:
+        """Return the setting of a number.
+
+        Raises:
+            ValueError: it is none of 0 to 3.
+        """
+        try:
+            return cls(number)
+        except ValueError:
+            raise ValueError(
+                pick(
+                    f"the slave limit is 0 servo, 1 servo x external speed, 2 command or 3 command x external speed, not {number!r}",
+                    f"スレーブモードの限界値は 0 サーボ限界、1 サーボ限界 (外部速度連動)、2 指令限界、3 指令限界 (外部速度連動) のいずれかです: {number!r}",
+                )
+            ) from None
+
+
 class TokenKind(Enum):
     """Who has the executable token (start right, RC8 2.1): may start programs, switch the motor on, move the robot."""
 
@@ -81,6 +107,10 @@ class Switches:
     """The switches and inputs. It starts in automatic mode (RC8 2.2), with nothing pressed and nothing stopped.
 
     They are changed through :class:`~orinkit.virtual.rc8.state.State`, which tells the clients and stops the robot.
+
+    Attributes:
+        slave_licence: whether the licence of the slave function is registered.
+        slave_limit: what commands in slave mode are limited to.
     """
 
     mode: Mode = Mode.AUTOMATIC
@@ -90,6 +120,8 @@ class Switches:
     auto_enable: bool = True
     protective_stop: bool = False
     machine_lock: bool = False
+    slave_licence: bool = True
+    slave_limit: SlaveLimit = SlaveLimit.SERVO
 
     @property
     def torque_off(self) -> bool:

@@ -7,6 +7,9 @@ away as the joints' accelerations allow. Going on at the same pace is always all
 Where a motion passes its end (``@P``, ``@n``), the next one begins before it is over, and what is left of the one is
 added to the other. When it begins is decided beforehand, so that no joint becomes faster, or accelerates more, than one
 of the two motions alone may. At most two motions run at a time.
+
+Instead of motions, commands may come from outside, one for each cycle (:meth:`MotionQueue.follow`). When they are to
+end, or do, the arm brakes from the velocity that it has then.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from orinkit import hresult
 from orinkit.arms import Model
 from orinkit.errors import error_for
 from orinkit.language import pick
+from orinkit.virtual.rc8.motion.brake import Brake
 from orinkit.virtual.rc8.motion.path import Joints
 from orinkit.virtual.rc8.motion.plan import Motion
 
@@ -34,6 +38,9 @@ CYCLE: Final = 0.008
 
 _ROUNDING: Final = 1 + 1e-9  # of a limit that a motion makes full use of
 _SAME_JOINTS: Final = 1e-6  # deg or mm
+_STILL: Final = (
+    1e-5  # deg or mm in a cycle, less than an encoder can tell: what is left of a pose through its kinematics
+)
 _HALVINGS: Final = 12
 _SAMPLE: Final = 0.004  # s between the places where two motions at a time are looked at
 _MOST_SAMPLES: Final = 1024
@@ -48,6 +55,13 @@ class QueueState(Enum):
     HELD = "held"
     RESUMING = "resuming"
     STOPPING = "stopping"
+    FOLLOWING = "following"
+    """Commands come from outside, and they move."""
+    BRAKING = "braking"
+    """They came from outside; now the arm is being brought to rest."""
+
+
+_AT_REST_SOON: Final = (QueueState.STOPPING, QueueState.BRAKING)
 
 
 class TicketState(Enum):
@@ -116,6 +130,8 @@ class MotionQueue:
         self._begin_at: float | None = None  # elapsed time of the newest one when the next one begins beside it
         self._pace = 0.0  # seconds by which the elapsed times went on in the last cycle
         self._changed: deque[Ticket] = deque()
+        self._followed: Joints | None = None  # from outside, for the next cycle
+        self._brake: Brake | None = None
         self.state = QueueState.IDLE
         self.joints: Joints = ()
         self.place(joints)
@@ -126,6 +142,16 @@ class MotionQueue:
     def moving(self) -> bool:
         """Whether the command moves, or is about to."""
         return self.state not in (QueueState.IDLE, QueueState.HELD)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the command was the same in the last two cycles, but for rounding: its velocity is zero."""
+        return all(abs(a - b) <= _STILL for a, b in zip(self.joints, self._before, strict=True))
+
+    @property
+    def before(self) -> Joints:
+        """The command one cycle ago."""
+        return self._before
 
     @property
     def full(self) -> bool:
@@ -166,11 +192,13 @@ class MotionQueue:
             ValueError: the queue is full, or the motion does not start at :attr:`end_joints`.
             CallError: STOPPING_MOTION while the arm is being brought to rest.
         """
-        if self.state is QueueState.STOPPING:
+        if self.state in _AT_REST_SOON:
             raise error_for(
                 hresult.STOPPING_MOTION,
                 pick("try again when the arm is at rest", "アームが停止してから再実行してください"),
             )
+        if self.state is QueueState.FOLLOWING:
+            raise ValueError(pick("the command comes from outside", "外部からの指令値で動作中です"))
         if self.full:
             raise ValueError(pick(f"there is room for {ROOM} motions", f"待機できる動作は {ROOM} 個までです"))
         if any(abs(a - b) > _SAME_JOINTS for a, b in zip(motion.start, self.end_joints, strict=True)):
@@ -208,11 +236,31 @@ class MotionQueue:
             )
         self.joints = self._before = self._earlier = tuple(map(float, joints))
 
+    def follow(self, joints: Joints) -> None:
+        """Have the command be at joints in the next cycle; whoever calls this sees to the limits.
+
+        To be called before each :meth:`step` while the command moves: without it the arm brakes.
+
+        Raises:
+            ValueError: there are motions, or it is being brought to rest.
+        """
+        if self.state not in (QueueState.IDLE, QueueState.FOLLOWING):
+            raise ValueError(
+                pick("the command cannot be led while there are motions", "動作中は外部から指令値を与えられません")
+            )
+        self._followed = joints
+        self.state = QueueState.FOLLOWING
+
     def halt(self) -> None:
-        """Bring the arm to rest on its path, as fast as its joints can; then drop all motions."""
+        """Bring the arm to rest on its path, as fast as its joints can; then drop all motions.
+
+        Commands from outside have no path; it then goes straight on in the direction of its joints (:class:`Brake`).
+        """
         if self.state is QueueState.HELD:
             self._drop()
             self._call_back()
+        elif self.state in (QueueState.FOLLOWING, QueueState.BRAKING):
+            self.state = QueueState.BRAKING
         elif self.state is not QueueState.IDLE:
             self.state = QueueState.STOPPING
             self._begin_at = None
@@ -240,12 +288,25 @@ class MotionQueue:
     def step(self) -> None:
         """Carry out one cycle."""
         self._earlier, self._before = self._before, self.joints
-        if self.moving:
+        if self.state is QueueState.FOLLOWING or self.state is QueueState.BRAKING:
+            self._step_without_path()
+        elif self.moving:
             self._pace = self._next_pace()
             self.joints = self._ahead(self._pace)
             self._go_on()
             self._change_state()
             self._call_back()
+
+    def _step_without_path(self) -> None:
+        followed, self._followed = self._followed, None
+        if self.state is QueueState.FOLLOWING and followed is not None:
+            self.joints = followed
+        else:
+            self.state = QueueState.BRAKING
+            self._brake = self._brake or Brake(self._model, self._earlier, self._before, self._cycle)
+            self.joints = self._brake.step()
+        if self.standing:
+            self.state, self._brake = QueueState.IDLE, None
 
     def _next_pace(self) -> float:
         if self.state is QueueState.MOVING:

@@ -22,6 +22,7 @@ from orinkit.virtual.rc8.robot.operators import Operator
 from orinkit.virtual.rc8.robot.servo import ControlLog, Servo
 from orinkit.virtual.rc8.robot.speeds import Speeds
 from orinkit.virtual.rc8.robot.target import Space
+from orinkit.virtual.rc8.slave.slave import Slave
 from orinkit.virtual.rc8.switches import Switches
 
 _PASSED = (TicketState.PASSED, TicketState.DONE)
@@ -47,6 +48,7 @@ class Arm:
         faults: of the controller.
         variables: of the controller.
         seconds: gives the time since the controller was switched on, s.
+        fault: is told of an error of the controller: code and detail.
 
     Attributes:
         holder: who has taken it (TakeArm), ``None`` for nobody.
@@ -54,11 +56,12 @@ class Arm:
         queue: motions that run and wait.
         servo: encoders and loads.
         motor, speeds, space, log: what their names say.
+        slave: slave mode, in which the commands come from a client.
     """
 
     def __init__(
         self, model: Model, cycles: Cycles, switches: Switches, faults: Faults, variables: Variables,
-        seconds: Callable[[], float],
+        seconds: Callable[[], float], fault: Callable[[int, str], None],
     ) -> None:  # fmt: skip
         self.model = model
         self.switches = switches
@@ -70,6 +73,7 @@ class Arm:
         self.queue = MotionQueue(model, model.home)
         self.servo = Servo(model, model.home)
         self.log = ControlLog()
+        self.slave = Slave(self, cycles, variables, fault)
         self.holder: Operator | None = None
         self.held = False
         self._cycles = cycles
@@ -84,7 +88,7 @@ class Arm:
 
     @property
     def busy(self) -> bool:
-        """Whether a motion runs, is paused, or is being stopped."""
+        """Whether a motion runs, is paused, or is being stopped; in slave mode whether the command moves."""
         return self.queue.state is not QueueState.IDLE
 
     @property
@@ -183,12 +187,14 @@ class Arm:
         return done
 
     def stop(self, code: int) -> None:
-        """Bring the arm to rest within its limits and forget its motions.
+        """Bring the arm to rest within its limits and forget its motions; slave mode is off.
 
         Args:
             code: with which those who wait for them are answered; the first one counts.
         """
         self.held = False
+        if self.slave.on:
+            self.slave.end(code)
         if self.busy:
             self._stop_code = code if self._stop_code is None else self._stop_code
             self.queue.halt()
@@ -231,6 +237,8 @@ class Arm:
         self._cycles.require_open()
         if on and self._cut:
             raise error_for(hresult.MOTOR_SWITCHING_OFF)
+        if not on and self.slave.on:
+            self.slave.end(hresult.MOTOR_NOT_ON)
         done = self.motor.switch(on)
         self._cycles.wake()
         return done
@@ -264,6 +272,8 @@ class Arm:
     def close(self) -> None:
         """The controller is switched off: whoever waits for anything is told that it will not come."""
         gone = error_for(hresult.E_ABORT)
+        if self.slave.on:
+            self.slave.end(hresult.E_ABORT)
         for done in (*(promise for _, promise in self._takers), *(wait.done for wait in self._waiting), *self._still):
             done.fail(gone)
         self._waiting, self._still, self._takers = [], [], []
@@ -274,6 +284,8 @@ class Arm:
 
     def step(self) -> bool:
         """Do one cycle; returns whether anything still happens."""
+        if self.slave.on:
+            self.slave.step()
         self.queue.step()
         moving = self.servo.step(self.queue.joints)
         switching = self.motor.step()
@@ -284,8 +296,11 @@ class Arm:
             self.space.works.current,
         )
         self._answer()
+        if self.slave.on:
+            self.slave.settle()
         paused = self.queue.state is QueueState.HELD
-        return (self.busy and not paused) or moving or switching or self.log.running
+        going_on = (self.busy and not paused) or not self.queue.standing or self.slave.pending
+        return going_on or moving or switching or self.log.running
 
     def _answer(self) -> None:
         """Tell those who wait what has become of their motions."""

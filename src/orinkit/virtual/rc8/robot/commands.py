@@ -23,6 +23,7 @@ from orinkit.virtual.rc8.robot import answers, parameters, report
 from orinkit.virtual.rc8.robot.arm import Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
 from orinkit.virtual.rc8.robot.speeds import SQUARE
+from orinkit.virtual.rc8.slave import commands as slave
 
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _MINE: Final = -1
@@ -36,23 +37,27 @@ class RobotCommand:
         name: as documented; clients write it in any case.
         run: does it.
         reads: whether the right to read is all it needs; else it checks what it needs.
+        in_slave: whether a client that is in slave mode may use it (RC8 4.1, note 2); else it is refused first of all.
     """
 
     name: str
     run: Callable[[Caller, Variant], Any]
     reads: bool = True
+    in_slave: bool = False
 
 
 def execute(caller: Caller, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
-        CallError: E_NOTIMPL, E_INVALID_CMD_NAME; NO_READ_RIGHT; whatever the command refuses.
+        CallError: E_NOTIMPL, E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT; whatever the command refuses.
     """
     wanted = name.strip().lower()
     command = ROBOT_COMMANDS.get(wanted)
     if command is None:
         raise error_for(hresult.E_NOTIMPL if wanted in _NOT_SIMULATED else hresult.E_INVALID_CMD_NAME, f"{name:.40}")
+    if not command.in_slave:
+        caller.require_not_slave()
     if command.reads:
         caller.require_read()
     return command.run(caller, parameter)
@@ -312,18 +317,22 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("AddPathPoint", _add_path_point, reads=False),
         RobotCommand("ClrPathPoint", _clear_path, reads=False),
         RobotCommand("GetPathPointCount", _path_length),
-        RobotCommand("GetSrvData", _told(answers.servo_data)),
+        RobotCommand("GetSrvData", _told(answers.servo_data), in_slave=True),  # real controllers let it pass
         RobotCommand("StartLog", _start_log, reads=False),
         RobotCommand("StopLog", _stop_log, reads=False),
         RobotCommand("ClearLog", _clear_log, reads=False),
         RobotCommand("GetLogCount", _of_arm(lambda arm: len(arm.log), _I4)),
         RobotCommand("GetLogRecord", _log_record),
+        RobotCommand("slvChangeMode", slave.change_mode, reads=False, in_slave=True),
+        RobotCommand("slvGetMode", slave.get_mode, in_slave=True),
+        RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
+        RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
+        RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
         RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR)),
     )
 }
 
 NOT_SIMULATED: Final = (
-    "slvChangeMode", "slvGetMode", "slvMove", "slvSendFormat", "slvRecvFormat",
     "SpeedMode", "CurSpeedMode", "SetAreaEnabled", "GetAreaEnabled", "RobInfo", "PayLoad", "HighPathAccuracy",
     "GrvOffset", "GrvCtrl", "CurLmt", "Zforce", "ServoLock", "ForceCtrl", "ForceParam", "ForceValue", "ForceSensor",
     "ForceWaitCondition", "CurForceSensorPayLoad", "CheckVirtualFence", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart",

@@ -36,6 +36,11 @@ class Condition(Enum):
     STILL_SPEED = "standing still (speeds)"
     STILL_FRAME = "standing still (tool, work)"
     STILL_MOTOR = "standing still (motor off)"
+    LICENCE = "licence of the slave function"
+    NOT_SLAVE = "slave mode off"
+    NOT_SLAVE_CLIENT = "not the client that is in slave mode"
+    NOT_SLAVE_ELSEWHERE = "slave mode off, or of this client"
+    SLAVE = "slave mode on"
 
 
 Check: TypeAlias = Callable[[Arm, Operator], int]
@@ -75,6 +80,14 @@ def _standing(arm: Arm, _: Operator) -> int:
     return hresult.ROBOT_MOVING if arm.busy else 0
 
 
+def _not_slave_client(arm: Arm, operator: Operator) -> int:
+    return hresult.REFUSED_IN_SLAVE_MODE if arm.slave.owner is operator else 0
+
+
+def _not_slave_elsewhere(arm: Arm, operator: Operator) -> int:
+    return hresult.REFUSED_IN_SLAVE_MODE if arm.slave.on and arm.slave.owner is not operator else 0
+
+
 _CHECKS: Final[dict[Condition, Check]] = {
     Condition.WRITE: lambda _, operator: operator.right(),
     Condition.TOKEN: lambda arm, operator: operator.token(arm.switches),
@@ -92,17 +105,24 @@ _CHECKS: Final[dict[Condition, Check]] = {
     Condition.STILL_SPEED: _still(hresult.SPEED_CHANGE_WHILE_MOVING),
     Condition.STILL_FRAME: _still(hresult.TOOL_WORK_CHANGE_WHILE_MOVING),
     Condition.STILL_MOTOR: _still(hresult.MOTOR_OFF_WHILE_MOVING),
+    Condition.LICENCE: lambda arm, _: 0 if arm.switches.slave_licence else hresult.LICENSE_NOT_REGISTERED,
+    Condition.NOT_SLAVE: lambda arm, _: hresult.REFUSED_IN_SLAVE_MODE if arm.slave.on else 0,
+    Condition.NOT_SLAVE_CLIENT: _not_slave_client,
+    Condition.NOT_SLAVE_ELSEWHERE: _not_slave_elsewhere,
+    Condition.SLAVE: lambda arm, _: 0 if arm.slave.taking else hresult.SLAVE_MODE_OFF,
 }
 
 C = Condition
-_START: Final = (C.WRITE, C.TOKEN, C.AUTO, C.ENABLED, C.NO_EMERGENCY, C.NO_PROTECTIVE, C.NO_ERROR)
+_READY: Final = (C.TOKEN, C.AUTO, C.ENABLED, C.NO_EMERGENCY, C.NO_PROTECTIVE, C.NO_ERROR)
+_SET: Final = (C.WRITE, C.NOT_SLAVE)
+_START: Final = (*_SET, *_READY)
 _MOTION: Final = (*_START, C.ARM, C.MOTOR, C.NOT_HELD)
 
 NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
-    "TakeArm": (C.WRITE, C.TOKEN, C.AUTO, C.FREE, C.STILL),
-    "GiveArm": (C.WRITE, C.ARM, C.STILL),
+    "TakeArm": (*_SET, C.TOKEN, C.AUTO, C.FREE, C.STILL),
+    "GiveArm": (*_SET, C.ARM, C.STILL),
     "Motor on": (*_START, C.FREE),
-    "Motor off": (C.WRITE, C.FREE, C.STILL_MOTOR),
+    "Motor off": (*_SET, C.FREE, C.STILL_MOTOR),
     "Move": _MOTION,
     "Approach": _MOTION,
     "Depart": _MOTION,
@@ -112,16 +132,21 @@ NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
     "Rotate": _MOTION,
     "RotateH": _MOTION,
     "GoHome": _MOTION,
-    "Halt": (C.WRITE,),
-    "Hold": (C.WRITE,),
+    "Halt": (C.WRITE, C.NOT_SLAVE_CLIENT),
+    "Hold": _SET,
     "Unhold": (*_START, C.RESUMER, C.MOTOR),
-    "MotionSkip": (C.WRITE, C.ARM),
-    "Speed": (C.WRITE, C.ARM, C.STILL_SPEED),
-    "Accelerate": (C.WRITE, C.ARM, C.STILL_SPEED),
-    "ExtSpeed": (C.WRITE, C.FREE),
-    "Change": (C.WRITE, C.ARM, C.STILL_FRAME),
-    "SetToolDef": (C.WRITE, C.ARM, C.STILL_FRAME),
-    "SetWorkDef": (C.WRITE, C.ARM, C.STILL_FRAME),
+    "MotionSkip": (*_SET, C.ARM),
+    "Speed": (*_SET, C.ARM, C.STILL_SPEED),
+    "Accelerate": (*_SET, C.ARM, C.STILL_SPEED),
+    "ExtSpeed": (*_SET, C.FREE),
+    "Change": (*_SET, C.ARM, C.STILL_FRAME),
+    "SetToolDef": (*_SET, C.ARM, C.STILL_FRAME),
+    "SetWorkDef": (*_SET, C.ARM, C.STILL_FRAME),
+    "slvChangeMode on": (*_SET, C.LICENCE, *_READY, C.ARM, C.MOTOR, C.NOT_HELD, C.STILL),
+    "slvChangeMode off": (C.WRITE, C.NOT_SLAVE_ELSEWHERE),
+    "slvMove": (C.WRITE, C.SLAVE, C.ARM),
+    "slvSendFormat": _SET,
+    "slvRecvFormat": _SET,
     "Task_Start": _START,
     "Task_Stop": (C.WRITE,),
 }

@@ -1,0 +1,124 @@
+"""How many cycles are run in slave mode when they are due: a server that is late must not be the client's fault.
+
+The controller here is a program beside others: its clock's thread, or the one that reads the network, may be late. A real
+controller would have answered its client meanwhile, and had its set-points. So
+
+* set-points that have arrived count, also where nobody has read them yet: before a cycle goes without one, whoever reads
+  the network is asked to (``look``), and the cycle waits for that;
+* where set-points are queued (modes 0 and 2) cycles are not made up for: one is run, and the controller's time is late;
+* where the newest one counts (mode 1) as many are run as the way to it seems to need (:mod:`~.bridge`);
+* where the cycle was late and there is no set-point, the client may not have been answered: it gets a period, once.
+
+A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from orinkit.virtual.rc8.cycle import PERIOD, Cycles
+
+_ON_TIME: Final = PERIOD / 4
+_LONGEST_LOOK: Final = 1.0  # real seconds; whoever has not answered by then does not read any more
+_AFTERWARDS: Final = 2  # cycles behind those that were late
+
+Look = Callable[[Callable[[], None]], None]
+"""Calls back when everything that has arrived by now has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
+
+
+class Paced(Protocol):
+    """What the cycles are run for: slave mode.
+
+    Attributes:
+        overwrites: whether the newest set-point counts (mode 1).
+        starving: whether the next cycle needs a set-point and there is none.
+        lenient: for how many cycles the limits are larger.
+    """
+
+    lenient: int
+
+    @property
+    def overwrites(self) -> bool:
+        """Whether the newest set-point counts."""
+
+    @property
+    def starving(self) -> bool:
+        """Whether the next cycle needs a set-point and there is none."""
+
+    def bridge(self, most: int) -> int:
+        """Lead to the set-point in at most so many cycles; returns in how many, 0 where there is none."""
+
+
+class Pace:
+    """The pace of :class:`~orinkit.virtual.rc8.cycle.Cycles` while slave mode is on.
+
+    Args:
+        cycles: the controller's cycle.
+        slave: what they are run for.
+        look: of the client that sends set-points; ``None`` where everything that it has sent has been handled.
+    """
+
+    def __init__(self, cycles: Cycles, slave: Paced, look: Look | None) -> None:
+        self._cycles = cycles
+        self._slave = slave
+        self._look = look
+        self._question: object | None = None  # the look that has been asked for
+        self._asked = 0.0
+        self._seen = False
+        self._spared = False
+        self._owed = 0  # cycles that were left out lately
+
+    def __call__(self, due: int) -> int:
+        """Return how many of the cycles that are due to run now; 0 to wait."""
+        slave = self._slave
+        if (slave.starving or (slave.overwrites and due > 1)) and not self._looked():
+            return 0
+        self._question = None
+        late = self._cycles.late > _ON_TIME
+        if slave.starving and late and not self._spared and self._seen:
+            self._spare(due)
+            return 0
+        self._spared = False
+        if slave.overwrites:
+            return self._lead(due)
+        if due > 1 or late:
+            self._cycles.put_off(1)
+        return 1
+
+    def _looked(self) -> bool:
+        """Ask for a look, if nobody has; returns whether it is over."""
+        if self._look is None:
+            return True
+        clock = self._cycles.clock
+        if self._question is None:
+            self._question = question = object()
+            self._asked, self._seen = clock.now(), False
+            self._look(lambda: self._answered(question))
+        return self._seen or (clock.now() - self._asked) / clock.scale > _LONGEST_LOOK
+
+    def _answered(self, question: object) -> None:
+        if question is self._question:
+            self._seen = True
+        with self._cycles:  # runs what is due
+            pass
+
+    def _spare(self, due: int) -> None:
+        self._spared = True
+        self._owed += due
+        self._slave.lenient = 1 + _AFTERWARDS
+        self._cycles.put_off(0)
+
+    def _lead(self, due: int) -> int:
+        if not self._slave.lenient:
+            self._owed = 0
+        most = due + self._owed
+        count = self._slave.bridge(most) if most > 1 else 1
+        if not count:
+            return due
+        self._owed = most - count
+        if most > 1 and (due > 1 or count > 1):
+            self._slave.lenient = count + _AFTERWARDS
+        if count != due:
+            self._cycles.put_off(count)
+        return count
