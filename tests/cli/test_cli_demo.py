@@ -3,35 +3,79 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from orinkit import functions, language
+from orinkit import functions, hresult, language
 from orinkit.bcap import packet
+from orinkit.cli import _demo_stream
 from orinkit.cli._demo_steps import (
     LIST_3_1,
+    LIST_4_1,
     LISTS,
     Handle,
     Program,
+    Step,
+    Stream,
     a_handle,
     a_text,
     an_error,
     exactly,
+    near_first,
     near_p1,
     nothing,
+    sine,
 )
 from orinkit.cli._errors import Failure
 from orinkit.cli._transcript import Transcript
+from orinkit.cli.app import main
 from orinkit.cli.demo import compare, run_program
+from orinkit.client._slave_common import StreamResult, Timing
+from orinkit.poses import J
+from orinkit.slave.samples import Sample
 from orinkit.variant import VARIANT_ARRAY, Variant, VarType, variant
+from orinkit.virtual.rc8 import VirtualRC8
 
 STEPS = [step for program in LISTS.values() for step in program.steps]
+CALLS = [step for step in STEPS if isinstance(step, Step)]
+SET_POINTS = 304
+ANSWERS = len(CALLS) + SET_POINTS
 
 
-def test_the_transcript_shows_every_packet_and_says_that_all_is_well(run):
-    done = run("demo")
-    assert (done.code, done.err) == (0, "")
-    assert done.out.count("→") == done.out.count("←") == len(STEPS)
+def run_once(texts: str, *argv: str) -> str:
+    """Run the demo, which takes its time, for several tests."""
+    before = language.current()
+    language.use(texts)
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
+        code = main(["demo", *argv])
+    language.use(before)
+    assert (code, err.getvalue()) == (0, "")
+    return out.getvalue()
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("pictures")
+
+
+@pytest.fixture(scope="module")
+def shown(pictures) -> str:
+    """What the demo shows."""
+    return run_once("en", "--picture", str(pictures / "motion.png"))
+
+
+@pytest.fixture(scope="module")
+def japanese() -> str:
+    """What it shows in Japanese, field by field."""
+    return run_once("ja", "--fields")
+
+
+def test_the_transcript_shows_every_packet_and_says_that_all_is_well(shown):
+    lines = shown.splitlines()
     for line in (
         '    → Controller_Connect("", "CaoProv.DENSO.VRC", "localhost", "")',
         '    → Controller_GetVariable(2, "IO150", "")',
@@ -42,35 +86,128 @@ def test_the_transcript_shows_every_packet_and_says_that_all_is_well(run):
         '    → Task_Start(3, 2, "")',
         '    → Robot_Execute(3, "Takearm", "")',
         '    → Robot_Move(3, 1, "P1", "")',
+        '    → Service_Start("WDT=400")',
+        '    → Robot_Execute(3, "Takearm", [0, 1])',
+        '    → Robot_Execute(3, "ExtSpeed", [20.0])',
+        '    → Robot_Move(3, 1, "@E J(45, 30, 120, 0, -60, 0)", "")',
+        '    → Robot_Execute(3, "slvGetMode", VT_EMPTY)',
         "      01 10 00 00 00 01 00 00 00 01 00 00 00 00 00 04",
     ):
-        assert line in done.out.splitlines()
-    assert done.out.splitlines()[-1] == f"All {len(STEPS)} answers are as the document says."
+        assert line in lines
+    requests, executing = shown.count("→"), shown.count("← S_EXECUTING\n")
+    assert shown.count("←") - executing == requests > len(CALLS)
+    assert f"All {ANSWERS} answers are as the document says." in lines
+
+
+def test_the_sine_is_shown_while_it_is_streamed(shown):
+    lines = [line.split() for line in shown.splitlines() if line.endswith("/304")]
+    assert len(lines) > 5
+    first = [float(line[1]) for line in lines]
+    assert min(first) == pytest.approx(45, abs=2)
+    assert 60 < max(first) < 65.01
+    for words in (
+        "set-points         304\n",
+        "underflows         0\n",
+        "largest deviation  J1 ",
+        "gaps               p50 ",
+    ):
+        assert f"      {words}" in shown
+
+
+def test_the_joints_are_shown_while_the_arm_moves(shown, pictures):
+    joints = [float(line.split()[1]) for line in shown.splitlines() if line.startswith("      J1 ") and "/" not in line]
+    assert len(joints) > 6
+    assert joints[0] < 1 < 20 < max(joints)
+    for name in ("motion.png", "slave.png"):
+        assert (pictures / name).read_bytes().startswith(b"\x89PNG")
+        assert str(pictures / name) in shown.splitlines()[-1]
 
 
 def test_as_json(run):
     said = run("demo", "--json").json
     assert said["as_documented"] is True
+    assert said["picture"] is None
     numbers = [(name, number) for name, program in LISTS.items() for number, _ in enumerate(program.steps, 1)]
     assert [(step["list"], step["number"]) for step in said["steps"]] == numbers
+    assert sum(step["answers"] for step in said["steps"]) == ANSWERS
     for step, expected in zip(said["steps"], STEPS, strict=True):
-        request, reply = (packet.decode(bytes.fromhex(each["bytes"])) for each in step["packets"])
+        if isinstance(expected, Stream):
+            assert (step["stream"]["set_points"], step["stream"]["underflows"]) == (SET_POINTS, 0)
+            continue
+        request, *_, reply = (packet.decode(bytes.fromhex(each["bytes"])) for each in step["packets"])
         assert request.code == expected.function.id
         assert (reply.serial, reply.code) == (request.serial, 0)
 
 
-def test_field_by_field(run):
-    out = run("demo", "--fields").out
-    assert "function id" in out
-    assert "return code" in out
-    assert "Variable handle" in out
+def test_field_by_field_in_japanese(japanese):
+    assert " 1. この接続のサービスを開始する  [RC8 3.1.1]" in japanese
+    for words in ("関数 ID", "リターンコード", "アンダーフロー"):
+        assert words in japanese
+    assert japanese.splitlines()[-1] == f"{ANSWERS} 件の応答はすべて仕様書のとおりでした。"
 
 
-def test_in_japanese(run):
-    language.use("ja")
-    out = run("demo").out
-    assert " 1. この接続のサービスを開始する  [RC8 3.1.1]" in out
-    assert out.splitlines()[-1] == f"{len(STEPS)} 件の応答はすべて仕様書のとおりでした。"
+def test_the_sine_of_the_document():
+    points = sine([45.0, 30.0, 120.0, 0.0, -60.0, 0.0, 0.0, 0.0])
+    assert len(points) == SET_POINTS == 3 * 101 + 1
+    assert points[0] == points[100] == points[101] == points[-1] == (45, 30, 120, 0, -60, 0)
+    assert points[50] == points[151] == pytest.approx((65, 50, 120, 0, -60, 0))
+    assert points[25] == pytest.approx((55, 40, 120, 0, -60, 0))
+
+
+def streamed(**changed: object) -> StreamResult:
+    """What List 4-1 is answered with."""
+    points = sine((45.0, 30.0, 120.0, 0.0, -60.0, 0.0))
+    samples = tuple(
+        Sample(number, number * 0.008, point, time=number * 0.008, joints=J(*point))
+        for number, point in enumerate(points)
+    )
+    return dataclasses.replace(StreamResult(len(points), 0, samples, 0, Timing()), **changed)
+
+
+def with_sample(number: int, **changed: object) -> StreamResult:
+    samples = list(streamed().samples)
+    samples[number] = dataclasses.replace(samples[number], **changed)
+    return streamed(samples=tuple(samples))
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        (streamed(underflows=1), "1 underflows"),
+        (streamed(missed=2), "2 answers missed"),
+        (streamed(sent=303), "303 of 304"),
+        (with_sample(7, command=(0.0,) * 6), "is not what was given"),
+        (with_sample(7, code=hresult.E_BUF_FULL), "set-point 7"),
+        (with_sample(7, joints=None), "set-point 7"),
+        (with_sample(7, time=9.0), "backwards"),
+        (with_sample(7, time=None), "backwards"),
+        (with_sample(-1, joints=J(50, 30, 120, 0, -60, 0)), "the arm ends at"),
+    ],
+)
+def test_the_answers_of_slave_mode_are_compared(result, words):
+    points = sine((45.0, 30.0, 120.0, 0.0, -60.0, 0.0))
+    assert _demo_stream.compare(streamed(), points) == ""
+    assert _demo_stream.compare(with_sample(3, code=hresult.S_BUF_FULL), points) == ""
+    assert words in _demo_stream.compare(result, points)
+
+
+def test_a_busy_computer_gets_another_try():
+    said: list[str] = []
+    documents: list[dict[str, Any]] = []
+    steps = list(LIST_4_1)
+    devices: list[VirtualRC8] = []
+    steps[0] = dataclasses.replace(steps[0], before=devices.append)
+
+    def say(line: str) -> None:
+        said.append(line)
+        if line.endswith(" 50/304") and not any("too busy" in each for each in said):
+            devices[0].raise_error(hresult.COMMAND_DELAY)
+
+    run_program("List 4-1", Program("it", "それ", tuple(steps)), documents, say, fields=False)
+    assert any("COMMAND_DELAY" in line for line in said)
+    assert sum("too busy" in line for line in said) == 1
+    assert sum("slvRecvFormat" in line for line in said) == 2
+    assert sum(document["answers"] for document in documents) == len(steps) - 1 + SET_POINTS
 
 
 def test_the_steps_are_those_of_the_sample():
@@ -83,16 +220,6 @@ def test_the_steps_are_those_of_the_sample():
     assert [function for function in dict.fromkeys(called) if function in sample] == sample
     assert LIST_3_1[4].arguments == (Handle("IO150"), Variant(VarType.I4, -1))
     assert LISTS["List 3-1"].steps is LIST_3_1
-
-
-def test_the_joints_are_shown_while_the_arm_moves(run, tmp_path):
-    picture = tmp_path / "motion.png"
-    out = run("demo", "--picture", str(picture)).out
-    shown = [float(line.split()[1]) for line in out.splitlines() if line.startswith("      J1 ")]
-    assert len(shown) > 3
-    assert shown[0] < 1 < 20 < max(shown)
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert str(picture) in out
 
 
 def with_check(number: int, check) -> Program:
@@ -137,6 +264,16 @@ def test_the_head_of_a_reply_is_compared_too(reply, said):
     assert compare([], LIST_3_1[0]) != ""
 
 
+def test_s_executing_may_come_before_a_reply():
+    transcript = Transcript()
+    for direction, code in ((">", 1), ("<", hresult.S_EXECUTING), ("<", hresult.S_EXECUTING), ("<", 0)):
+        transcript(direction, packet.pack(7, code, 0, b""))
+    assert compare(transcript.packets, LIST_3_1[0]) == ""
+    assert compare(transcript.packets[:3], LIST_3_1[0]) != ""
+    assert compare([*transcript.packets, transcript.packets[-1]], LIST_3_1[0]) != ""
+    assert compare([transcript.packets[0], *transcript.packets], LIST_3_1[0]) != ""
+
+
 @pytest.mark.parametrize(
     ("check", "right", "wrong"),
     [
@@ -151,6 +288,8 @@ def test_the_head_of_a_reply_is_compared_too(reply, said):
         (an_error(5), [Variant(VARIANT_ARRAY, [5, "x"])], [Variant(VARIANT_ARRAY, [6, "x"])]),
         (an_error(5), [Variant(VARIANT_ARRAY, [5, "x"])], [Variant(VARIANT_ARRAY, [5])]),
         (an_error(5), [Variant(VARIANT_ARRAY, [5, "x"])], [Variant(VarType.I4, 5)]),
+        (near_first, [variant([45.0, 30.0, 120.0, 0.0, -60.0, 0.0, 0.0, 0.0])], [variant([45.0, 30.0])]),
+        (near_first, [variant([45.0, 30.0, 120.0, 0.0, -60.0, 0.0, 0.0, 0.0])], [variant([45.0] * 8)]),
         (near_p1, [variant([330.0, 180.0, 320.0, 180.0, 0.0, 180.0, 5.0])], [variant([330.0, 180.0])]),
         (near_p1, [variant([330.0, 180.0, 320.0, 180.0, 0.0, 180.0, 5.0])], [variant(1)]),
     ],

@@ -14,7 +14,7 @@ import orinkit
 from orinkit import language
 from orinkit.cli.app import build
 
-COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions", "pendant", "move", "plot")
+COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions", "pendant", "move", "stream", "plot")
 
 
 def japanese(program: list[str], *argv: str) -> str:
@@ -37,7 +37,9 @@ def test_every_command_has_help(run, command):
     done = run(*command.split(), "--help")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith(f"Usage: orinkit {command}")
-    assert "--no-" not in done.out.replace("--no-samples", "").replace("--no-motor", "")
+    assert "--no-" not in done.out.replace("--no-samples", "").replace("--no-motor", "").replace(
+        "--no-slave-licence", ""
+    )
 
 
 def test_version(run):
@@ -86,7 +88,7 @@ def test_help_loads_nothing_that_only_commands_need(program):
     [
         (
             ["frob"],
-            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, plot? (see orinkit --help)",
+            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot? (see orinkit --help)",
         ),
         (["serve", "frob"], "there is no command frob; did you mean rc8? (see orinkit serve --help)"),
         (["get"], "URL is missing (see orinkit get --help)"),

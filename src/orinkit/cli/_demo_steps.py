@@ -5,8 +5,9 @@ A further program of the document is a further list here and an entry in :data:`
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ DEMO_ERROR: Final = hresult.MOTOR_NOT_ON
 
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """Stands for the handle that an earlier step was answered with."""
+    """Stands for what an earlier step was answered with: a handle, mostly."""
 
     name: str
 
@@ -42,9 +43,10 @@ class Step:
         function: what is called.
         arguments: of the call; a :class:`Handle` for a handle.
         check: tells whether the answer is right.
-        keep: name under which the handle in the answer is kept.
+        keep: name under which what is answered is kept, a handle mostly.
         before: what happens in the controller before the call, nothing by default.
         watch: show where the arm is while the call is at work.
+        log: have the controller log the motion meanwhile, for a picture.
     """
 
     en: str
@@ -56,6 +58,35 @@ class Step:
     keep: str = ""
     before: Callable[[VirtualRC8], None] | None = None
     watch: bool = False
+    log: bool = False
+
+    @property
+    def title(self) -> str:
+        """What is done, in the language in force."""
+        return pick(self.en, self.ja)
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """Set-points that go out in slave mode, one in each cycle of the controller.
+
+    Attributes:
+        en, ja: what is done.
+        section: where the document has it.
+        controller, robot: their handles.
+        start: joints that an earlier step was answered with.
+        mode: of slave mode: 0, 1 or 2.
+        points: makes the set-points, joints, of where the arm is.
+    """
+
+    en: str
+    ja: str
+    section: str
+    controller: Handle
+    robot: Handle
+    start: Handle
+    mode: int
+    points: Callable[[Sequence[float]], list[tuple[float, ...]]]
 
     @property
     def title(self) -> str:
@@ -231,13 +262,78 @@ LIST_3_3: Final[tuple[Step, ...]] = (
          f.robot_execute, (_ROBOT, "Motor", "1"), exactly(VarType.EMPTY)),
     Step("Move to P1; the joints are read over a second connection meanwhile",
          "P1 へ動作させる (動作中、別の接続で関節角を読み出す)", "RC8 3.3.4",
-         f.robot_move, (_ROBOT, 1, "P1", ""), nothing, before=_teach, watch=True),
+         f.robot_move, (_ROBOT, 1, "P1", ""), nothing, before=_teach, watch=True, log=True),
     Step("It is there", "到着したことを確かめる", "RC8 3.3.6",
          f.robot_execute, (_ROBOT, "DestPos", None), near_p1),
     Step("Switch the motor off", "モータを停止する", "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", "0"), exactly(VarType.EMPTY)),
     Step("Give the arm back", "アーム制御権を解放する", "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Givearm", ""), exactly(VarType.EMPTY)),
+    Step("Release the robot", "ロボットを解放する", "RC8 3.3.5",
+         f.robot_release, (_ROBOT,), nothing),
+    Step("Disconnect from the controller", "コントローラから切断する", "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step("Stop the service", "サービスを停止する", "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+# --- List 4-1 ---------------------------------------------------------------------------------------------------------
+
+_JOINTS: Final = Handle("joints")
+_FIRST: Final = (45.0, 30.0, 120.0, 0.0, -60.0, 0.0)
+_PERIOD: Final = 100  # set-points
+_AMPLITUDE: Final = 10.0  # deg
+_TIMES: Final = 3
+
+
+def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
+    """Return the set-points of List 4-1: joints 1 and 2 go up and down three times; the last one once more, to stop."""
+    points = []
+    for number in [*range(_PERIOD + 1)] * _TIMES:
+        sway = _AMPLITUDE - _AMPLITUDE * math.cos(2 * math.pi * number / _PERIOD)
+        points.append((start[0] + sway, start[1] + sway, *start[2:6]))
+    return [*points, points[-1]]
+
+
+def near_first(answer: list[Variant]) -> str:
+    """Joints within a thousandth of the first pose: eight numbers, two of them unused."""
+    right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_FIRST) + 2
+    right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, (*_FIRST, 0.0, 0.0), strict=True))
+    return "" if right else f"J{_FIRST}"
+
+
+# fmt: off
+LIST_4_1: Final[tuple[Step | Stream, ...]] = (
+    Step("Start the service of this connection, with a watchdog", "この接続のサービスをウォッチドッグ付きで開始する", "RC8 3.1.1",
+         f.service_start, ("WDT=400",), nothing),
+    Step("Connect to the controller", "コントローラに接続する", "RC8 3.1.2",
+         f.controller_connect, ("b-CAP", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+    Step("Clear errors", "エラーをクリアする", "RC8 4.7.1",
+         f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
+    Step("Connect to the robot", "ロボットに接続する", "RC8 3.3.1",
+         f.controller_get_robot, (_CONTROLLER, "Robot", ""), a_handle, keep=_ROBOT.name),
+    Step("Take the arm, and keep speeds, tool and work as they are", "速度・ツール・ワークを保持したままアーム制御権を取得する",
+         "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Takearm", [0, 1]), exactly(VarType.EMPTY)),
+    Step("Set the external speed to 20 %", "外部速度を 20 % に設定する", "RC8 4.9",
+         f.robot_execute, (_ROBOT, "ExtSpeed", [20.0]), exactly(VarType.EMPTY)),
+    Step("Switch the motor on", "モータを起動する", "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", 1), exactly(VarType.EMPTY)),
+    Step("Move to the first pose; the joints are read over a second connection meanwhile",
+         "初期姿勢へ動作させる (動作中、別の接続で関節角を読み出す)", "RC8 4.6.1",
+         f.robot_move, (_ROBOT, 1, "@E J(45, 30, 120, 0, -60, 0)", ""), nothing, watch=True),
+    Step("Where is it?", "現在の関節角を読み出す", "RC8 4.9",
+         f.robot_execute, (_ROBOT, "CurJnt", None), near_first, keep=_JOINTS.name),
+    Stream("Slave mode 0, J type: three periods of the sine, a set-point every 8 ms, and the last pose once more; then off",
+           "スレーブモード 0 (J 型): サイン波 3 周期を 8 ms ごとに送信し、最後の姿勢をもう 1 度送信して終了する", "RC8 4.9",
+           _CONTROLLER, _ROBOT, _JOINTS, 0, sine),
+    Step("Slave mode is off", "スレーブモードが終了したことを確かめる", "RC8 4.2",
+         f.robot_execute, (_ROBOT, "slvGetMode", None), exactly(VarType.I4, 0)),
+    Step("Switch the motor off", "モータを停止する", "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", 0), exactly(VarType.EMPTY)),
+    Step("Give the arm back", "アーム制御権を解放する", "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Givearm", None), exactly(VarType.EMPTY)),
     Step("Release the robot", "ロボットを解放する", "RC8 3.3.5",
          f.robot_release, (_ROBOT,), nothing),
     Step("Disconnect from the controller", "コントローラから切断する", "RC8 3.1.4",
@@ -259,7 +355,7 @@ class Program:
 
     en: str
     ja: str
-    steps: tuple[Step, ...]
+    steps: tuple[Step | Stream, ...]
 
 
 LISTS: Final[dict[str, Program]] = {
@@ -268,5 +364,6 @@ LISTS: Final[dict[str, Program]] = {
     ),
     "List 3-2": Program("a task", "タスク制御", LIST_3_2),
     "List 3-3": Program("the robot", "ロボット制御", LIST_3_3),
+    "List 4-1": Program("slave mode", "スレーブモード", LIST_4_1),
 }
 """The programs of the RC8 document that the demo runs, by their names there."""

@@ -7,18 +7,17 @@ for linear joints).
 from __future__ import annotations
 
 import csv
-import math
-import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, Self
 
 import orinkit
-from orinkit.cli._errors import Failure
-from orinkit.errors import TransportError
+from orinkit.cli._errors import Failure, unusable
+from orinkit.errors import InvalidValue, TransportError
 from orinkit.language import pick
+from orinkit.slave.csv_file import COMMAND, ENCODER, TIME, Row, Table, numbers, wrong
 
 PERIOD: Final = 0.008
 """Seconds between two records (RC8 4.1)."""
@@ -26,10 +25,6 @@ PERIOD: Final = 0.008
 _AXES: Final = 8
 _ALWAYS: Final = 6  # joints that are written even if they stay at 0
 _COLUMNS: Final = 4  # of a joint in a record: command, encoder, current, load
-_MOST_ROWS: Final = 1_000_000
-_TIME: Final = "time_s"
-_COMMAND: Final = re.compile(r"J([1-8])_command")
-_ENCODER: Final = re.compile(r"J([1-8])_encoder")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +61,7 @@ class Recorder:
         self._started = False
 
     def __enter__(self) -> Self:
-        if not self._path.parent.is_dir():
-            raise Failure(
-                pick(f"there is no directory {self._path.parent}", f"ディレクトリ {self._path.parent} がありません"), 2
-            )
+        check_directory(self._path)
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
@@ -103,6 +95,16 @@ class Recorder:
         return recording_of(records)
 
 
+def check_directory(path: Path) -> None:
+    """Make sure, before anything moves, that there is a place for a file.
+
+    Raises:
+        Failure: its directory is not there.
+    """
+    if not path.parent.is_dir():
+        raise unusable(f"there is no directory {path.parent}", f"ディレクトリ {path.parent} がありません")
+
+
 def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Recording:
     """Return records of command and encoder, 8 joints each, as a recording; joints 7 and 8 only if they are used."""
     used = [
@@ -128,7 +130,7 @@ def write_csv(path: Path, recording: Recording) -> None:
     try:
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow([_TIME, *(f"{name}_command" for name in names), *(f"{name}_encoder" for name in names)])
+            writer.writerow([TIME, *(f"{name}{COMMAND}" for name in names), *(f"{name}{ENCODER}" for name in names)])
             for time, command, encoder in zip(recording.times, recording.command, recording.encoder, strict=True):
                 writer.writerow([f"{time:.3f}", *(f"{value:.6f}" for value in (*command, *encoder))])
     except OSError as error:
@@ -144,75 +146,50 @@ def read_csv(path: Path) -> Recording:
         Failure: the file cannot be read, or is none.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return _read(path, csv.reader(file, strict=True))
-    except OSError as error:
-        raise Failure(
-            pick(f"cannot read {path}: {error.strerror}", f"{path} を読み込めません: {error.strerror}"), 2
-        ) from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise _wrong(path, 0, pick(f"it is no CSV file ({error})", f"CSV ファイルではありません ({error})")) from None
+        return _read(path)
+    except InvalidValue as error:
+        raise Failure(str(error), 2) from None
 
 
-def _read(path: Path, lines: Iterator[list[str]]) -> Recording:
-    header = [name.strip() for name in next(lines, [])]
-    commands, encoders = _columns(header, _COMMAND), _columns(header, _ENCODER)
-    if _TIME not in header or not commands or len(set(header)) < len(header):
-        wanted = f"{_TIME}, J1_command, J2_command, ..."
-        raise _wrong(path, 1, pick(f"the columns {wanted} are wanted", f"列 {wanted} が必要です"))
+def _read(path: Path) -> Recording:
+    rows = Table(path).rows()
+    header = next(rows, Row(1, []))
+    names = header.cells
+    commands, encoders = _columns(names, COMMAND), _columns(names, ENCODER)
+    if TIME not in names or not commands or len(set(names)) < len(names):
+        wanted = f"{TIME}, J1{COMMAND}, J2{COMMAND}, ..."
+        raise wrong(path, header.line, f"the columns {wanted} are wanted", f"列 {wanted} が必要です")
     if encoders and encoders.keys() != commands.keys():
-        raise _wrong(
-            path, 1, pick("_command and _encoder are not of the same joints", "_command と _encoder の軸が一致しません")
+        raise wrong(
+            path,
+            header.line,
+            "_command and _encoder are not of the same joints",
+            "_command と _encoder の軸が一致しません",
         )
-    rows = []
-    for number, line in enumerate(lines, 2):
-        if line:
-            rows.append(_numbers(path, number, line, len(header)))
-        if len(rows) > _MOST_ROWS:
-            raise _wrong(path, number, pick(f"more than {_MOST_ROWS} rows", f"行数が {_MOST_ROWS} を超えています"))
-    times = [row[header.index(_TIME)] for row in rows]
+    wanted_columns = [names.index(TIME), *commands.values(), *encoders.values()]
+    values = [numbers(path, row, len(names), wanted_columns) for row in rows]
+    times = [row[0] for row in values]
     if len(times) < 2:
-        raise _wrong(
+        raise wrong(
             path,
             0,
-            pick(
-                f"{len(times)} rows of two or more that are wanted: the arm did not move",
-                f"データが {len(times)} 行しかありません (2 行以上必要)。アームは動いていません",
-            ),
+            f"{len(times)} rows of two or more that are wanted: the arm did not move",
+            f"データが {len(times)} 行しかありません (2 行以上必要)。アームは動いていません",
         )
     if any(after <= before for before, after in pairwise(times)):
-        raise _wrong(path, 0, pick("rising times are wanted", "時刻は増加している必要があります"))
+        raise wrong(path, 0, "rising times are wanted", "時刻は増加している必要があります")
+    joints = list(commands)
     return Recording(
         times,
-        list(commands),
-        [[row[column] for column in commands.values()] for row in rows],
-        [[row[encoders[joint]] for joint in commands] for row in rows] if encoders else [],
+        joints,
+        [row[1 : len(joints) + 1] for row in values],
+        [row[len(joints) + 1 :] for row in values] if encoders else [],
     )
 
 
-def _columns(header: Sequence[str], pattern: re.Pattern[str]) -> dict[int, int]:
+def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
     """Return the column of each joint, in the order of the joints."""
-    found = {int(match[1]): column for column, name in enumerate(header) if (match := pattern.fullmatch(name))}
-    return dict(sorted(found.items()))
-
-
-def _numbers(path: Path, number: int, line: Sequence[str], count: int) -> list[float]:
-    if len(line) != count:
-        raise _wrong(
-            path, number, pick(f"{len(line)} values, {count} are wanted", f"値が {len(line)} 個です ({count} 個必要)")
-        )
-    try:
-        values = [float(text) for text in line]
-    except ValueError:
-        values = [math.nan]
-    if not all(map(math.isfinite, values)):
-        raise _wrong(path, number, pick("a value is no finite number", "有限の数値でない値があります"))
-    return values
-
-
-def _wrong(path: Path, line: int, text: str) -> Failure:
-    where = pick(f", line {line}", f" の {line} 行目") if line else ""
-    return Failure(f"{path}{where}: {text}", 2)
+    return {joint: header.index(name) for joint in range(1, _AXES + 1) if (name := f"J{joint}{suffix}") in header}
 
 
 def joints_of(record: Any) -> tuple[list[float], list[float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Sequence
 from datetime import datetime
 from decimal import Decimal
 from typing import Any, Final
@@ -86,3 +87,13 @@ def width(line: str) -> int:
 def padded(line: str, columns: int) -> str:
     """Return a line filled with blanks to a width."""
     return line + " " * (columns - width(line))
+
+
+def table(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Return labels and what belongs to them, side by side; a value may have several lines."""
+    widest = max(width(label) for label, _ in rows)
+    result = []
+    for label, value in rows:
+        first, *more = value.split("\n")
+        result += [f"{padded(label, widest)}  {first}", *(f"{'':{widest}}  {line}" for line in more)]
+    return result

@@ -77,7 +77,9 @@ def build() -> App:
         "Press the buttons of a virtual RC8.", "仮想 RC8 の操作盤のボタンを押す。"))  # fmt: skip
     app.command(_command_of("move"), name="move", sort_key=10, help=pick(
         "Move a robot to a pose.", "ロボットを指定したポーズへ動かす。"))  # fmt: skip
-    app.command(_command_of("plot"), name="plot", sort_key=11, help=pick(
+    app.command(_command_of("stream"), name="stream", sort_key=11, help=pick(
+        "Carry out a trajectory in slave mode.", "スレーブモードで軌道を実行する。"))  # fmt: skip
+    app.command(_command_of("plot"), name="plot", sort_key=12, help=pick(
         "Plot a recorded motion.", "記録した動作をグラフにする。"))  # fmt: skip
     _translate_flags(app)
     _translate_flags(serve)

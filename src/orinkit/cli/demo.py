@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -16,7 +17,9 @@ from orinkit.language import pick
 
 if TYPE_CHECKING:
     import orinkit
-    from orinkit.cli._demo_steps import Program, Step
+    from orinkit.cli._demo_steps import Program, Step, Stream
+    from orinkit.cli._stream_report import Report
+    from orinkit.cli._stream_trace import Trace
     from orinkit.virtual.rc8 import VirtualRC8
 
 _URL: Final = "tcp://127.0.0.1:0"
@@ -31,11 +34,11 @@ def demo(
     json: Json = False,
     picture: Annotated[
         str | None,
-        Parameter(help=pick("File for a picture of the arm's motion (png, svg, pdf).",
-                            "アームの動きを描いた図の保存先 (png、svg、pdf)。")),
+        Parameter(help=pick("File for a picture of the arm's motion (png, svg, pdf); that of slave mode is beside it.",
+                            "アームの動きを描いた図の保存先 (png、svg、pdf)。スレーブモードの図も同じ場所に保存する。")),
     ] = None,
 ) -> None:  # fmt: skip
-    """Serve virtual RC8s on free loopback ports and run the document's Lists 3-1, 3-2 and 3-3 against them.
+    """Serve virtual RC8s on free loopback ports and run the document's Lists 3-1, 3-2, 3-3 and 4-1 against them.
 
     Every answer is compared with the document; exit code 1 if one differs.
     """
@@ -47,32 +50,43 @@ def demo(
     recording = Recording()
     for name, program in LISTS.items():
         run_program(name, program, documents, say, fields=fields, recording=recording)
-    if picture is not None:
-        recording.draw(picture)
+    motion, slave = (None, None) if picture is None else recording.draw(Path(picture))
     if json:
-        print_json({"steps": documents, "as_documented": True, "picture": picture})
-    count = len(documents)
+        print_json({"steps": documents, "as_documented": True, "picture": motion, "slave_picture": slave})
+    count = sum(document["answers"] for document in documents)
     say(pick(f"\nAll {count} answers are as the document says.", f"\n{count} 件の応答はすべて仕様書のとおりでした。"))
-    if picture is not None:
-        say(pick(f"The arm's motion is drawn in {picture}.", f"アームの動きを {picture} に描きました。"))
+    if motion is not None:
+        say(
+            pick(
+                f"The arm's motion is drawn in {motion}, command and feedback of slave mode in {slave}.",
+                f"アームの動きを {motion} に、スレーブモードの指令と実位置を {slave} に描きました。",
+            )
+        )
 
 
 class Recording:
-    """The control log of the motion that was watched."""
+    """What is drawn: the control log of the motion that was watched, and command and feedback of slave mode."""
 
     def __init__(self) -> None:
         self.records: list[list[float]] = []
+        self.trace: Trace | None = None
 
-    def draw(self, path: str) -> None:
-        """Draw the joints over time.
+    def draw(self, path: Path) -> tuple[str, str]:
+        """Draw both, the second one beside the first; returns the names of the pictures.
 
         Raises:
-            Failure: there is no matplotlib, or the file cannot be written.
+            Failure: there is no matplotlib, or a file cannot be written.
         """
-        from orinkit.cli._motion_plot import save
+        from orinkit.cli import _motion_plot, _stream_plot
         from orinkit.cli._motion_record import joints_of, recording_of
+        from orinkit.cli._picture import save
 
-        save(recording_of([joints_of(record) for record in self.records]), Path(path))
+        motion, trace = recording_of([joints_of(record) for record in self.records]), self.trace
+        assert trace is not None
+        beside = path.with_stem("slave" if path.stem != "slave" else "slave-mode")
+        save(lambda figure, label: _motion_plot.draw(motion, figure, label), path)
+        save(lambda figure, label: _stream_plot.draw(trace, figure, label), beside)
+        return str(path), str(beside)
 
 
 def run_program(
@@ -109,18 +123,42 @@ def run_program(
         say(pick(f"A virtual RC8 listens at {server.url}.", f"仮想 RC8 を {server.url} で起動しました。"))
         transcript = Transcript()
         with orinkit.open_client(server.url, trace=transcript) as client:
-            run = Run(client, rc8, transcript, Watch(server.url, say, recording))
+            run = Run(client, rc8, transcript, Watch(server.url, say, recording), fields=fields)
             for number, step in enumerate(program.steps, 1):
                 say(f"\n{bold(f'{number:2}. {step.title}')}  [{step.section}]")
-                packets, problem = run.carry_out(step)
-                for packet in packets:
-                    say("\n".join(packet.lines(fields=fields)))
-                if problem:
-                    raise Failure(f"{name}, {number}. {step.title}: {problem}")
+                outcome = run.carry_out(step)
+                for line in outcome.lines:
+                    say(line)
+                if outcome.problem:
+                    raise Failure(f"{name}, {number}. {step.title}: {outcome.problem}")
                 documents.append(
-                    {"list": name, "number": number, "title": step.title, "section": step.section,
-                     "packets": [packet.document() for packet in packets]}
-                )  # fmt: skip
+                    {"list": name, "number": number, "title": step.title, "section": step.section, **outcome.document()}
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a step.
+
+    Attributes:
+        packets: that were seen.
+        lines: what is still to be shown.
+        problem: what is not as the document says.
+        report: of a stream.
+    """
+
+    packets: list[Packet]
+    lines: list[str]
+    problem: str
+    report: Report | None = None
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        told: dict[str, Any] = {"answers": 1, "packets": [packet.document() for packet in self.packets]}
+        if self.report is not None:
+            told["answers"] = self.report.result.sent
+            told["stream"] = self.report.document()
+        return told
 
 
 class Watch:
@@ -128,70 +166,116 @@ class Watch:
 
     def __init__(self, url: str, say: Callable[[str], None], recording: Recording | None) -> None:
         self._url = url
-        self._say = say
-        self._recording = recording
+        self.say = say
+        self.recording = recording
 
-    def during(self, call: Callable[[], Any]) -> Any:
-        """Return what a call gives, or raise what it raises, and look on meanwhile."""
+    def during(self, call: Callable[[], Any], *, log: bool) -> Any:
+        """Return what a call gives, or raise what it raises, and look on meanwhile.
+
+        Args:
+            call: the call.
+            log: keep the control log.
+        """
         import orinkit
+        from orinkit.cli._demo_stream import joints_line
 
         with orinkit.connect(self._url) as rc8, rc8.robot("Arm") as robot, ThreadPoolExecutor(1) as pool:
             robot.execute("StartLog")
             at_work = pool.submit(call)
             while not at_work.done():
-                joints = robot.execute("CurJnt")[:6]
-                self._say("      " + "  ".join(f"J{n} {value:8.3f}" for n, value in enumerate(joints, 1)))
+                self.say(joints_line(robot.execute("CurJnt")[:6]))
                 wait([at_work], _INTERVAL)
             robot.execute("StopLog")
-            if self._recording is not None:
+            if log and self.recording is not None:
                 count = robot.execute("GetLogCount")
-                self._recording.records = [robot.execute("GetLogRecord", index) for index in range(count)]
+                self.recording.records = [robot.execute("GetLogRecord", index) for index in range(count)]
             return at_work.result()
 
 
 class Run:
     """Carries out steps on one connection and compares the packets that come back with the document."""
 
-    def __init__(self, client: orinkit.Client, rc8: VirtualRC8, transcript: Transcript, watch: Watch) -> None:
+    def __init__(
+        self, client: orinkit.Client, rc8: VirtualRC8, transcript: Transcript, watch: Watch, *, fields: bool
+    ) -> None:
+        self._fields = fields
         self._watch = watch
         self._client = client
         self._rc8 = rc8
         self._transcript = transcript
-        self._handles: dict[str, int] = {}
+        self._kept: dict[str, Any] = {}
 
-    def carry_out(self, step: Step) -> tuple[list[Packet], str]:
-        """Make the call; returns its packets, and what is not as it should be."""
-        from orinkit.cli._demo_steps import Handle
+    def carry_out(self, step: Step | Stream) -> Outcome:
+        """Make the call, or stream."""
+        from orinkit.cli._demo_steps import Stream
         from orinkit.errors import OrinError
 
         first = len(self._transcript.packets)
+        try:
+            if isinstance(step, Stream):
+                return self._stream(step, first)
+            self._call(step)
+            problem = compare(self._transcript.packets[first:], step)
+        except OrinError as error:
+            problem = str(error)
+        return Outcome(self._transcript.packets[first:], self._packets_since(first), problem)
+
+    def _call(self, step: Step) -> None:
         if step.before is not None:
             step.before(self._rc8)
-        arguments = [self._handles[item.name] if isinstance(item, Handle) else item for item in step.arguments]
-        try:
-            value = self._request(step, arguments)
-        except OrinError as error:
-            return self._transcript.packets[first:], str(error)
-        if step.keep:
-            self._handles[step.keep] = value
-        packets = self._transcript.packets[first:]
-        return packets, compare(packets, step)
+        arguments = [self._given(argument) for argument in step.arguments]
 
-    def _request(self, step: Step, arguments: list[Any]) -> Any:
-        if step.watch:
-            return self._watch.during(lambda: self._client.request(step.function, *arguments).value)
-        return self._client.request(step.function, *arguments).value
+        def request() -> Any:
+            return self._client.request(step.function, *arguments).value
+
+        value = self._watch.during(request, log=step.log) if step.watch else request()
+        if step.keep:
+            self._kept[step.keep] = value
+
+    def _stream(self, step: Stream, first: int) -> Outcome:
+        from orinkit.cli import _demo_stream
+
+        watch, points = self._watch, step.points(self._given(step.start))
+        handles = self._given(step.controller), self._given(step.robot)
+
+        shown = first
+
+        def entered() -> None:
+            nonlocal shown
+            for line in self._packets_since(shown):
+                watch.say(line)
+            shown = len(self._transcript.packets)
+
+        report, problem = _demo_stream.carry_out(self._client, handles, points, step.mode, watch.say, entered)
+        if watch.recording is not None:
+            watch.recording.trace = report.trace
+        lines = [f"      {line}" for line in report.lines()]
+        return Outcome(self._transcript.packets[first:], lines, problem, report)
+
+    def _packets_since(self, first: int) -> list[str]:
+        """Return packets for people, each with all its lines."""
+        return ["\n".join(packet.lines(fields=self._fields)) for packet in self._transcript.packets[first:]]
+
+    def _given(self, argument: Any) -> Any:
+        """Return an argument; what an earlier step was answered with for a Handle."""
+        from orinkit.cli._demo_steps import Handle
+
+        return self._kept[argument.name] if isinstance(argument, Handle) else argument
 
 
 def compare(packets: list[Packet], step: Step) -> str:
-    """Return what differs from the document, ``""`` if nothing does."""
+    """Return what differs from the document, ``""`` if nothing does; S_EXECUTING may come before the reply (RC8 3.1.1)."""
+    from orinkit import hresult
     from orinkit.bcap import packet
 
-    if [each.direction for each in packets] != [">", "<"]:
+    decoded = [packet.decode(each.data, exact=True) for each in packets]
+    directions = "".join(each.direction for each in packets)
+    early = [each for each in decoded[1:-1] if each.code != hresult.S_EXECUTING]
+    if len(decoded) < 2 or early or directions != ">" + "<" * (len(decoded) - 1):
         return pick("one request and one reply were expected", "要求と応答が 1 つずつではありません")
-    request, reply = (packet.decode(each.data, exact=True) for each in packets)
-    if (reply.serial, reply.reserved, reply.code) != (request.serial, 0, 0):
-        head = (reply.serial, reply.reserved, reply.code)
+    request, reply = decoded[0], decoded[-1]
+    head = (reply.serial, reply.reserved, reply.code)
+    if head != (request.serial, 0, 0):
         return pick(
             f"serial, reserved field and return code are {head}, ({request.serial}, 0, 0) was expected",
             f"シリアル番号、予約、リターンコードが ({request.serial}, 0, 0) ではなく {head} です",

@@ -92,23 +92,14 @@ _LABELS: Final = {
 
 def lines(url: str, facts: dict[str, Any]) -> list[str]:
     """Return the facts for people."""
+    from orinkit.cli._output import table
+
     rows = [(pick("controller", "コントローラ"), url)]
     rows += [(pick(*_LABELS[key]), _fact(key, facts[key])) for key in _QUESTIONS if facts[key] is not None]
     counts = [f"{name} {count}" for name, count in facts["variables"].items() if count is not None]
     rows.append((pick("variable counts", "変数の個数"), "  ".join(counts) or "-"))
     rows += [(pick(*_LABELS[key]), _names(facts["names"][key])) for key in _NAMES if facts["names"][key] is not None]
-    return _table(rows)
-
-
-def _table(rows: list[tuple[str, str]]) -> list[str]:
-    from orinkit.cli._output import padded, width
-
-    widest = max(width(label) for label, _ in rows)
-    result = []
-    for label, value in rows:
-        first, *more = value.split("\n")
-        result += [f"{padded(label, widest)}  {first}", *(f"{'':{widest}}  {line}" for line in more)]
-    return result
+    return table(rows)
 
 
 def _fact(key: str, value: Any) -> str:

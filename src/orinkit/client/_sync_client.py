@@ -14,7 +14,7 @@ from orinkit.cao.table import Function
 from orinkit.client._common import DEFAULT_TIMEOUT, Garbage, check_timeout
 from orinkit.errors import ConnectionLost, ProtocolError
 from orinkit.transport.address import parse_address
-from orinkit.transport.drive import Link, run
+from orinkit.transport.drive import LentLink, Link, run
 from orinkit.transport.tcp import TcpLink
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -41,7 +41,7 @@ class Client:
         trace: Trace | None = None,
     ) -> None:
         self._timeout = check_timeout(timeout)
-        self._link = link
+        self._link: Link = link
         self._conversation = Conversation(limits, trace)
         self._lock = threading.RLock()
         self.garbage = Garbage()
@@ -128,6 +128,30 @@ class Client:
             if error.fatal:
                 self._link.close()
             raise
+
+    def descriptor(self) -> int:
+        """Return the descriptor of the connection, to be given to another process."""
+        return self._link.fileno()
+
+    def lend(self) -> int:
+        """Lend the connection to another process: until it is taken back, every call here is refused.
+
+        Returns:
+            serial number of the next request.
+        """
+        self._link.fileno()  # whoever has it receives from now on
+        self._link = LentLink(self._link)
+        return self._conversation.serial
+
+    def take_back(self, serial: int) -> None:
+        """Use the connection again.
+
+        Args:
+            serial: of the next request.
+        """
+        if isinstance(self._link, LentLink):
+            self._link = self._link.link
+        self._conversation.serial = serial
 
     @property
     def dropped(self) -> int:

@@ -5,8 +5,9 @@ Made from ``_async_robot.py`` by ``tools/make_sync.py``: do not edit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Unpack, overload
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from orinkit.cao import functions as f
 from orinkit.client import _robot_common as common
@@ -17,6 +18,11 @@ from orinkit.client._sync_holding import Arm, Motor
 from orinkit.client._sync_motion import Motion, Mover
 from orinkit.poses import J, P, PassMark, PoseLike, T
 from orinkit.variant import Value
+
+if TYPE_CHECKING:
+    from orinkit.client._slave_common import OnRange, Wanted
+    from orinkit.client._sync_slave import Stream
+    from orinkit.slave.limits import Limits, PathLimits
 
 
 class Robot(Mover):
@@ -55,6 +61,61 @@ class Robot(Mover):
         At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
         """
         return Motor(self, self._track)
+
+    def slave_mode(
+        self,
+        mode: int = 2,
+        pose: str = "J",
+        recv: Iterable[Wanted] = ("time", "joints"),
+        *,
+        limits: Limits | PathLimits | None = None,
+        speed: float = 100.0,
+        period: float = 0.008,
+        queue: int = 100,
+        idle: float | None = 1.0,
+        on_range: OnRange = "clamp",
+        record: str | os.PathLike[str] | None = None,
+        mini: int | None = None,
+        hand: int | None = None,
+        user: tuple[int, bytes] | None = None,
+        user_window: tuple[int, int] | None = None,
+    ) -> Stream:
+        """Move the arm set-point by set-point for as long as a block lasts (RC8 4), with arm and motor taken.
+
+        ::
+
+            with robot.slave_mode() as stream:
+                stream.run(trajectory)
+
+        Args:
+            mode: 0 and 2 have the controller queue three set-points: 2 lets its answers wait until there is room, 0 says
+                that there is none; 1 has it keep the newest one only (RC8 4.3).
+            pose: ``"J"`` joints, ``"P"`` positions, ``"T"`` homogeneous transformations.
+            recv: what comes back with each set-point: ``"joints"``, ``"position"`` or ``"trans"`` (joints can come with
+                either), ``"mini"``, ``"hand"`` I/O, ``"current"`` of the motors; the controller's time always.
+            limits: within which everything stays; by default those of the arm as the controller names it.
+            speed: percent of these limits.
+            period: seconds of the controller's cycle.
+            queue: most set-points that :meth:`Stream.push` queues.
+            idle: seconds without a pushed set-point after which slave mode is left; ``None`` for never.
+            on_range: what to do with a live target beyond the arm's range: ``"clamp"`` or ``"refuse"``.
+            record: file that every set-point and what came back is written to, ``.csv`` or ``.mcap``.
+            mini: mini I/O outputs that go with every set-point.
+            hand: hand I/O outputs.
+            user: number and bytes of user I/O outputs.
+            user_window: number of the first user I/O that comes back, and how many bytes.
+
+        Raises:
+            InvalidValue: an option is none.
+        """
+        from orinkit.client._slave_common import read_options
+        from orinkit.client._sync_slave import Stream  # most programs need none of this
+
+        options = read_options(
+            mode, pose, recv, mini=mini, hand=hand, user=user, user_window=user_window, limits=limits, speed=speed,
+            period=period, queue=queue, idle=idle, on_range=on_range, record=record,
+        )  # fmt: skip
+        return Stream(self, options)
 
     # --- motions ------------------------------------------------------------------------------------------------
 

@@ -24,6 +24,8 @@ class Sample:
         hand: states of the hand I/O.
         user: states of the user I/O that were asked for.
         current: of the motors, A.
+        delay: s from when a live target was set until this set-point, the first one towards it, was sent; ``None`` for
+            any other.
     """
 
     number: int
@@ -38,3 +40,4 @@ class Sample:
     hand: int | None = None
     user: bytes | None = None
     current: tuple[float, ...] | None = None
+    delay: float | None = None

@@ -56,6 +56,7 @@ class Cycles:
         self.number = 0
         self.pace: Callable[[int], int] | None = None
         self._base = clock.now()  # when cycle 0 was, moved on where cycles were left out
+        self._moment = self._base  # when the last cycle was, or the first one after a pause is counted from
         self._parts: list[Part] = []
         self._failed: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
@@ -69,7 +70,7 @@ class Cycles:
     @property
     def seconds(self) -> float:
         """When the last cycle was, in seconds of the clock; one that was skipped, too."""
-        return self._base + (self.number if self._busy else max(self.number, self._due())) * PERIOD
+        return self._moment if self._busy else self._base + max(self.number, self._due()) * PERIOD
 
     @property
     def busy(self) -> bool:
@@ -98,6 +99,7 @@ class Cycles:
         self._woken = True
         if not self._busy:
             self.number = max(self.number, self._due())
+            self._moment = self._base + self.number * PERIOD
             self._busy = True
         if not self._stepping:
             self._driver.wake()
@@ -152,7 +154,7 @@ class Cycles:
                 return None
             if self._waiting:  # not for this thread: it comes back only in case nobody else does
                 return PERIOD
-            return max(0.0, self.seconds + PERIOD - self.clock.now())
+            return max(0.0, -self.late)
 
     def _catch_up(self) -> None:
         behind = (self._due() - self.number) * PERIOD - self.clock.patience
@@ -164,6 +166,7 @@ class Cycles:
             enough = self.clock.stopwatch(_TURN)
             while self._busy and self.number < last and not enough():
                 self.number += 1
+                self._moment = self._base + self.number * PERIOD
                 self._woken = False
                 more = self._step()
                 self._busy = more or self._woken

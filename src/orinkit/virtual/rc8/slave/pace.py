@@ -7,7 +7,8 @@ controller would have answered its client meanwhile, and had its set-points. So
   the network is asked to (``look``), and the cycle waits for that;
 * where set-points are queued (modes 0 and 2) cycles are not made up for: one is run, and the controller's time is late;
 * where the newest one counts (mode 1) as many are run as the way to it seems to need (:mod:`~.bridge`);
-* where the cycle was late and there is no set-point, the client may not have been answered: it gets a period, once.
+* where the cycle, or the one before, was late and there is no new set-point, the client may not have been answered: it
+  gets a period, once.
 
 A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is.
 """
@@ -22,6 +23,9 @@ from orinkit.virtual.rc8.cycle import PERIOD, Cycles
 _ON_TIME: Final = PERIOD / 4
 _LONGEST_LOOK: Final = 1.0  # real seconds; whoever has not answered by then does not read any more
 _AFTERWARDS: Final = 2  # cycles behind those that were late
+_MOST_OWED: Final = 0.25  # s
+_MEMORY: Final = 125  # cycles
+_NEARLY: Final = 0.5  # part of a period
 
 Look = Callable[[Callable[[], None]], None]
 """Calls back when everything that has arrived by now has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
@@ -33,6 +37,8 @@ class Paced(Protocol):
     Attributes:
         overwrites: whether the newest set-point counts (mode 1).
         starving: whether the next cycle needs a set-point and there is none.
+        moving: whether the command moves.
+        idling: whether the next cycle would stop the command, for there is nothing new.
         lenient: for how many cycles the limits are larger.
     """
 
@@ -45,6 +51,14 @@ class Paced(Protocol):
     @property
     def starving(self) -> bool:
         """Whether the next cycle needs a set-point and there is none."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the command moves."""
+
+    @property
+    def idling(self) -> bool:
+        """Whether the next cycle would stop the command, for there is nothing new."""
 
     def bridge(self, most: int) -> int:
         """Lead to the set-point in at most so many cycles; returns in how many, 0 where there is none."""
@@ -67,24 +81,28 @@ class Pace:
         self._asked = 0.0
         self._seen = False
         self._spared = False
-        self._owed = 0  # cycles that were left out lately
+        self._lately = False  # the last cycle was late
+        self._owed = 0.0  # s by which the controller's time is late, as a client that goes by the clock will notice
+        self._forget_at = 0  # number of the cycle after which that is forgotten
 
     def __call__(self, due: int) -> int:
         """Return how many of the cycles that are due to run now; 0 to wait."""
         slave = self._slave
-        if (slave.starving or (slave.overwrites and due > 1)) and not self._looked():
+        if (slave.starving or (slave.overwrites and (slave.moving or due > 1))) and not self._looked():
             return 0
         self._question = None
-        late = self._cycles.late > _ON_TIME
-        if slave.starving and late and not self._spared and self._seen:
-            self._spare(due)
+        late = self._cycles.late
+        stalled = late > _ON_TIME
+        if slave.idling and (stalled or self._lately) and not self._spared and self._seen:
+            self._spare(late + PERIOD)
             return 0
-        self._spared = False
-        if slave.overwrites:
-            return self._lead(due)
-        if due > 1 or late:
-            self._cycles.put_off(1)
-        return 1
+        self._spared, self._lately = False, stalled
+        count = self._lead(late) if slave.overwrites and not slave.idling else 1
+        behind = late - (count - 1) * PERIOD
+        if behind > _ON_TIME or count > due:
+            self._owe(behind)
+            self._cycles.put_off(count)
+        return count
 
     def _looked(self) -> bool:
         """Ask for a look, if nobody has; returns whether it is over."""
@@ -103,22 +121,24 @@ class Pace:
         with self._cycles:  # runs what is due
             pass
 
-    def _spare(self, due: int) -> None:
+    def _spare(self, late: float) -> None:
+        """Give the client a period."""
         self._spared = True
-        self._owed += due
         self._slave.lenient = 1 + _AFTERWARDS
+        self._owe(late)
         self._cycles.put_off(0)
 
-    def _lead(self, due: int) -> int:
-        if not self._slave.lenient:
-            self._owed = 0
-        most = due + self._owed
+    def _owe(self, seconds: float) -> None:
+        """Note by how much the controller's time has become late; of a time long past nobody knows any more."""
+        self._owed = min(max(0.0, self._owed + seconds), _MOST_OWED)
+        self._forget_at = self._cycles.number + _MEMORY
+
+    def _lead(self, late: float) -> int:
+        """Return in how many cycles to go to the set-point of mode 1."""
+        if self._cycles.number > self._forget_at:
+            self._owed = 0.0
+        most = 1 + int((self._owed + late) / PERIOD + _NEARLY)
         count = self._slave.bridge(most) if most > 1 else 1
-        if not count:
-            return due
-        self._owed = most - count
-        if most > 1 and (due > 1 or count > 1):
+        if count > 1:
             self._slave.lenient = count + _AFTERWARDS
-        if count != due:
-            self._cycles.put_off(count)
-        return count
+        return max(1, count)

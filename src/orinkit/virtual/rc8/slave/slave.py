@@ -108,7 +108,18 @@ class Slave:
     @property
     def starving(self) -> bool:
         """Whether the command moves and there is nothing for the next cycle."""
-        return self.taking and not self._buffer and self._arm.queue.state is QueueState.FOLLOWING
+        return self.taking and not self._buffer and self.moving
+
+    @property
+    def moving(self) -> bool:
+        """Whether the command moves, as set-points have it."""
+        return self._arm.queue.state is QueueState.FOLLOWING
+
+    @property
+    def idling(self) -> bool:
+        """Whether the next cycle would stop the command, for there is nothing new; in mode 1 it may be repeated."""
+        repeated = self.overwrites and self.moving and self.taking
+        return self.starving or (repeated and self._buffer[-1].joints == self._arm.queue.joints)
 
     @property
     def pending(self) -> bool:

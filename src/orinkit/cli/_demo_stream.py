@@ -1,0 +1,128 @@
+"""How the demo streams set-points: with the client's own API, over the connection of the demo, every answer checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+import orinkit
+from orinkit import hresult
+from orinkit.cli._moving import Bar
+from orinkit.cli._stream_report import Report
+from orinkit.cli._stream_trace import trace_of
+from orinkit.cli.stream import Watch
+from orinkit.client._slave_common import PERIOD
+from orinkit.errors import CallError
+from orinkit.language import pick
+
+if TYPE_CHECKING:
+    from orinkit.client._slave_common import Progress, StreamResult
+    from orinkit.client._sync_slave import Stream
+
+_NEAR: Final = 1.0  # deg that the encoders, a few cycles late, may be off at the end
+_TRIES: Final = 3
+_LINES: Final = 25  # set-points between two lines
+_ANSWERS: Final = (hresult.S_OK, hresult.S_BUF_FULL)
+
+
+def carry_out(
+    client: orinkit.Client,
+    handles: tuple[int, int],
+    points: Sequence[tuple[float, ...]],
+    mode: int,
+    say: Callable[[str], None],
+    entered: Callable[[], None],
+) -> tuple[Report, str]:
+    """Stream joints.
+
+    Args:
+        client: the connection.
+        handles: of controller and robot.
+        points: set-points.
+        mode: of slave mode.
+        say: takes lines that show where the arm is, where there is no terminal for a bar.
+        entered: is called when slave mode is on; what goes over the connection from then on is not seen.
+
+    Returns:
+        what is told of it, and what is not as the document says, ``""`` if all is.
+
+    Raises:
+        OrinError: the controller refuses, or ends it.
+    """
+    controller = orinkit.Controller(client, handles[0], "b-CAP")
+    robot = orinkit.Robot(client, handles[1], "Robot", controller)
+    tries = 0
+    while True:
+        tries += 1
+        try:
+            with robot.slave_mode(mode, "J", ("time", "joints")) as stream:
+                entered()
+                result = _run(stream, points, say)
+            return Report(result, stream.real_time, trace_of(result.samples, "J", PERIOD)), compare(result, points)
+        except CallError as error:
+            if error.code != hresult.COMMAND_DELAY or tries == _TRIES:
+                raise
+            say(f"      {error}")
+        say(
+            pick(
+                "      This computer was too busy to send in time. Once more, as RC8 4.7 has it: errors cleared, motor on.",
+                "      計算機の負荷が高く、送信が間に合いませんでした。RC8 4.7 のとおりエラークリアとモータ ON の後、再実行します。",
+            )
+        )
+        controller.clear_error()
+        robot.execute("Motor", [1, 0])
+        robot.move(orinkit.J.of(points[0]), "@E")
+
+
+def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str], None]) -> StreamResult:
+    with Bar() as bar:
+        return stream.run(points, progress=Watch(stream, bar) if bar.seen else _Lines(stream, say))
+
+
+def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
+    """Return what differs from the document (RC8 4.3.1, table 4-3), ``""`` if nothing does."""
+    if result.underflows or result.missed or result.sent != len(points):
+        return pick(
+            f"{result.sent} of {len(points)} set-points, {result.underflows} underflows, {result.missed} answers missed",
+            f"位置指令 {len(points)} 個中 {result.sent} 個、アンダーフロー {result.underflows} 回、応答の欠落 {result.missed} 個",
+        )
+    commands = [sample.command for sample in result.samples]
+    wanted = [tuple(point) for point in points]
+    if not any(commands[place : place + len(wanted)] == wanted for place in range(len(commands) - len(wanted) + 1)):
+        return pick("what was sent is not what was given", "送信した位置指令が指定と異なります")
+    for sample in result.samples:
+        if sample.code not in _ANSWERS or sample.joints is None:
+            return pick(
+                f"set-point {sample.number} was answered with {sample}", f"位置指令 {sample.number} の応答: {sample}"
+            )
+    if any(
+        after.time is None or before.time is None or after.time < before.time
+        for before, after in pairwise(result.samples)
+    ):
+        return pick("the controller's time goes backwards", "コントローラの時刻が逆行しています")
+    last = result.samples[-1].joints or ()
+    if any(abs(joint - wanted_joint) > _NEAR for joint, wanted_joint in zip(last, wanted[-1], strict=False)):
+        return pick(f"the arm ends at {last}", f"アームの最終位置は {last} です")
+    return ""
+
+
+class _Lines:
+    """Shows where the arm is in lines."""
+
+    def __init__(self, stream: Stream, say: Callable[[str], None]) -> None:
+        self._stream = stream
+        self._say = say
+        self._next = 0
+
+    def __call__(self, progress: Progress) -> None:
+        sample = self._stream.latest
+        if progress.sent < self._next or sample is None or sample.joints is None:
+            return
+        self._next = progress.sent + _LINES
+        self._say(f"{joints_line(sample.joints[:6])}  {progress.sent:5}/{progress.total}")
+
+
+def joints_line(joints: Sequence[float]) -> str:
+    """Return joints as a line among packets."""
+    return "      " + "  ".join(f"J{number} {value:8.3f}" for number, value in enumerate(joints, 1))

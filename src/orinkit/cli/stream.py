@@ -1,0 +1,305 @@
+"""``orinkit stream``: carry out a trajectory set-point by set-point, in slave mode."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+
+from cyclopts import Parameter
+
+import orinkit
+from orinkit.cli._connection import Connection, Json, Url
+from orinkit.cli._errors import Failure, unusable, whole_number
+from orinkit.cli._moving import Bar, Interrupts, errors_told, follow, notes_shown, rounded, shown
+from orinkit.language import pick
+
+if TYPE_CHECKING:
+    from orinkit.cao.slave_formats import PoseKind
+    from orinkit.cli._stream_report import Report
+    from orinkit.client._slave_common import Options, Progress, Wanted
+    from orinkit.client._sync_slave import Stream
+    from orinkit.slave.limits import Limits, PathLimits
+
+Points: TypeAlias = "list[tuple[float, ...]]"
+
+_CONNECTION: Final = Connection()
+_SUFFIXES: Final = (".csv", ".mcap")
+_RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
+    "J": ("time", "joints"),
+    "P": ("time", "position", "joints"),
+    "T": ("time", "trans", "joints"),
+}
+_ROBOT_AXES: Final = 6
+_EACH: Final = 12  # set-points between two looks of the bar, about 0.1 s
+
+
+def stream(
+    url: Url,
+    trajectory: Annotated[
+        str,
+        Parameter(help=pick("CSV file with a set-point for each 8 ms, or with times.",
+                            "軌道の CSV ファイル (8 ms ごとに 1 行、または時刻付き)。")),
+    ],
+    /,
+    *,
+    mode: Annotated[
+        int,
+        Parameter(
+            converter=whole_number,
+            help=pick("Slave mode: 0 or 2 has the controller queue set-points, 1 take the newest.",
+                      "スレーブモード: 0 と 2 は位置指令をキューに積み、1 は最新のみ使う。"),
+        ),
+    ] = 2,
+    pose: Annotated[
+        str | None,
+        Parameter(help=pick("What set-points are: J joints, P positions, T transformations; by default as the file has it.",
+                            "位置形式: J 関節、P 位置、T 同次変換。既定はファイルの形式。")),
+    ] = None,
+    record: Annotated[
+        str | None,
+        Parameter(help=pick("Record set-points and feedback in this file, .csv or .mcap; see orinkit plot.",
+                            "位置指令とフィードバックを記録するファイル (.csv, .mcap)。orinkit plot で表示。")),
+    ] = None,
+    retime: Annotated[
+        bool,
+        Parameter(help=pick("Slow down what is faster than the limits.", "制限を超える区間を減速する。")),
+    ] = False,
+    speed: Annotated[
+        float, Parameter(help=pick("Percent of the arm's limits to stay within.", "アームの制限値に対する割合 (%)。"))
+    ] = 100.0,
+    model: Annotated[
+        str | None,
+        Parameter(help=pick("Arm whose limits hold, or a TOML file; by default as the controller names it.",
+                            "制限値に使う機種名または TOML ファイル。既定はコントローラの返す型式。")),
+    ] = None,
+    move: Annotated[
+        bool,
+        Parameter(help=pick("Move to the first set-point before, point to point.", "先に始点へ PTP で移動する。")),
+    ] = False,
+    no_motor: Annotated[
+        bool, Parameter(help=pick("Do not switch the motor on; it has to be.", "モータを ON にしない (ON である必要あり)。"))
+    ] = False,
+    connection: Connection = _CONNECTION,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Take arm and motor, check the trajectory, stream it, and tell how it went.
+
+    Nothing moves before the whole trajectory has been checked. Ctrl-C brings the arm to rest within its limits.
+    """
+    job = _job(trajectory, mode, pose, record, speed, model, retime=retime, move=move, motor=not no_motor)
+    with notes_shown(), connection.open(url) as controller, controller.robot() as robot, Bar() as bar:
+        try:
+            with Interrupts() as interrupts, errors_told(controller, url):
+                report = _carry_out(robot, job, interrupts, bar)
+        except KeyboardInterrupt as interrupt:
+            if interrupt is job.interrupt:
+                raise _interrupted(job) from None
+            raise
+    if json:
+        from orinkit.cli._output import print_json
+
+        print_json(report.document())
+    else:
+        print("\n".join(report.lines()))
+
+
+@dataclass(slots=True)
+class _Job:
+    """What is to be done.
+
+    Attributes:
+        path: of the trajectory.
+        kind: of its set-points.
+        options: of slave mode.
+        speed: percent.
+        retime, move, motor: what is done before.
+        progress: how far it is.
+        interrupt: by which somebody has ended it while it streamed.
+    """
+
+    path: Path
+    kind: PoseKind
+    options: Options
+    speed: float
+    retime: bool
+    move: bool
+    motor: bool
+    progress: Progress | None = field(default=None)
+    interrupt: KeyboardInterrupt | None = field(default=None)
+
+
+def _job(
+    trajectory: str, mode: int, pose: str | None, record: str | None, speed: float, model: str | None, *,
+    retime: bool, move: bool, motor: bool,
+) -> _Job:  # fmt: skip
+    """Return what the command line wants; all that can be wrong with it is said before anything is connected."""
+    from orinkit.client._slave_common import PERIOD, read_options
+    from orinkit.slave.csv_file import load_csv
+
+    path = Path(trajectory)
+    kind: PoseKind = load_csv(path)[0] if pose is None else _kind(pose)
+    if record is not None:
+        _check_record(Path(record))
+    options = read_options(
+        mode, kind, _RECEIVED[kind], mini=None, hand=None, user=None, user_window=None,
+        limits=None if model is None else _limits_of(model, kind), speed=speed, period=PERIOD, queue=100, idle=None,
+        on_range="clamp", record=record,
+    )  # fmt: skip
+    return _Job(path, kind, options, speed, retime, move, motor)
+
+
+def _kind(pose: str) -> PoseKind:
+    match pose.upper():
+        case "J":
+            return "J"
+        case "P":
+            return "P"
+        case "T":
+            return "T"
+    raise unusable(f"--pose {pose}: J, P or T", f"--pose {pose}: J、P、T のいずれかを指定してください")
+
+
+def _check_record(path: Path) -> None:
+    from orinkit.cli._motion_record import check_directory
+
+    if path.suffix.lower() not in _SUFFIXES:
+        first, second = _SUFFIXES
+        raise unusable(
+            f"{path}: a record's name ends in {first} or {second}",
+            f"{path}: 記録のファイル名は {first} か {second} で終えてください",
+        )
+    check_directory(path)
+
+
+def _limits_of(model: str, kind: PoseKind) -> Limits | PathLimits:
+    from orinkit.arms import load_model
+    from orinkit.slave.limits import Limits, PathLimits
+
+    try:
+        found = load_model(model)
+    except ValueError as error:
+        raise Failure(str(error), 2) from None
+    return Limits.of_model(found) if kind == "J" else PathLimits.of_model(found)
+
+
+# --- with a controller ------------------------------------------------------------------------------------------------
+
+
+def _carry_out(robot: orinkit.Robot, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
+    from orinkit.client._slave_common import POSE_TYPES
+
+    with ExitStack() as held:
+        held.enter_context(robot.arm())
+        limits, points = _prepared(robot, job)
+        interrupts.check()
+        if job.motor and not robot.motor_on:
+            held.enter_context(robot.motor())
+        interrupts.check()
+        if job.move:
+            first = POSE_TYPES[job.kind].of(points[0])
+            follow(robot, robot.move(first, "@E", speed=job.speed, wait=False), interrupts, bar)
+        mode = robot.slave_mode(
+            job.options.mode.buffering, job.kind, _RECEIVED[job.kind], limits=limits, idle=None,
+            record=job.options.record,
+        )  # fmt: skip
+        with mode as entered:
+            try:
+                return _streamed(entered, points, job, interrupts, bar)
+            except KeyboardInterrupt as interrupt:
+                job.interrupt = interrupt
+                raise
+
+
+def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Points]:
+    """Return limits, and set-points within them.
+
+    Raises:
+        TrajectoryError: a set-point breaks a limit, or the arm is somewhere else.
+    """
+    from orinkit.client._slave_common import limits_for
+    from orinkit.slave.limits import Limits
+    from orinkit.slave.retime import retime
+    from orinkit.slave.trajectory import TrajectoryError, read_trajectory
+
+    options, period = job.options, job.options.period
+    limits = limits_for(options, "" if options.limits is not None else robot.execute("GetRobotTypeName"))
+    axes = len(limits.lower) if isinstance(limits, Limits) else _ROBOT_AXES
+    points = read_trajectory(job.path, job.kind, axes, period=period)
+    if job.retime:
+        points = retime(points, limits, period, job.kind)
+    _check(points, limits, None, job)
+    if not job.move:
+        where = {"J": orinkit.Robot.get_joints, "P": orinkit.Robot.get_position, "T": orinkit.Robot.get_trans}[job.kind]
+        try:
+            _check(points, limits, tuple(where(robot)), job)
+        except TrajectoryError as error:
+            text = pick(f"{error}; try: --move", f"{error}。対処: --move")
+            raise TrajectoryError(text, error.sample, error.axis) from None
+    return limits, points
+
+
+def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...] | None, job: _Job) -> None:
+    from orinkit.slave.limits import PathLimits
+    from orinkit.slave.trajectory import check_path, check_trajectory
+
+    if isinstance(limits, PathLimits):
+        check_path(points, limits, start, job.options.period, job.kind)
+    else:
+        check_trajectory(points, limits, start, job.options.period)
+
+
+def _streamed(entered: Stream, points: Points, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
+    from orinkit.cli._stream_report import Report
+    from orinkit.cli._stream_trace import trace_of
+
+    watch = Watch(entered, bar)
+
+    def look(progress: Progress) -> None:
+        job.progress = progress
+        interrupts.check()
+        watch(progress)
+
+    interrupts.check()
+    result = entered.run(points, progress=look)
+    record = None if job.options.record is None else str(job.options.record)
+    return Report(result, entered.real_time, trace_of(result.samples, job.kind, job.options.period), record)
+
+
+class Watch:
+    """Shows in a bar how far a stream is, with what came back last.
+
+    Args:
+        entered: the stream.
+        bar: where.
+    """
+
+    def __init__(self, entered: Stream, bar: Bar) -> None:
+        self._entered = entered
+        self._bar = bar
+        self._next = 0
+
+    def __call__(self, progress: Progress) -> None:
+        """Take note of the progress."""
+        sent, total = progress
+        if self._bar.seen and total and (sent >= self._next or sent == total):
+            self._next = sent + _EACH
+            self._bar.show(pick("streaming", "送信中"), sent / total, f"{sent}/{total}  {self._place()}")
+
+    def _place(self) -> str:
+        sample = self._entered.latest
+        return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
+
+
+def _interrupted(job: _Job) -> Failure:
+    from orinkit.cli.app import INTERRUPTED
+
+    sent, total = job.progress or (0, 0)
+    return Failure(
+        pick(
+            f"interrupted after {sent} of {total} set-points: the arm was brought to rest, slave mode is off",
+            f"位置指令 {total} 個中 {sent} 個を送信したところで中断しました。アームを減速停止し、スレーブモードを終了しました",
+        ),
+        INTERRUPTED,
+    )

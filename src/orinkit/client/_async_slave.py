@@ -1,0 +1,500 @@
+"""Slave mode: an arm that is moved set-point by set-point (RC8 4), by a process of its own.
+
+The synchronous twin is made from this file, as that of :mod:`orinkit.client._async` is.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from itertools import islice
+from time import monotonic_ns
+from types import TracebackType
+from typing import Any, Final, Self
+
+from orinkit import hresult
+from orinkit.client import _slave_common as common
+from orinkit.client._async_motion import AsyncMover
+from orinkit.client._slave_common import Options, Progress, Reader, StreamResult
+from orinkit.errors import CallError, InvalidValue, OrinError, StreamError, TransportError
+from orinkit.language import pick
+from orinkit.poses import J, P, T
+from orinkit.slave.launch import Streaming
+from orinkit.slave.limits import Limits, PathLimits
+from orinkit.slave.planners import Planner, planner_for
+from orinkit.slave.realtime import RealTime
+from orinkit.slave.retime import retime as retimed
+from orinkit.slave.samples import Sample
+from orinkit.slave.shared import QUEUE_ROOM, Order, Outputs
+from orinkit.slave.streamer import Setup
+from orinkit.slave.trajectory import TrajectoryError, check_path, check_trajectory, read_point, read_trajectory
+from orinkit.transport.drive import Deadline, apause
+
+_NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
+
+
+class AsyncStream:
+    """Slave mode for as long as a block lasts; ``Robot.slave_mode`` makes one.
+
+    A process of its own has the connection meanwhile and sends a set-point in each cycle of the controller, whatever this
+    program does: from :meth:`run`, from :attr:`target`, or from :meth:`push`. When there are none, when this program
+    raises, is stopped or killed, it brings the arm to rest within the limits, repeats the last pose, and leaves slave mode.
+
+    Attributes:
+        limits: within which everything stays.
+        real_time: what the system has granted the process.
+    """
+
+    def __init__(self, robot: AsyncMover, options: Options) -> None:
+        self._robot = robot
+        self._options = options
+        self._streaming: Streaming | None = None
+        self._recording: common.Recording | None = None
+        self._failure: OrinError | None = None
+        self._told = False  # whether a call has raised it
+        self._pushed: Planner | None = None
+        self._kind = options.mode.kind
+        self._outputs = options.outputs
+        self.limits: Limits | PathLimits | None = options.limits
+        self.real_time = RealTime()
+
+    # --- entering and leaving -----------------------------------------------------------------------------------
+
+    async def __aenter__(self) -> Self:
+        if self._options.record is not None:
+            self._recording = common.Recording(self._options.record, self._options)
+        try:
+            await self._enter()
+        except BaseException:
+            self._close_recording(quiet=True)
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            await self._leave(Order.FINISH if error is None else Order.LEAVE)
+        finally:
+            self._close_recording(quiet=error is not None)
+        if error is None and self._failure is not None and not self._told:
+            raise self._failure
+
+    async def _enter(self) -> None:
+        robot, client, options = self._robot, self._robot.client, self._options
+        self._failure, self._told = None, False
+        self._pushed = None
+        streaming = Streaming(client.descriptor())
+        self._streaming = streaming
+        try:
+            await robot.execute("slvSendFormat", int(options.send))
+            await robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
+            if options.limits is None:
+                type_name = await robot.execute("GetRobotTypeName")
+                self.limits = common.limits_for(options, type_name)
+            else:
+                self.limits = common.limits_for(options, "")
+            start = await self._start()
+            await self._until(lambda: streaming.real_time is not None)
+        except BaseException:
+            await self._give_up(streaming)
+            raise
+        self.real_time = streaming.real_time or RealTime()
+        serial = client.lend()
+        try:
+            streaming.begin(self._setup(start, serial))
+            await self._until(lambda: streaming.streaming)
+        except BaseException:
+            await self._give_up(streaming)
+            raise
+        if self._recording is not None:
+            self._recording.follow(streaming.shared)
+
+    def _setup(self, start: tuple[float, ...], serial: int) -> Setup:
+        options = self._options
+        assert self.limits is not None
+        return Setup(
+            self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
+            options.window, self._outputs, options.period, self.limits, start, serial, self._robot.client.timeout,
+            options.idle, os.getpid(),
+        )  # fmt: skip
+
+    async def _start(self) -> tuple[float, ...]:
+        """Return where the arm stands, once its encoders do."""
+        robot = self._robot
+        deadline = Deadline(common.SETTLE)
+        while not await robot.motion_complete(1) and not deadline.passed:
+            await apause(common.POLL)
+        if self._kind == "P":
+            return tuple(await robot.get_position())
+        if self._kind == "T":
+            return tuple(await robot.get_trans())
+        joints = await robot.get_joints()
+        assert isinstance(self.limits, Limits)
+        return tuple(joints)[: len(self.limits.lower)]
+
+    async def _until(self, happened: Callable[[], bool]) -> None:
+        """Wait for something that the streaming process does."""
+        while not happened():
+            self._look()
+            await apause(common.POLL)
+
+    async def _leave(self, order: Order) -> None:
+        streaming = self._streaming
+        if streaming is None:
+            return
+        try:
+            streaming.look()
+            if not streaming.ended:
+                if order is Order.LEAVE:
+                    streaming.shared.forget()
+                streaming.shared.order(order)
+            while not streaming.ended:
+                await apause(common.POLL)
+                streaming.look()
+        finally:
+            await self._give_up(streaming)
+
+    async def _give_up(self, streaming: Streaming) -> None:
+        """Take the connection back; where the streaming process has not given it back in good order, it is closed."""
+        self._streaming = None
+        if self._recording is not None:
+            self._recording.pause()
+        client = self._robot.client
+        began = streaming.began
+        in_order = not began or (streaming.ended and not isinstance(streaming.error, TransportError | StreamError))
+        if streaming.ended and self._failure is None:
+            self._failure = streaming.error
+            if streaming.reason in ("stopped", "terminated"):
+                self._failure = common.ended_because(streaming.reason, self._options.idle)
+        streaming.close()
+        if began:
+            client.take_back(streaming.serial)
+        if not in_order:
+            await client.close()
+
+    def _close_recording(self, *, quiet: bool) -> None:
+        recording, self._recording = self._recording, None
+        if recording is not None:
+            try:
+                recording.close()
+            except OrinError:
+                if not quiet:
+                    raise
+
+    async def recover(self) -> None:
+        """Stream again after an error, from where the arm is now (RC8 4.7): errors cleared, motor on, slave mode on.
+
+        Nothing moves until there are new set-points; what was queued is forgotten.
+
+        Raises:
+            CallError: the controller refuses: somebody has to look at it.
+        """
+        await self._leave(Order.LEAVE)
+        for attempt in range(common.TRIES):
+            try:
+                await self._robot._controller().execute("ClearError")  # noqa: SLF001 - its own controller
+                await self._robot.execute("Motor", [1, 0])
+                await self._enter()
+            except CallError as error:
+                if error.code not in _NOT_YET or attempt == common.TRIES - 1:
+                    raise
+                await apause(common.SETTLE / common.TRIES)
+            else:
+                return
+
+    # --- a whole trajectory -------------------------------------------------------------------------------------
+
+    async def run(
+        self, trajectory: Any, *, retime: bool = False, progress: Callable[[Progress], object] | None = None
+    ) -> StreamResult:
+        """Send a trajectory, one set-point for each cycle, and wait until the arm stands at its end.
+
+        Args:
+            trajectory: an array of one row per cycle, a sequence of ``J(...)``, ``P(...)`` or ``T(...)``, the path of a
+                CSV file, or an iterator. All but an iterator is checked as a whole before anything moves.
+            retime: slow down what is faster than the limits; not of an iterator.
+            progress: is told how many set-points have been sent.
+
+        Raises:
+            TrajectoryError: a set-point breaks a limit, or is none; the message names it and the axis.
+            CallError: the controller ended slave mode: its first error.
+            StreamError: slave mode has ended.
+        """
+        streaming = self._alive()
+        total: int | None = None
+        await self._still()
+        if isinstance(trajectory, Iterator):
+            points = self._checked(trajectory)
+            ready = list(islice(points, common.PREFETCH))
+        else:
+            ready = self._prepared(trajectory, retime=retime)
+            points, total = iter(()), len(ready)
+        shared = streaming.shared
+        reader = Reader(shared, shared.samples)
+        samples: list[Sample] = []
+        before, dry = shared.sent, shared.dry
+
+        async def look() -> None:
+            self._alive()
+            samples.extend(reader.new())
+            if progress is not None:
+                progress(Progress(shared.sent - before, total))
+            await apause(common.POLL)
+
+        sent = await self._feed(ready, points, look)
+        while shared.sent - before < sent or not shared.settled:
+            await look()
+        shared.hold()
+        samples.extend(reader.new())
+        if progress is not None:
+            progress(Progress(sent, total))
+        self._pushed = None
+        return StreamResult(sent, shared.dry - dry, tuple(samples), reader.missed, common.timing_of(samples))
+
+    async def _feed(self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], look: Any) -> int:
+        """Queue set-points as there is room; returns how many there were."""
+        shared = self._alive().shared
+        sent = 0
+        for source in (iter(ready), points):
+            for point in source:
+                while shared.waiting >= QUEUE_ROOM:
+                    await look()
+                shared.put(point)
+                sent += 1
+                if not sent % common.PREFETCH:
+                    self._alive()
+        return sent
+
+    def _prepared(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
+        options, start = self._options, self._command()
+        points = read_trajectory(trajectory, self._kind, self._axes, period=options.period)
+        assert self.limits is not None
+        if retime:
+            points = retimed(points, self.limits, options.period, self._kind)
+        if isinstance(self.limits, Limits):
+            check_trajectory(points, self.limits, start, options.period)
+        else:
+            check_path(points, self.limits, start, options.period, self._kind)
+        return points
+
+    def _checked(self, points: Iterator[Any]) -> Iterator[tuple[float, ...]]:
+        start = self._command()
+        shadow = self._shadow(start)
+        for number, given in enumerate(points):
+            point = read_point(given, self._kind, self._axes, number)
+            try:
+                shadow.admits(point)
+            except InvalidValue as error:
+                raise TrajectoryError(
+                    pick(f"set-point {number}: {error}", f"位置指令 {number}: {error}"), number
+                ) from None
+            shadow.take(point)
+            yield point
+
+    def _shadow(self, start: Sequence[float]) -> Planner:
+        """Return a planner that goes where the streaming process goes, to see what it would pass through."""
+        assert self.limits is not None
+        return planner_for(self.limits, self._options.period, start, self._kind)
+
+    async def _still(self) -> None:
+        """Wait until what was pushed has been sent, and the arm stands."""
+        shared = self._alive().shared
+        held = False
+        while shared.samples < 1 or not shared.at_rest or shared.waiting:
+            if not shared.waiting and not held:
+                shared.hold()
+                held = True
+            self._alive()
+            await apause(common.POLL)
+        shared.hold()
+
+    # --- set-points one by one ----------------------------------------------------------------------------------
+
+    async def push(
+        self, point: Any, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
+    ) -> None:
+        """Queue one set-point; waits while the queue is full.
+
+        When no more come the arm is brought to rest, and after ``idle`` seconds slave mode is left.
+
+        Args:
+            point: ``J(...)``, ``P(...)`` or ``T(...)`` as the block's ``pose`` has it, or its numbers.
+            mini: outputs that change with it, of those that the block was opened with.
+            hand: the same.
+            user: the same.
+
+        Raises:
+            InvalidValue: it is none, or farther from the one before than the limits allow.
+            CallError: the controller ended slave mode: its first error.
+            StreamError: slave mode has ended.
+        """
+        shared = self._alive().shared
+        start = self._command()
+        values = read_point(point, self._kind, self._axes)
+        shadow = self._pushed if shared.waiting or not shared.at_rest else None
+        if shadow is None:  # nothing is under way: from where the arm is held
+            shadow = self._shadow(start)
+        shadow.admits(values)
+        outputs = self._changed(mini, hand, user)
+        while shared.waiting >= self._options.queue:
+            await apause(common.POLL)
+            self._alive()
+        shadow.take(values)
+        self._pushed = shadow
+        self._outputs = self._outputs.changed(outputs)
+        shared.put(values, outputs)
+
+    # --- a live target ------------------------------------------------------------------------------------------
+
+    @property
+    def target(self) -> J | P | T | None:
+        """Where the arm is to go: may be set at any time, as often as one likes; the arm follows within the limits."""
+        return self._target
+
+    @target.setter
+    def target(self, pose: Any) -> None:
+        streaming = self._alive()
+        values = read_point(pose, self._kind, self._axes)
+        if self._options.on_range == "refuse":
+            self._check_range(values)
+        streaming.shared.forget()
+        streaming.shared.set_target(values, monotonic_ns())
+        self._target = common.POSE_TYPES[self._kind].of(values)
+        self._pushed = None
+
+    _target: J | P | T | None = None
+
+    def _check_range(self, values: Sequence[float]) -> None:
+        if not isinstance(self.limits, Limits):
+            return
+        for axis, (value, low, high) in enumerate(zip(values, self.limits.lower, self.limits.upper, strict=False), 1):
+            if not low <= value <= high:
+                raise InvalidValue(
+                    pick(
+                        f"axis {axis}: {value:g} is beyond its range of {low:g} to {high:g}",
+                        f"第 {axis} 軸: {value:g} は可動範囲外です ({low:g}～{high:g})",
+                    )
+                )
+
+    async def stop(self) -> None:
+        """Bring the arm to rest within the limits, forget what is queued, and hold it there; slave mode stays on."""
+        shared = self._alive().shared
+        shared.forget()
+        shared.hold()
+        shared.order(Order.HALT)
+        while not shared.order_done:
+            self._alive()
+            await apause(common.POLL)
+        shared.order(Order.RUN)
+        self._pushed = self._target = None
+
+    async def wait(self) -> None:
+        """Wait until the arm stands: at the live target, or at the last set-point."""
+        streaming = self._alive()
+        shared = streaming.shared
+        from_now = shared.samples + 1  # one that knows what was wanted just now
+        while shared.samples <= from_now or shared.waiting or not shared.settled:
+            self._alive()
+            await apause(common.POLL)
+
+    def outputs(
+        self, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
+    ) -> None:
+        """Change outputs, of those that the block was opened with, from the next cycle on (RC8 table 4-2)."""
+        streaming = self._alive()
+        self._outputs = self._outputs.changed(self._changed(mini, hand, user))
+        streaming.shared.set_outputs(self._outputs)
+
+    def _changed(self, mini: int | None, hand: int | None, user: tuple[int, bytes] | None) -> Outputs:
+        have = self._options.outputs
+        for name, new, old in (("mini", mini, have.mini), ("hand", hand, have.hand), ("user", user, have.user)):
+            if new is not None and old is None:
+                raise InvalidValue(
+                    pick(
+                        f"{name} outputs are not sent: open the block with them, slave_mode({name}=...)",
+                        f"{name} 出力は送信対象ではありません。slave_mode({name}=...) で開始してください",
+                    )
+                )
+        return Outputs(mini, hand, user)
+
+    # --- what comes back ----------------------------------------------------------------------------------------
+
+    async def feedback(self) -> AsyncIterator[Sample]:
+        """Give every sample from now on, until the block ends."""
+        streaming = self._alive()
+        reader = Reader(streaming.shared, streaming.shared.samples)
+        while self._streaming is streaming and not streaming.ended:
+            for sample in reader.new():
+                yield sample
+            await apause(common.POLL)
+            streaming.look()
+        if self._streaming is streaming:
+            self._alive()
+
+    @property
+    def latest(self) -> Sample | None:
+        """The newest sample; ``None`` before the first one."""
+        shared = self._alive().shared
+        for number in range(shared.samples - 1, max(-1, shared.samples - 3), -1):
+            raw = shared.sample(number)
+            if raw is not None:
+                return common.sample_of(raw, shared.began_ns)
+        return None
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the command stands still."""
+        return self._alive().shared.at_rest
+
+    @property
+    def waiting(self) -> int:
+        """How many set-points are queued."""
+        return self._alive().shared.waiting
+
+    @property
+    def underflows(self) -> int:
+        """How often the queue was empty while the arm moved, so that the arm was brought to rest."""
+        return self._alive().shared.dry
+
+    @property
+    def error(self) -> OrinError | None:
+        """What ended streaming; ``None`` while all is well."""
+        if self._failure is None and self._streaming is not None:
+            self._streaming.look()
+            if self._streaming.ended:
+                reason = self._streaming.reason
+                self._failure = self._streaming.error or common.ended_because(reason, self._options.idle)
+        return self._failure
+
+    @property
+    def _axes(self) -> int:
+        return len(self.limits.lower) if isinstance(self.limits, Limits) else 6
+
+    def _command(self) -> tuple[float, ...]:
+        """Return the newest command."""
+        sample = self.latest
+        assert self.limits is not None
+        count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._kind]
+        return sample.command[:count] if sample is not None else (math.nan,) * count
+
+    def _alive(self) -> Streaming:
+        """Return the streaming process.
+
+        Raises:
+            OrinError: it has ended.
+        """
+        self._look()
+        assert self._streaming is not None
+        return self._streaming
+
+    def _look(self) -> None:
+        streaming = self._streaming
+        if streaming is not None:
+            streaming.look()
+            if not streaming.ended:
+                return
+            self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
+        self._told = True
+        raise self._failure or common.ended_because("", None)

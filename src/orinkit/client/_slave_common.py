@@ -1,0 +1,375 @@
+"""What both clients' streams share: formats, results, samples. Plain data, no calls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from threading import Event, Thread
+from time import time_ns
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
+
+from orinkit.arms import model_of_type
+from orinkit.cao.slave_formats import (
+    PoseKind,
+    Receive,
+    ReceiveFormat,
+    Send,
+    SlaveMode,
+    UserWindow,
+    mode_number,
+    mode_of,
+)
+from orinkit.errors import InvalidValue, OrinError, StreamError
+from orinkit.language import pick
+from orinkit.poses import J, P, T
+from orinkit.slave.limits import Limits, PathLimits
+from orinkit.slave.samples import Sample
+from orinkit.slave.shared import SAMPLE_ROOM, Outputs, RawSample, Shared
+
+Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
+"""What can come back with each set-point; the controller's time and the joints are by default."""
+OnRange: TypeAlias = Literal["clamp", "refuse"]
+"""What is done with a live target beyond the arm's range."""
+
+PERIOD: Final = 0.008
+"""Seconds of a controller's cycle (RC8 4.1)."""
+POLL: Final = 0.002
+"""Seconds between two looks at what the streaming process has done."""
+SETTLE: Final = 2.0
+"""Seconds that the arm may take to stand still before slave mode begins."""
+PREFETCH: Final = 25
+"""Set-points of an iterator that are there before the first one is sent."""
+TRIES: Final = 3
+"""How often recovering is tried (reference: recovery that users implemented)."""
+
+POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
+"""The values of each kind of pose."""
+
+_POSES: Final[dict[frozenset[str], int]] = {
+    frozenset(): 2,
+    frozenset({"position"}): 1,
+    frozenset({"joints"}): 2,
+    frozenset({"trans"}): 3,
+    frozenset({"position", "joints"}): 4,
+    frozenset({"trans", "joints"}): 5,
+}
+_FLAGS: Final[dict[str, Receive]] = {
+    "time": Receive.TIME,
+    "hand": Receive.HAND,
+    "current": Receive.CURRENT,
+    "mini": Receive.MINI,
+}
+_POSE_NAMES: Final = frozenset({"position", "joints", "trans"})
+_LONGEST_SLEEP: Final = 0.05
+
+
+class Progress(NamedTuple):
+    """How far a trajectory is.
+
+    Attributes:
+        sent: set-points that have been sent.
+        total: how many there are; ``None`` where nobody knows.
+    """
+
+    sent: int
+    total: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Seconds between one set-point and the next, as they were sent.
+
+    Attributes:
+        gaps: each of them.
+    """
+
+    gaps: tuple[float, ...] = ()
+
+    def part(self, part: float) -> float:
+        """Return the gap that this part of all gaps, 0 to 1, do not exceed, s."""
+        ordered = sorted(self.gaps)
+        return ordered[min(len(ordered) - 1, int(part * len(ordered)))] if ordered else 0.0
+
+    @property
+    def p50(self) -> float:
+        """The middle one, s."""
+        return self.part(0.5)
+
+    @property
+    def p99(self) -> float:
+        """What 99 of 100 do not exceed, s."""
+        return self.part(0.99)
+
+    @property
+    def max(self) -> float:
+        """The longest, s."""
+        return max(self.gaps, default=0.0)
+
+    def histogram(self, width: float = 0.001) -> dict[int, int]:
+        """Return how many gaps there are of each length: 7 counts those from 7 to below 8 widths."""
+        counts: dict[int, int] = {}
+        for gap in self.gaps:
+            place = int(gap / width)
+            counts[place] = counts.get(place, 0) + 1
+        return dict(sorted(counts.items()))
+
+    def __str__(self) -> str:
+        return pick(
+            f"{len(self.gaps)} gaps, p50 {self.p50 * 1e3:.2f} ms, p99 {self.p99 * 1e3:.2f} ms, max {self.max * 1e3:.2f} ms",
+            f"間隔 {len(self.gaps)} 個、p50 {self.p50 * 1e3:.2f} ms、p99 {self.p99 * 1e3:.2f} ms、最大 {self.max * 1e3:.2f} ms",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class StreamResult:
+    """What became of a trajectory.
+
+    Attributes:
+        sent: set-points of it that were sent.
+        underflows: how often they came too late, so that the arm was brought to rest; 0 for a sequence.
+        samples: what came back, from the first set-point to the arm's rest.
+        missed: samples that nobody read in time.
+        timing: seconds between the set-points.
+    """
+
+    sent: int
+    underflows: int
+    samples: tuple[Sample, ...]
+    missed: int
+    timing: Timing
+
+    def __str__(self) -> str:
+        return pick(
+            f"{self.sent} set-points, {self.underflows} underflows; {self.timing}",
+            f"位置指令 {self.sent} 個、アンダーフロー {self.underflows} 回; {self.timing}",
+        )
+
+
+def timing_of(samples: Iterable[Sample]) -> Timing:
+    """Return the gaps between samples; what nobody has read leaves none."""
+    return Timing(tuple(b.sent - a.sent for a, b in pairwise(samples) if b.number == a.number + 1))
+
+
+@dataclass(slots=True)
+class Options:
+    """What slave mode is asked for; as of ``Robot.slave_mode``."""
+
+    mode: SlaveMode
+    receive: ReceiveFormat
+    send: Send
+    outputs: Outputs
+    window: UserWindow | None
+    limits: Limits | PathLimits | None
+    speed: float
+    period: float
+    queue: int
+    idle: float | None
+    on_range: OnRange
+    record: Path | None
+
+
+def read_options(
+    mode: int, pose: str, recv: Iterable[str], *, mini: int | None, hand: int | None, user: tuple[int, bytes] | None,
+    user_window: tuple[int, int] | None, limits: Limits | PathLimits | None, speed: float, period: float, queue: int,
+    idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
+) -> Options:  # fmt: skip
+    """Return the options of slave mode.
+
+    Raises:
+        InvalidValue: one of them is none.
+    """
+    wanted = mode_of(mode_number(mode, pose))
+    assert wanted is not None
+    names = frozenset([recv] if isinstance(recv, str) else recv)
+    if unknown := names - _FLAGS.keys() - _POSE_NAMES:
+        known = ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES))
+        raise InvalidValue(
+            pick(f"recv: {min(unknown)!r} is none of {known}", f"recv: {min(unknown)!r} は使えません ({known})")
+        )
+    poses = _POSES.get(names & _POSE_NAMES)
+    if poses is None:
+        raise InvalidValue(
+            pick(
+                "recv: position and trans cannot come back together; joints can come with either (RC8 table 4-1)",
+                "recv: position と trans は同時に受信できません。joints はどちらとも組み合わせられます (表 4-1)",
+            )
+        )
+    number = poses | Receive.TIME
+    for name in names & _FLAGS.keys():
+        number |= _FLAGS[name]
+    if user_window is not None:
+        number |= Receive.USER
+    if mini is not None and user is not None:
+        raise InvalidValue(
+            pick("mini and user outputs cannot be sent together (RC8 table 4-1)", "mini と user の出力は同時に送信できません (表 4-1)")
+        )  # fmt: skip
+    send = Send(0)
+    for given, flag in ((mini, Send.MINI), (hand, Send.HAND), (user, Send.USER)):
+        if given is not None:
+            send |= flag
+    for name, value, least, most in (
+        ("speed", speed, 0.0, 100.0),
+        ("period", period, 0.0, 1.0),
+        ("queue", queue, 0, 4096),
+        ("idle", 1.0 if idle is None else idle, 0.0, 1e6),
+    ):
+        if not least < value <= most:  # so is no NaN
+            raise InvalidValue(
+                pick(
+                    f"{name}: {value!r} is not above {least:g} and at most {most:g}",
+                    f"{name}: {value!r} は範囲外です ({least:g} より大きく {most:g} 以下)",
+                )
+            )
+    if on_range not in ("clamp", "refuse"):
+        raise InvalidValue(
+            pick(f"on_range: {on_range!r}; clamp or refuse", f"on_range: {on_range!r} (clamp か refuse)")
+        )
+    if limits is not None and isinstance(limits, Limits) is not (wanted.kind == "J"):
+        raise InvalidValue(
+            pick(
+                "limits: joints (pose J) have Limits, positions (pose P, T) have PathLimits",
+                "limits: 関節 (pose J) には Limits、位置 (pose P, T) には PathLimits を指定してください",
+            )
+        )
+    return Options(
+        wanted, ReceiveFormat(int(number), microseconds=True), send, Outputs(mini, hand, user),
+        UserWindow(*user_window) if user_window else None, limits, speed, period, int(queue), idle, on_range,
+        Path(record) if record is not None else None,
+    )  # fmt: skip
+
+
+def limits_for(options: Options, type_name: object) -> Limits | PathLimits:
+    """Return the limits to stream within: as given, or those of the arm whose controller gives this type name.
+
+    Raises:
+        StreamError: no such arm is known here.
+    """
+    limits = options.limits
+    if limits is None:
+        model = model_of_type(str(type_name))
+        if model is None:
+            raise StreamError(
+                pick(
+                    f"the limits of a {type_name} are not known here; give them: slave_mode(limits=...)",
+                    f"{type_name} の制限値は登録されていません。slave_mode(limits=...) で指定してください",
+                )
+            )
+        limits = Limits.of_model(model) if options.mode.kind == "J" else PathLimits.of_model(model)
+    part = options.speed / 100
+    return limits if part == 1.0 else limits.scaled(part, part, part)
+
+
+def ended_because(reason: str, idle: float | None) -> StreamError:
+    """Return the exception for a stream that has ended without an error."""
+    texts = {
+        "stopped": pick(
+            "this program was stopped (SIGSTOP): the arm was brought to rest and slave mode was left. Try: recover()",
+            "プログラムが停止 (SIGSTOP) されたため、アームを減速停止しスレーブモードを終了しました。対処: recover()",
+        ),
+        "idle": pick(
+            f"no set-point came for {idle} s: slave mode was left. Try: recover(), or slave_mode(idle=None)",
+            f"位置指令が {idle} 秒間なかったため、スレーブモードを終了しました。対処: recover() か slave_mode(idle=None)",
+        ),
+        "terminated": pick(
+            "the streaming process was told to end (SIGTERM): the arm was brought to rest and slave mode was left",
+            "ストリーミングプロセスが終了要求 (SIGTERM) を受け、アームを減速停止しスレーブモードを終了しました",
+        ),
+    }
+    return StreamError(
+        texts.get(reason) or pick("slave mode is off: the block has ended", "スレーブモードは終了しています")
+    )
+
+
+# --- samples ----------------------------------------------------------------------------------------------------------
+
+
+def sample_of(raw: RawSample, began_ns: int) -> Sample:
+    """Return a sample as users see it."""
+    return Sample(
+        raw.number, (raw.sent_ns - began_ns) / 1e9, raw.command, raw.code, raw.time,
+        J.of(raw.joints) if raw.joints else None,
+        P.of(raw.position) if raw.position else None,
+        T.of(raw.trans) if raw.trans else None,
+        raw.mini, raw.hand, raw.user, raw.current, raw.delay_ns / 1e9 if raw.delay_ns >= 0 else None,
+    )  # fmt: skip
+
+
+@dataclass(slots=True)
+class Reader:
+    """Reads samples in their order.
+
+    Attributes:
+        next: number of the next one.
+        missed: how many were overwritten before they were read.
+    """
+
+    shared: Shared
+    next: int = 0
+    missed: int = field(default=0)
+
+    def new(self) -> Iterator[Sample]:
+        """Give every sample that has been written since the last call."""
+        count = self.shared.samples
+        if count - self.next > SAMPLE_ROOM:
+            self.missed += count - SAMPLE_ROOM - self.next
+            self.next = count - SAMPLE_ROOM
+        while self.next < count:
+            raw = self.shared.sample(self.next)
+            self.next += 1
+            if raw is None:
+                self.missed += 1
+            else:
+                yield sample_of(raw, self.shared.began_ns)
+
+
+class Recording:
+    """Writes every sample to a file, in a thread, as they come.
+
+    Args:
+        path: of the file.
+        shared: where they come from.
+        options: of the stream.
+    """
+
+    def __init__(self, path: Path, options: Options) -> None:
+        from orinkit.slave.record import open_recorder  # most streams are not recorded
+
+        self._recorder = open_recorder(path, kind=options.mode.kind, period=options.period, start_ns=time_ns())
+        self._end = Event()
+        self._threads: list[Thread] = []
+
+    def follow(self, shared: Shared) -> None:
+        """Begin to write what a streaming process sends."""
+        self._end.clear()
+        thread = Thread(target=self._write, args=(Reader(shared),), name="orinkit-record", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _write(self, reader: Reader) -> None:
+        last = False
+        while not last:
+            last = self._end.wait(_LONGEST_SLEEP)
+            for sample in reader.new():
+                self._recorder.write(sample)
+
+    def pause(self) -> None:
+        """Write what is there, and stop following."""
+        self._end.set()
+        for thread in self._threads:
+            thread.join()
+        self._threads.clear()
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            OrinError: it could not be written.
+        """
+        self.pause()
+        self._recorder.close()
+        error: Any = self._recorder.error
+        if error is not None:
+            raise error if isinstance(error, OrinError) else StreamError(str(error))

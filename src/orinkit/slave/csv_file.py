@@ -1,0 +1,342 @@
+"""Trajectories in CSV files: what ``orinkit move --record`` and streams write, and tables of other programs.
+
+=======================================  ==================================================================
+header                                   what the rows are
+=======================================  ==================================================================
+``time_s, J1_command, J2_command, ...``  a recording: its commands; encoders and the rest are not looked at
+``X_command, Y_command, ...``            the same of positions or transformations
+``j1, j2, ...``                          joints, degrees
+``x, y, z, rx, ry, rz[, fig]``           positions, mm and degrees
+``x, y, z, ox, ..., az[, fig]``          homogeneous transformations
+none, 6 to 8 columns                     joints, degrees
+=======================================  ==================================================================
+
+Capitals do not matter, nor the order of columns with names, nor columns with other names. A column ``time_s``, ``time``
+or ``t`` has the seconds. Values are separated by commas, semicolons, tabs or blanks. Lines that begin with ``#`` and
+empty ones do not count, but a header may be in the last ``#`` line before the numbers.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple, TextIO
+
+from orinkit._pose_checks import FIELDS
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+
+if TYPE_CHECKING:
+    from orinkit.cao.slave_formats import PoseKind
+
+TIME: Final = "time_s"
+"""The column with the seconds."""
+COMMAND: Final = "_command"
+"""What the name of a column of commands ends with, after that of a joint or another value."""
+ENCODER: Final = "_encoder"
+"""The same of encoders."""
+MOST_ROWS: Final = 1_000_000
+"""The most rows of a file."""
+
+_TIMES: Final = (TIME, "time", "t")
+_JOINT: Final = re.compile(r"j([1-8])")
+_KNOWN: Final = {*_TIMES, *map(str.lower, FIELDS["J"]), *FIELDS["P"], *FIELDS["T"]}
+_FEWEST_JOINTS: Final = 6  # of a table without names
+_MOST_JOINTS: Final = 8
+_UNUSED_JOINT: Final = 7  # a recording leaves it out where only joint 8 is used
+_LONGEST_LINE: Final = 100_000  # characters
+_LONGEST_NAME: Final = 200
+_UNEVEN: Final = 0.01  # of a period
+_ROUNDING: Final = 2e-6  # s: of times with six decimals
+_LONGEST_PERIOD: Final = 10.0  # s
+_SEPARATORS: Final = ";,\t"
+
+
+class Row(NamedTuple):
+    """One row of a table.
+
+    Attributes:
+        line: its number in the file, from 1.
+        cells: its texts.
+    """
+
+    line: int
+    cells: list[str]
+
+
+class Table:
+    """A CSV file, row by row.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        path: of the file.
+        note: the comment read last, with its number and its cells; ``None`` where there was none.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.note: Row | None = None
+        self._line = 0
+        self._separator: str | None = None
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the rows; neither empty ones nor comments.
+
+        Raises:
+            InvalidValue: the file cannot be read, or is no CSV file, or too long.
+        """
+        count = 0
+        try:
+            with self.path.open(newline="", encoding="utf-8-sig") as file:
+                for cells in self._cells(self._lines(file)):
+                    if any(map(str.strip, cells)):
+                        count += 1
+                        if count > MOST_ROWS:
+                            raise wrong(self.path, self._line, f"more than {MOST_ROWS} rows",
+                                        f"行数が {MOST_ROWS} を超えています")  # fmt: skip
+                        yield Row(self._line, [cell.strip() for cell in cells])
+        except InvalidValue:
+            raise
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise wrong(
+                self.path, 0, f"it is no CSV file in UTF-8 ({error})", f"UTF-8 の CSV ファイルではありません ({error})"
+            ) from None
+        except (OSError, ValueError) as error:  # a name with a NUL
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise InvalidValue(
+                pick(f"cannot read {_named(self.path)}: {reason}", f"{_named(self.path)} を読み込めません: {reason}")
+            ) from None
+
+    def _lines(self, file: TextIO) -> Iterator[str]:
+        while text := file.readline(_LONGEST_LINE + 1):
+            self._line += 1
+            if len(text) > _LONGEST_LINE:
+                raise wrong(self.path, self._line, "it is no CSV file: a line without an end",
+                            "CSV ファイルではありません (行が長すぎます)")  # fmt: skip
+            content = text.strip()
+            if content.startswith("#"):
+                self.note = Row(self._line, [content.lstrip("#").strip()])
+            elif content:
+                yield text
+
+    def _cells(self, lines: Iterator[str]) -> Iterator[list[str]]:
+        first = next(lines, "")
+        self._separator = next((sign for sign in _SEPARATORS if sign in first), None)
+        lines = chain([first], lines)
+        if self._separator is None:
+            return map(str.split, lines)
+        return csv.reader(lines, delimiter=self._separator, skipinitialspace=True, strict=True)
+
+    def noted(self) -> Row | None:
+        """Return the cells of the comment read last, divided as the rows are."""
+        if self.note is None:
+            return None
+        return Row(self.note.line, [cell.strip() for cell in self.note.cells[0].split(self._separator)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Where in a row a trajectory is.
+
+    Attributes:
+        kind: what its values are.
+        columns: of its values; ``None`` for one that is 0 in all rows.
+        time: column of the seconds.
+    """
+
+    kind: PoseKind
+    columns: tuple[int | None, ...]
+    time: int | None = None
+
+
+def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]]]:
+    """Return the trajectory of a file: what its values are, the seconds between two rows, and the rows.
+
+    The period is ``None`` if the file has no times.
+
+    Raises:
+        InvalidValue: the file cannot be read, or is no trajectory; with its name and the line.
+    """
+    table = Table(path)
+    rows = table.rows()
+    first = next(rows, None)
+    if first is None:
+        raise wrong(path, 0, "the file is empty", "ファイルが空です")
+    has_names = not all(map(_is_number, first.cells))
+    layout = _named_layout(path, first) if has_names else _unnamed_layout(table, first)
+    if not has_names:
+        rows = chain([first], rows)
+    wanted = [column for column in (*layout.columns, layout.time) if column is not None]
+    holes = [place for place, column in enumerate(layout.columns) if column is None]
+    times: list[float] = []
+    lines: list[int] = []
+    points: list[tuple[float, ...]] = []
+    for row in rows:
+        values = numbers(path, row, len(first.cells), wanted)
+        if layout.time is not None:
+            times.append(values.pop())
+            lines.append(row.line)
+        for place in holes:
+            values.insert(place, 0.0)
+        points.append(tuple(values))
+    if not points:
+        raise wrong(path, first.line, "no row follows the header", "ヘッダの後にデータ行がありません")
+    return layout.kind, _period(path, times, lines), points
+
+
+def numbers(path: Path, row: Row, count: int, columns: Sequence[int]) -> list[float]:
+    """Return the numbers in some columns of a row.
+
+    Args:
+        path: of the file, for the message.
+        row: as :meth:`Table.rows` yields it.
+        count: how many cells it should have.
+        columns: which of them are wanted.
+
+    Raises:
+        InvalidValue: it has another number of cells, or one of those is no finite number.
+    """
+    if len(row.cells) != count:
+        raise wrong(
+            path,
+            row.line,
+            f"{len(row.cells)} values, {count} are wanted",
+            f"値が {len(row.cells)} 個です ({count} 個必要)",
+        )
+    try:
+        values = [float(row.cells[column]) for column in columns]
+    except ValueError:
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        raise wrong(path, row.line, "a value is no finite number", "有限の数値でない値があります")
+    return values
+
+
+def wrong(path: Path, line: int, en: str, ja: str) -> InvalidValue:
+    """Return the error of a file that cannot be used.
+
+    Args:
+        path: of the file.
+        line: its number, 0 where it is about the whole file.
+        en: what is wrong.
+        ja: the same in Japanese.
+    """
+    where = pick(f", line {line}", f" の {line} 行目") if line else ""
+    return InvalidValue(f"{_named(path)}{where}: {pick(en, ja)}")
+
+
+# --- columns ----------------------------------------------------------------------------------------------------------
+
+
+def _unnamed_layout(table: Table, first: Row) -> _Layout:
+    """Return where the values are in rows of numbers: by the comment before them, or joints."""
+    note = table.noted()
+    if note is not None and len(note.cells) == len(first.cells):
+        layout = _find(table.path, note)
+        if layout is not None:
+            return layout
+    count = len(first.cells)
+    if not _FEWEST_JOINTS <= count <= _MOST_JOINTS:
+        raise wrong(
+            table.path,
+            first.line,
+            f"{count} columns without names: 6 to 8 would be joints; try: a header line such as j1,j2,j3,j4,j5,j6 "
+            "or x,y,z,rx,ry,rz",
+            f"列名のない {count} 列の表です (6～8 列なら関節角度とみなします)。"
+            "対処: j1,j2,j3,j4,j5,j6 または x,y,z,rx,ry,rz のようなヘッダ行を付けてください",
+        )
+    return _Layout("J", tuple(range(count)))
+
+
+def _named_layout(path: Path, header: Row) -> _Layout:
+    layout = _find(path, header)
+    if layout is None:
+        raise wrong(
+            path,
+            header.line,
+            "no columns of a trajectory; try: j1,j2,j3,j4,j5,j6 or x,y,z,rx,ry,rz, "
+            "or a file that orinkit move --record has written",
+            "軌道の列がありません。対処: j1,j2,j3,j4,j5,j6 または x,y,z,rx,ry,rz の列、"
+            "または orinkit move --record の出力ファイルを使ってください",
+        )
+    return layout
+
+
+def _find(path: Path, header: Row) -> _Layout | None:
+    names = [name.lower() for name in header.cells]
+    known = [name for name in names if name.removesuffix(COMMAND) in _KNOWN]
+    if len(set(known)) < len(known):
+        raise wrong(path, header.line, "two columns have the same name", "同じ名前の列があります")
+    places = {name: column for column, name in enumerate(names) if name}
+    time = next((places[name] for name in _TIMES if name in places), None)
+    for suffix in (COMMAND, ""):
+        found = {name.removesuffix(suffix): column for name, column in places.items() if name.endswith(suffix)}
+        joints = {int(match[1]): column for name, column in found.items() if (match := _JOINT.fullmatch(name))}
+        space = all(name in found for name in "xyz")
+        if joints and space:
+            raise wrong(path, header.line, "it has joints and positions; try: leave one of them out",
+                        "関節角度と位置の両方の列があります。対処: どちらか一方だけにしてください")  # fmt: skip
+        if joints:
+            return _Layout("J", _joint_columns(path, header.line, joints), time)
+        if space:
+            return _in_space(path, header.line, found, time)
+    return None
+
+
+def _joint_columns(path: Path, line: int, joints: dict[int, int]) -> tuple[int | None, ...]:
+    for joint in range(1, max(joints)):
+        if joint not in joints and joint != _UNUSED_JOINT:
+            raise wrong(path, line, f"column J{joint} is missing", f"J{joint} の列がありません")
+    return tuple(joints.get(joint) for joint in range(1, max(joints) + 1))
+
+
+def _in_space(path: Path, line: int, found: dict[str, int], time: int | None) -> _Layout:
+    kind: PoseKind = "T" if "ox" in found else "P"
+    *needed, figure = FIELDS[kind]
+    missing = [name for name in needed if name not in found]
+    if missing:
+        names = ", ".join(missing)
+        raise wrong(path, line, f"columns are missing: {names}", f"列が足りません: {names}")
+    columns = [found[name] for name in needed]
+    return _Layout(kind, tuple([*columns, found[figure]] if figure in found else columns), time)
+
+
+def _period(path: Path, times: Sequence[float], lines: Sequence[int]) -> float | None:
+    if len(times) < 2:
+        return None
+    mean = (times[-1] - times[0]) / (len(times) - 1)
+    allowed = max(_UNEVEN * mean, _ROUNDING)
+    for place in range(1, len(times)):
+        step = times[place] - times[place - 1]
+        if not (step > 0.0 and abs(step - mean) <= allowed and mean <= _LONGEST_PERIOD):
+            raise wrong(
+                path,
+                lines[place],
+                f"{step:g} s after the row before, {mean:g} s between the rows on average; even times up to "
+                f"{_LONGEST_PERIOD:g} s apart are wanted (within 1 %); try: leave out the column of the times",
+                f"前の行との時間差が {step:g} 秒です (平均 {mean:g} 秒)。時刻は {_LONGEST_PERIOD:g} 秒以下の等間隔 "
+                "(誤差 1 % 以内) である必要があります。対処: 時刻の列を外してください",
+            )
+    rounded = round(mean, 6)
+    return rounded if abs(rounded - mean) * (len(times) - 1) <= _ROUNDING else mean
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _named(path: Path) -> str:
+    text = str(path)
+    text = text if text.isprintable() else repr(text)
+    return text if len(text) <= _LONGEST_NAME else f"{text[:_LONGEST_NAME]}..."

@@ -1,0 +1,174 @@
+"""Starting a streaming process, and what a program has of it."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from dataclasses import fields
+from time import monotonic
+from typing import Any, Final
+
+from orinkit.errors import MissingExtra, OrinError, StreamError
+from orinkit.language import pick
+from orinkit.slave.channel import Channel, rebuild
+from orinkit.slave.realtime import RealTime
+from orinkit.slave.shared import Shared
+from orinkit.slave.streamer import Setup
+
+_START: Final = """
+import sys
+sys.path[:] = {path!r}
+from orinkit.slave.process import main
+main({channel}, {link}, {memory})
+"""
+_LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
+
+
+class Streaming:
+    """A streaming process.
+
+    Args:
+        link: descriptor of the connection that it is to have.
+
+    Attributes:
+        shared: memory that it reads and writes.
+        real_time: what it obtained; ``None`` until it is ready.
+        began: whether it has been given the connection.
+        streaming: whether it is in slave mode.
+        ended: whether it has given the connection back.
+        reason: why it ended.
+        error: what it failed with.
+        serial: of the next packet, once it has ended.
+
+    Raises:
+        StreamError: it cannot be started.
+        MissingExtra: a package is missing.
+    """
+
+    def __init__(self, link: int) -> None:
+        require_packages()
+        if os.name != "posix" or not sys.executable:
+            raise StreamError(
+                pick(
+                    "streaming in slave mode needs Linux or another POSIX system, and a Python that can be started",
+                    "スレーブモードのストリーミングには Linux などの POSIX システムと、起動できる Python が必要です",
+                )
+            )
+        self.shared = Shared.make()
+        self.real_time: RealTime | None = None
+        self.began = False
+        self.streaming = False
+        self.ended = False
+        self.reason = ""
+        self.error: OrinError | None = None
+        self.serial = 1
+        ours, theirs = socket.socketpair()
+        self._channel = Channel(ours)
+        numbers = theirs.fileno(), link, self.shared.descriptor
+        program = _START.format(path=sys.path, channel=numbers[0], link=numbers[1], memory=numbers[2])
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - this very Python
+                [sys.executable, "-c", program],
+                stdin=subprocess.DEVNULL,
+                pass_fds=numbers,
+                start_new_session=True,  # Ctrl-C at the terminal is for the program
+            )
+        except OSError as error:
+            self._channel.close()
+            self.shared.close()
+            raise StreamError(
+                pick(f"the streaming process cannot be started: {error}", f"ストリーミングプロセスを起動できません: {error}")
+            ) from error  # fmt: skip
+        finally:
+            theirs.close()
+
+    def begin(self, setup: Setup) -> None:
+        """Have it enter slave mode and stream."""
+        self.began = True
+        limits = setup.limits
+        outputs = setup.outputs
+        user = outputs.user and (outputs.user[0], outputs.user[1].hex())
+        window = setup.window and (setup.window.offset, setup.window.size)
+        self._channel.send(
+            {
+                "controller": setup.controller,
+                "handle": setup.handle,
+                "mode": setup.mode.number,
+                "send": int(setup.send),
+                "receive": setup.receive.number,
+                "window": window,
+                "outputs": (outputs.mini, outputs.hand, user),
+                "period": setup.period,
+                "limits": [getattr(limits, each.name) for each in fields(limits)],
+                "start": setup.start,
+                "serial": setup.serial,
+                "timeout": setup.timeout,
+                "idle": setup.idle,
+                "program": setup.program,
+            }
+        )
+
+    def look(self) -> None:
+        """Take note of what it has said, without waiting."""
+        while not self.ended:
+            message = self._channel.receive(0)
+            if message is not None:
+                self._note(message)
+            elif self._channel.open:
+                return
+            else:
+                self.ended = True
+                self.reason = "died"
+                self.error = StreamError(
+                    pick(
+                        f"the streaming process ended unexpectedly (exit code {self._exit_code()}); the connection was given up",
+                        f"ストリーミングプロセスが予期せず終了しました (終了コード {self._exit_code()})。接続を破棄しました",
+                    )
+                )
+
+    def _note(self, message: dict[str, Any]) -> None:
+        if "ready" in message:
+            self.real_time = RealTime(message["priority"], message["locked"])
+        elif "streaming" in message:
+            self.streaming = True
+        elif "ended" in message:
+            self.ended, self.streaming = True, False
+            self.reason, self.serial = message["reason"], message["serial"]
+            self.error = rebuild(message["error"]) if message["error"] else None
+
+    def _exit_code(self) -> int | None:
+        try:
+            return self._process.wait(_LET_GO)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def close(self) -> None:
+        """Let go of it: it ends by itself, at once if it has ended streaming; does nothing the second time."""
+        self._channel.close()
+        if self.ended:
+            end = monotonic() + _LET_GO
+            while self._process.poll() is None:
+                try:
+                    self._process.wait(max(0.01, end - monotonic()))
+                except subprocess.TimeoutExpired:
+                    self._process.kill()
+        self.shared.close()
+
+
+def require_packages() -> None:
+    """Check that what streaming needs is installed.
+
+    Raises:
+        MissingExtra: it is not.
+    """
+    try:
+        import ruckig  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra(
+            pick(
+                'streaming in slave mode needs the package ruckig; install it with: pip install "orinkit[stream]"',
+                'スレーブモードのストリーミングには ruckig が必要です。次でインストールしてください: pip install "orinkit[stream]"',
+            )
+        ) from error

@@ -1,0 +1,309 @@
+"""What runs in the streaming process: from set-points, or a live target, to slvMove in each cycle of the controller."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any, Final, Literal
+
+from orinkit import hresult
+from orinkit.bcap.client import Conversation
+from orinkit.cao import functions
+from orinkit.cao.slave_formats import (
+    ReceiveFormat,
+    Send,
+    SetPoint,
+    SlaveAnswer,
+    SlaveMode,
+    UserWindow,
+    encode_set_point,
+    read_answer,
+)
+from orinkit.errors import CallError, InvalidValue, OrinError, error_for
+from orinkit.slave.channel import Channel
+from orinkit.slave.flow import FLOWS, Call, Delivery
+from orinkit.slave.limits import Limits, PathLimits
+from orinkit.slave.planners import Planner
+from orinkit.slave.shared import Feed, Order, Outputs, RawSample, Shared
+from orinkit.transport.drive import Link, run
+
+_RESTS: Final = 3  # equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)
+_WATCH: Final = 0.02  # s between two looks at the program's process
+_MOST_SECONDS: Final = 1.0  # for the answer to a set-point
+_WRAP_US: Final = 1 << 31
+_ROBOT_AXES: Final = 6
+_STOPPED: Final = frozenset(b"Tt")
+
+
+@dataclass(slots=True)
+class Setup:
+    """What the streaming process has to know.
+
+    Attributes:
+        controller: handle of the controller object.
+        handle: of the Robot object.
+        mode: how and what it sends.
+        send, receive, window: formats of slvMove.
+        outputs: that go with the first set-point.
+        period: seconds of a cycle.
+        limits: of the planner.
+        start: pose at which the arm stands, as many values as the planner has.
+        serial: of the next packet.
+        timeout: seconds that an answer may take.
+        idle: seconds without a set-point in the queue after which slave mode is left, ``None`` for never.
+        program: number of the program's process.
+    """
+
+    controller: int
+    handle: int
+    mode: SlaveMode
+    send: Send
+    receive: ReceiveFormat
+    window: UserWindow | None
+    outputs: Outputs
+    period: float
+    limits: Limits | PathLimits
+    start: tuple[float, ...]
+    serial: int
+    timeout: float
+    idle: float | None
+    program: int
+
+
+Reason = Literal["", "left", "stopped", "gone", "idle", "terminated"]
+"""Why streaming ended: not by itself (an error), as the program wanted, because its process was stopped (SIGSTOP), has
+gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
+
+
+class Watch:
+    """Looks whether the program still runs."""
+
+    def __init__(self, channel: Channel, process: int) -> None:
+        self._channel = channel
+        self._next = 0.0
+        self.terminated = False
+        try:
+            self._stat = os.open(f"/proc/{process}/stat", os.O_RDONLY)
+        except OSError:  # another system than Linux: a program that is stopped is not noticed
+            self._stat = -1
+
+    def look(self) -> Reason:
+        """Return why to end, ``""`` for going on."""
+        if self.terminated:
+            return "terminated"
+        now = monotonic()
+        if now < self._next:
+            return ""
+        self._next = now + _WATCH
+        self._channel.receive(0)
+        if not self._channel.open:
+            return "gone"
+        return "stopped" if self._is_stopped() else ""
+
+    def _is_stopped(self) -> bool:
+        if self._stat < 0:
+            return False
+        try:
+            text = os.pread(self._stat, 512, 0)
+        except OSError:  # it has gone; the channel tells so too
+            return False
+        state = text.rpartition(b")")[2].split()[:1]
+        return bool(state) and state[0][0] in _STOPPED
+
+
+class Wire:
+    """The connection, while this process has it."""
+
+    def __init__(self, link: Link, setup: Setup) -> None:
+        self._link = link
+        self._controller = setup.controller
+        self._handle = setup.handle
+        self._timeout = setup.timeout
+        self._receive = setup.receive
+        self.conversation = Conversation()
+        self.conversation.serial = setup.serial
+
+    def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
+        """Execute a command of the robot; returns code and result."""
+        arguments = (self._handle, command, parameter)
+        return run(self.conversation.call(functions.robot_execute, arguments, self._timeout), self._link)
+
+    def move(self, parameter: Any) -> Delivery:
+        """Send slvMove."""
+        arguments = (self._handle, "slvMove", parameter)
+        seconds = min(self._timeout, _MOST_SECONDS)
+        sent = monotonic()
+        code, value = run(self.conversation.call(functions.robot_execute, arguments, seconds), self._link)
+        return Delivery(sent, code, read_answer(self._receive, value))
+
+    def first_error(self, error: CallError) -> CallError:
+        """Return the first of the controller's errors: what follows it only tells that slave mode is off (RC8 4.7).
+
+        Args:
+            error: what slvMove was answered with; returned where the controller tells of none.
+        """
+        try:
+            count = self._ask("GetCurErrorCount", None)
+            info = self._ask("GetCurErrorInfo", int(count) - 1) if count else None
+        except (OrinError, TypeError, ValueError):
+            return error
+        if not isinstance(info, list) or len(info) < 2 or not isinstance(info[0], int):
+            return error
+        code = hresult.unsigned(info[0])
+        return error_for(code, str(info[1]) if info[1] != hresult.lookup(code).text else "", "slvMove")
+
+    def _ask(self, command: str, parameter: Any) -> Any:
+        arguments = (self._controller, command, parameter)
+        operation = self.conversation.call(functions.controller_execute, arguments, self._timeout)
+        return run(operation, self._link)[1]
+
+
+@dataclass(slots=True)
+class _Clock:
+    """The controller's time, from stamps that wrap (RC8 table 4-1: VT_I4)."""
+
+    microseconds: bool
+    _last: int | None = None
+    _ticks: int = field(default=0)
+
+    def read(self, stamp: int | None) -> float | None:
+        """Return seconds."""
+        if stamp is None:
+            return None
+        last = stamp if self._last is None else self._last
+        self._ticks = stamp if self._last is None else self._ticks + (stamp - last) % _WRAP_US
+        self._last = stamp
+        return self._ticks / (1e6 if self.microseconds else 1e3)
+
+
+class Streamer:
+    """Streams until it is told to leave, or there is a reason to.
+
+    Args:
+        setup: what and how.
+        wire: the connection.
+        shared: memory that the program writes to and reads from.
+        watch: looks at the program.
+        planner: within whose limits all is done.
+    """
+
+    def __init__(self, setup: Setup, wire: Wire, shared: Shared, watch: Watch, planner: Planner) -> None:
+        self._setup = setup
+        self._wire = wire
+        self._shared = shared
+        self._watch = watch
+        self._planner = planner
+        call: Call = wire.move
+        self._flow = FLOWS[setup.mode.buffering](call, setup.period)
+        self._clock = _Clock(setup.receive.microseconds)
+        self._outputs = setup.outputs
+        self._outputs_seen = 0
+        self._target_seen = 0
+        self._delay_from = 0  # when the live target was set that has not been sent yet
+        self._sent = 0
+        self._dry = 0
+        self._was_dry = True
+        self._last_point = monotonic()
+        self._rests = 0
+        self._previous: tuple[float, ...] = ()
+        self._aim: tuple[float, ...] | None = None
+
+    def run(self) -> Reason:
+        """Stream; slave mode is on before and after."""
+        reason: Reason = ""
+        while True:
+            reason = reason or self._reason()
+            self._deliver(self._command(reason))
+            if self._rests >= _RESTS:
+                if reason:
+                    return reason
+                if self._shared.wanted is Order.HALT:
+                    self._shared.has_done()
+
+    def _reason(self) -> Reason:
+        order = self._shared.wanted
+        done = self._shared.feed is not Feed.QUEUE or (not self._shared.waiting and self._aim is None)
+        if order is Order.LEAVE or (order is Order.FINISH and done):
+            return "left"
+        idle = self._setup.idle
+        waits = self._was_dry and self._shared.feed is Feed.QUEUE and self._sent
+        if idle is not None and waits and monotonic() - self._last_point > idle:
+            return "idle"
+        return self._watch.look()
+
+    def _command(self, reason: Reason) -> tuple[float, ...]:
+        if reason or self._shared.wanted is Order.HALT:
+            self._aim = None
+            return self._planner.stop()
+        feed = self._shared.feed
+        if feed is Feed.QUEUE:
+            return self._from_queue()
+        if feed is Feed.TARGET:
+            target = self._shared.target()
+            if target is not None:
+                number, when, values = target
+                if number != self._target_seen:
+                    self._target_seen, self._delay_from = number, when
+                return self._planner.follow(values)
+        return self._planner.stop()
+
+    def _from_queue(self) -> tuple[float, ...]:
+        taken = self._shared.take()
+        if taken is None:
+            if self._aim is not None:
+                return self._towards(self._aim, self._planner.follow(self._aim))
+            return self._planner.stop() if self._was_dry else self._end()
+        self._was_dry = False
+        self._last_point = monotonic()
+        values, outputs = taken
+        self._outputs = self._outputs.changed(outputs)
+        self._sent += 1
+        return self._towards(values, self._planner.take(values))
+
+    def _end(self) -> tuple[float, ...]:
+        """There are no more set-points: stay at the last one if the arm is slow enough, or bring it to rest."""
+        self._was_dry = True
+        last = self._planner.command
+        try:
+            self._planner.admits(last)
+        except InvalidValue:
+            self._dry += 1
+            return self._planner.stop()
+        return self._planner.take(last)
+
+    def _towards(self, point: tuple[float, ...], command: tuple[float, ...]) -> tuple[float, ...]:
+        """Remember the last set-point where the command is not there yet."""
+        self._aim = None if command == point else point
+        return command
+
+    def _deliver(self, command: tuple[float, ...]) -> None:
+        newer = self._shared.outputs(self._outputs_seen)
+        if newer is not None:
+            self._outputs_seen, outputs = newer
+            self._outputs = self._outputs.changed(outputs)
+        delivery = self._flow.deliver(self._parameter(command))
+        self._rests = self._rests + 1 if command == self._previous else 0
+        self._previous = command
+        self._shared.add(self._sample(command, delivery))
+        self._shared.note(sent=self._sent, dry=self._dry, rests=self._rests if self._planner.at_rest else 0)
+
+    def _parameter(self, command: tuple[float, ...]) -> Any:
+        setup, outputs = self._setup, self._outputs
+        extra: tuple[tuple[int, float], ...] = ()
+        if setup.mode.kind == "J":
+            extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
+            command = (*command, *(0.0,) * (8 - len(command)))
+        point = SetPoint(command, extra, outputs.mini, outputs.hand, outputs.user, setup.window)
+        return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
+
+    def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
+        answer: SlaveAnswer = delivery.answer
+        sent = round(delivery.sent * 1e9)
+        delay = -1
+        if self._delay_from:
+            delay, self._delay_from = sent - self._delay_from, 0
+        return RawSample(
+            0, sent, delivery.code, command, delay, self._clock.read(answer.timestamp),
+            answer.joints, answer.position, answer.trans, answer.current, answer.mini, answer.hand, answer.user,
+        )  # fmt: skip

@@ -1,0 +1,399 @@
+"""stream: a trajectory is checked, streamed and told of; everything is as it was before; recordings become pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+import orinkit
+from orinkit import language
+from orinkit.cli._stream_report import histogram
+from orinkit.cli._stream_trace import Trace, is_recording, read_trace, trace_of
+from orinkit.client._slave_common import Timing
+from orinkit.errors import InvalidValue
+from orinkit.poses import J
+from orinkit.slave.record import open_recorder
+from orinkit.slave.samples import Sample
+from orinkit.virtual.rc8 import VirtualRC8
+
+PERIOD = 0.008
+HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8(motor=True, language="en")
+    yield device
+    device.close()
+
+
+def wave(seconds: float = 0.4, amplitude: float = 2.0, home: Sequence[float] = HOME) -> list[tuple[float, ...]]:
+    """J1 goes there and back."""
+    count = round(seconds / PERIOD)
+    sways = [amplitude * (1 - math.cos(2 * math.pi * number / count)) / 2 for number in range(count + 1)]
+    return [(home[0] + sway, *home[1:]) for sway in sways]
+
+
+def write(path: Path, points: Sequence[Sequence[float]], header: str = "j1,j2,j3,j4,j5,j6") -> str:
+    path.write_text("\n".join([header, *(",".join(f"{value:.6f}" for value in point) for point in points)]))
+    return str(path)
+
+
+@pytest.fixture
+def file(tmp_path) -> str:
+    return write(tmp_path / "wave.csv", wave())
+
+
+def status(rc8: VirtualRC8, *names: str) -> list[object]:
+    found = rc8.pendant.status()
+    return [found[name] for name in names]
+
+
+def joints(rc8: VirtualRC8) -> list[float]:
+    found = rc8.pendant.status()["joints"]
+    assert isinstance(found, list)
+    return found
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+@pytest.fixture
+def when() -> Iterator[Callable[[Callable[[], bool], Callable[[], object]], None]]:
+    """Do something in another thread as soon as something is so."""
+    threads: list[threading.Thread] = []
+
+    def when(condition: Callable[[], bool], act: Callable[[], object]) -> None:
+        def wait() -> None:
+            until(condition)
+            act()
+
+        threads.append(threading.Thread(target=wait))
+        threads[-1].start()
+
+    yield when
+    for thread in threads:
+        thread.join()
+
+
+# --- streaming --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["0", "2"])
+def test_it_streams_and_tells(run, rc8, url, file, mode):
+    done = run("stream", url, file, "--mode", mode)
+    assert (done.code, done.err) == (0, "")
+    told = dict(line.split(maxsplit=1) for line in done.out.splitlines() if not line.startswith(" "))
+    assert told["set-points"] == "51"
+    assert told["underflows"] == "0"
+    assert told["gaps"].startswith("p50 ")
+    assert told["real"].startswith("time  ")
+    assert told["largest"].startswith("deviation  J1 ")
+    assert "record" not in told
+    assert "#" in done.out
+    until(lambda: joints(rc8) == pytest.approx(HOME))
+    assert status(rc8, "motor", "arm_holder", "moving") == ["on", "", False]  # the motor was on
+
+
+def test_json_and_a_record(run, rc8, url, file, tmp_path):
+    path = tmp_path / "run.csv"
+    told = run("stream", url, file, "--json", "--record", str(path)).json
+    assert (told["set_points"], told["underflows"], told["record"]) == (51, 0, str(path))
+    assert told["seconds"] > 0.3
+    assert 0 < told["gaps"]["p50"] <= told["gaps"]["p99"] <= told["gaps"]["max"]
+    assert sum(told["gaps"]["histogram_ms"].values()) == told["gaps"]["count"] >= 50
+    assert told["real_time"].keys() == {"priority", "memory_locked"}
+    assert 0.1 < told["largest_deviation"]["J1"] < 2
+    assert told["largest_deviation"]["J2"] == pytest.approx(0, abs=1e-6)
+    with path.open() as lines:
+        commands = [float(row["J1_command"]) for row in csv.DictReader(lines)]
+    assert max(commands) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "mcap"])
+def test_a_recording_becomes_a_picture(run, rc8, url, file, tmp_path, suffix):
+    path, picture = tmp_path / f"run.{suffix}", tmp_path / "run.svg"
+    assert run("stream", url, file, "--record", str(path)).code == 0
+    done = run("plot", str(path), "--out", str(picture))
+    assert (done.code, done.out, done.err) == (0, f"{picture}\n", "")
+    text = picture.read_text()
+    for words in ("J1 [deg]", "command", "actual", "actual - command", "time [s]"):
+        assert f"<!-- {words} -->" in text
+    assert "<!-- J2 [deg] -->" not in text
+    assert "streamed motion, 0." in text
+
+
+def test_positions(run, rc8, url, tmp_path):
+    points = [(364.159992, point[0], 278.535534, 180.0, 0.0, 180.0, 5.0) for point in wave()]
+    path = tmp_path / "run.csv"
+    told = run(
+        "stream", url, write(tmp_path / "p.csv", points, "x,y,z,rx,ry,rz,fig"), "--json", "--record", str(path)
+    ).json
+    assert list(told["largest_deviation"]) == ["X", "Y", "Z", "RX", "RY", "RZ"]
+    assert told["largest_deviation"]["Y"] > 0.1
+    assert told["largest_deviation"]["RX"] == pytest.approx(0, abs=1e-3)  # also where it turns from 180 to -180
+    trace = read_trace(path)
+    assert trace.names == ["X", "Y", "Z", "RX", "RY", "RZ"]
+    assert [trace.names[place] for place in trace.moving()] == ["Y"]
+    assert trace.actual
+
+
+def test_an_arm_that_is_somewhere_else(run, refused, rc8, url, tmp_path):
+    file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
+    line = refused("stream", url, file, code=2)
+    assert "the trajectory begins at J(3, 45, 90, 0, 45, 0)" in line
+    assert line.endswith("try: --move")
+    assert joints(rc8) == pytest.approx(HOME)
+    done = run("stream", url, file, "--move", "--speed", "90")
+    assert done.code == 0
+    until(lambda: joints(rc8)[0] == pytest.approx(3.0))
+
+
+def test_all_is_checked_before_anything_moves(run, refused, rc8, url, tmp_path):
+    points = [*wave(), (9.0, *HOME[1:])]
+    file = write(tmp_path / "fast.csv", points)
+    line = refused("stream", url, file, "--move", code=2)
+    assert "sample 51 " in line
+    assert "J1: velocity 1125.0 deg/s" in line
+    assert joints(rc8) == pytest.approx(HOME)
+    assert status(rc8, "arm_holder") == [""]
+    assert run("stream", url, file, "--retime").code == 0
+    until(lambda: joints(rc8)[0] == pytest.approx(9.0))
+
+
+def test_limits(refused, url, tmp_path):
+    file = write(tmp_path / "wave.csv", wave(amplitude=10.0))
+    assert "J1: acceleration 616.0 deg/s^2 of 212.5" in refused("stream", url, file, "--speed", "10", code=2)
+    slow = tmp_path / "slow.toml"
+    slow.write_text((Path(orinkit.__file__).parent / "arms" / "vs050.toml").read_text().replace("170", "5"))
+    assert "outside its range, -5 to 5" in refused("stream", url, file, "--model", str(slow), code=2)
+
+
+def test_the_motor_is_switched_on_and_off(run, refused, tmp_path, file):
+    device = VirtualRC8(language="en")
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        assert "MOTOR_NOT_ON" in refused("stream", server.url, file, "--no-motor")
+        assert run("stream", server.url, file).code == 0
+        assert status(device, "motor", "arm_holder") == ["off", ""]
+    device.close()
+
+
+def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path):
+    file, path = write(tmp_path / "long.csv", wave(8.0, 60.0)), tmp_path / "run.csv"
+    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), signal.SIGINT))
+    done = run("stream", url, file, "--record", str(path))
+    assert (done.code, done.out) == (130, "")
+    assert done.err.startswith("orinkit: interrupted after ")
+    assert "of 1001 set-points: the arm was brought to rest, slave mode is off" in done.err
+    assert 1 < joints(rc8)[0] < 50
+    assert rc8.pendant.status()["error"] == ""
+    assert status(rc8, "motor", "arm_holder", "moving") == ["on", "", False]
+    assert len(path.read_text().splitlines()) > 5  # what it did until then
+
+
+def test_ctrl_c_before_it_streams(run, rc8, url, when, tmp_path):
+    file = write(tmp_path / "away.csv", wave(amplitude=0.1, home=(40.0, *HOME[1:])))
+    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), signal.SIGINT))
+    done = run("stream", url, file, "--move", "--speed", "10")
+    assert (done.code, done.err) == (130, "orinkit: interrupted\n")
+    assert 0.5 < joints(rc8)[0] < 39
+
+
+def test_an_error_on_the_way(refused, rc8, url, when, tmp_path):
+    file = write(tmp_path / "long.csv", wave(8.0, 60.0))
+    when(lambda: joints(rc8)[0] > 1, lambda: rc8.raise_error(0x83204071, "axis 1 is at its limit"))
+    line = refused("stream", url, file)
+    assert "0x83204071" in line
+    assert line.count("axis 1 is at its limit") == 1
+    assert "Controller_Execute ClearError" in line
+    assert status(rc8, "arm_holder", "moving") == ["", False]
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        ([], "TRAJECTORY is missing"),
+        (["none.csv"], "cannot read none.csv"),
+        (["wave.csv", "--mode", "7"], "there are 0, 1 and 2"),
+        (["wave.csv", "--mode", "1.5"], "'1.5'"),
+        (["wave.csv", "--pose", "X"], "J, P or T"),
+        (["wave.csv", "--pose", "p"], "kind J, P is wanted"),
+        (["wave.csv", "--speed", "0"], "speed"),
+        (["wave.csv", "--speed", "nan"], "speed"),
+        (["wave.csv", "--model", "VS-999"], "no such robot model"),
+        (["wave.csv", "--record", "run.txt"], ".csv or .mcap"),
+        (["wave.csv", "--record", "/no/such/run.csv"], "no directory /no/such"),
+        (["empty.csv"], "empty"),
+        (["words.csv"], "words.csv"),
+    ],
+)
+def test_a_command_line_that_cannot_be_used(refused, rc8, url, tmp_path, monkeypatch, argv, words):
+    monkeypatch.chdir(tmp_path)
+    write(Path("wave.csv"), wave())
+    Path("empty.csv").touch()
+    Path("words.csv").write_text("a,b\nc,d\n")
+    assert words in refused("stream", url, *argv, code=2)
+    assert status(rc8, "arm_holder", "moving") == ["", False]
+
+
+def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
+    file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "120")
+    done = run("stream", url, file, "--move")
+    assert done.code == 0
+    for words in ("moving", "streaming", "51/51", "100%", "J(3, 45, 90, 0, 45, 0)"):
+        assert words in done.err
+    assert done.out.startswith("set-points ")
+
+
+def test_in_japanese(run, refused, url, file, tmp_path):
+    language.use("ja")
+    out = run("stream", url, file).out
+    for words in ("位置指令", "送信間隔", "アンダーフロー", "最大偏差", "51 個"):
+        assert words in out
+    assert "--move" in refused("stream", url, write(tmp_path / "a.csv", wave(home=(3.0, *HOME[1:]))), code=2)
+
+
+# --- what is told -----------------------------------------------------------------------------------------------------
+
+
+def test_a_histogram_has_few_lines_whatever_the_gaps():
+    assert histogram(Timing()) == []
+    lines = histogram(Timing((0.0081,) * 299 + (0.0079,)))
+    assert [line.split()[::2] for line in lines] == [["7-8", "1"], ["8-9", "299"]]
+    assert lines[0].endswith(" 1 #")
+    assert lines[1].endswith("#" * 30)
+    many = histogram(Timing(tuple(place / 1000 + 0.0005 for place in range(40))))
+    assert len(many) == 12
+    assert many[-1].split()[:3] == ["11-...", "ms", "29"]
+
+
+def sample(number: int, value: float, actual: float | None) -> Sample:
+    feedback = None if actual is None else J(actual, 0, 0, 0, 0, 0)
+    return Sample(number, number * 0.0081, (value, *HOME[1:]), joints=feedback)
+
+
+def test_without_feedback_there_is_no_deviation():
+    trace = trace_of([sample(0, 0, 0), sample(1, 5, None)], "J", PERIOD)
+    assert trace.actual == []
+    assert trace.largest(0) == 0
+    assert trace.times == [0, PERIOD]
+    assert trace_of([], "J", PERIOD).times == []
+
+
+def test_angles_are_compared_the_shorter_way():
+    trace = Trace([0.0], ["X", "RX", "J7"], [[0.0, 179.0, 0.0]], [[2.0, -179.0, 360.0]])
+    assert [trace.largest(place) for place in range(3)] == pytest.approx([2.0, 2.0, 360.0])
+    assert [trace.unit(place) for place in range(3)] == ["mm", "deg", ""]
+
+
+# --- recordings as files ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["csv", "mcap"])
+def recording(request, tmp_path) -> Path:
+    path = tmp_path / f"run.{request.param}"
+    with open_recorder(path, kind="J", period=PERIOD) as recorder:
+        for number in range(2000):
+            recorder.write(sample(number, number / 100, number / 100 - 0.5))
+    assert recorder.error is None
+    return path
+
+
+def test_what_is_recorded_is_read(recording):
+    assert is_recording(recording)
+    trace = read_trace(recording)
+    assert trace.names == ["J1", "J2", "J3", "J4", "J5", "J6"]
+    assert list(trace.times) == pytest.approx([number * PERIOD for number in range(2000)])
+    assert trace.largest(0) == pytest.approx(0.5)
+    assert trace.command[100][0] == pytest.approx(1.0)
+
+
+def test_a_recording_that_was_cut_off(run, tmp_path):
+    path = tmp_path / "run.mcap"
+    with open_recorder(path, kind="J", period=PERIOD) as recorder:
+        for number in range(2000):
+            recorder.write(sample(number, number / 100, 0))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    assert 100 < len(read_trace(path).times) < 2000
+    assert run("plot", str(path)).code == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("x.mcap", b"", "no recording of a stream"),
+        ("x.mcap", b"\x89MCAP0\r\n" + bytes(100), "no recording of a stream"),
+        ("x.mcap", b"time_s,J1_command\n", "no recording of a stream"),
+        ("x.csv", b"time_s,J1_command,sent_s\n0,1,0\n", "two or more"),
+        ("x.csv", b"time_s,J1_command,sent_s\n", "two or more"),
+        ("x.csv", b"time_s,sent_s\n0,1\n", "columns time_s, J1_command"),
+        ("x.csv", b"J1_command,sent_s\n0,1\n", "columns time_s, J1_command"),
+        ("x.csv", b"time_s,J1_command,sent_s\n0,nan,0\n1,1,1\n", "line 2"),
+        ("x.csv", b"time_s,J1_command,sent_s\n0,1\n", "line 2"),
+    ],
+)
+def test_a_file_that_is_none(refused, tmp_path, name, content, words):
+    path = tmp_path / name
+    path.write_bytes(content)
+    line = refused("plot", str(path), code=2)
+    assert words in line
+    assert str(path) in line
+    language.use("ja")
+    assert refused("plot", str(path), code=2) != line
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        b"[]", b"{}", b'{"number": 0, "sent": 0}', b'{"number": 0, "command": "x"}', b'{"number": 0, "command": [null]}',
+        b'{"number": 0, "command": [1e999]}', b'{"number": {}, "command": [1]}', b"[" * 100_000, b"\xff",
+    ],
+)  # fmt: skip
+def test_messages_that_are_none(tmp_path, message):
+    from mcap.writer import Writer
+
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic, data in (
+            ("/slave/info", json.dumps({"kind": "J", "period": PERIOD}).encode()),
+            ("/slave/sample", message),
+        ):
+            channel = writer.register_channel(topic, "json", 0)
+            writer.add_message(channel, 0, data, 0)
+        writer.finish()
+    with pytest.raises(InvalidValue, match=r"x\.mcap"):
+        read_trace(path)
+
+
+def test_without_mcap(refused, tmp_path, monkeypatch):
+    path = tmp_path / "x.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    monkeypatch.setitem(sys.modules, "mcap.reader", None)
+    assert "pip install 'orinkit[log]'" in refused("plot", str(path))
+
+
+def test_an_arm_that_did_not_move(run, tmp_path):
+    path, target = tmp_path / "x.csv", tmp_path / "x.svg"
+    path.write_text("time_s,J1_command,sent_s\n0,1,0\n0.008,1,0.008\n")
+    assert run("plot", str(path), "--out", str(target)).code == 0
+    text = target.read_text()
+    assert "<!-- the arm did not move -->" in text
+    assert "<!-- actual -->" not in text

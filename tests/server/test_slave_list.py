@@ -1,0 +1,174 @@
+"""List 4-1 of the RC8 document, bCapSlvMode.c, as a user would write it down in Python, in real time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+import orinkit
+from orinkit import functions
+from orinkit.errors import CallError
+from orinkit.variant import ARRAY, Variant, VarType, plain
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+
+PERIOD, AMPLITUDE, TIMES = 100, 10, 3  # the list's own names
+S_OK, S_BUF_FULL, E_BUF_FULL = 0, 0x0F200501, 0x83201483
+START = (45.0, 30.0, 120.0, 0.0, -60.0, 0.0)
+CYCLE = 0.008
+
+AsSent = Callable[[list[float]], Any]
+
+
+@dataclass
+class Run:
+    """What one run of the program saw, and what the arm did."""
+
+    codes: list[int] = field(default_factory=list)
+    points: list[tuple[float, ...]] = field(default_factory=list)
+    commands: list[tuple[float, ...]] = field(default_factory=list)
+    error: CallError | None = None
+    faults: int = 0
+    """Errors that the controller has logged."""
+    longest: float = 0.0
+    """Seconds between the end of a call and the beginning of the next, beyond what the program wanted to wait."""
+
+
+def as_r8(pose: list[float]) -> Any:
+    return pose
+
+
+def as_r4(pose: list[float]) -> Any:
+    return Variant(VarType.R4 | ARRAY, np.array(pose, dtype=np.float32).tolist())
+
+
+def program(url: str, run: Run, as_sent: AsSent, wait: float, log: Callable[[], None]) -> None:
+    """List 4-1, statement by statement; ``log`` has the controller's log begin."""
+    with orinkit.connect(url) as rc8:
+        rc8.execute("ClearError")
+        robot = rc8.robot("Robot")
+        robot.execute("Takearm", [0, 1])
+        robot.execute("ExtSpeed", [20.0])
+        robot.execute("Motor", 1)
+        robot.move(1, "@E J(45, 30, 120, 0, -60, 0)")
+        start = robot.execute("CurJnt")
+        log()
+        robot.execute("slvChangeMode", 2)
+        ended = time.monotonic()
+        for _ in range(TIMES):
+            i = 0
+            while i < PERIOD + 1:
+                pose = list(start)
+                pose[0] = start[0] - AMPLITUDE * math.cos(2 * math.pi * i / PERIOD) + AMPLITUDE
+                pose[1] = start[1] - AMPLITUDE * math.cos(2 * math.pi * i / PERIOD) + AMPLITUDE
+                run.longest = max(run.longest, time.monotonic() - ended)
+                try:
+                    code, _value = rc8.client.request(functions.robot_execute, robot.handle, "slvMove", as_sent(pose))
+                except CallError as error:
+                    if error.code != E_BUF_FULL:
+                        raise
+                    code = error.code
+                else:
+                    run.points.append(tuple(plain(as_sent(pose)))[:6])
+                    i += 1
+                run.codes.append(code)
+                ended = time.monotonic()
+                if code != S_OK:
+                    time.sleep(wait)
+                    ended += wait
+        while True:  # "Stop robot": the last pose once more
+            try:
+                robot.execute("slvMove", as_sent(pose))
+                break
+            except CallError as error:
+                if error.code != E_BUF_FULL:
+                    raise
+                time.sleep(wait)
+        run.points.append(run.points[-1])
+        robot.execute("slvChangeMode", 0)
+        robot.execute("Motor", 0)
+        robot.execute("Givearm")
+
+
+def one_run(as_sent: AsSent, wait: float, scale: float) -> Run:
+    device = VirtualRC8(model="VS-050", joints=(43.0, *START[1:]), clock=Clock(scale))
+    run = Run()
+    log = device.state.arm.log
+
+    def begin() -> None:
+        with device.state.cycles:
+            log.clear()
+            log.running = True
+            device.state.cycles.wake()
+
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        try:
+            program(server.url, run, as_sent, wait / scale, begin)
+        except CallError as error:
+            run.error = error
+        with device.state.cycles:
+            log.running = False
+            run.commands = [tuple(log.record(index)[0:24:4]) for index in range(len(log))]
+            run.faults = len(device.state.faults.log)
+    return run
+
+
+def carry_out(as_sent: AsSent, wait: float) -> Run:
+    """Run the program in real time; where this machine, and not the program, was late, again with all half as fast.
+
+    A buffer of three set-points is all that a client in mode 0 may be late.
+    """
+    for scale in (1.0, 0.5, 0.25, 0.125):
+        run = one_run(as_sent, wait, scale)
+        if run.error is None or run.longest < CYCLE / scale:
+            break
+    return run
+
+
+def check(run: Run) -> None:
+    """No error, and every one of the 303 + 1 set-points was consumed in order, exactly once."""
+    assert run.error is None
+    assert run.faults == 0
+    points = run.points
+    assert len(points) == TIMES * (PERIOD + 1) + 1 == 304
+    # The first set-point and the last two are where the arm stands anyway; between them is one cycle for each, also at
+    # the two seams, where the end of a sine and the beginning of the next are the same pose.
+    moved = [index for index, command in enumerate(run.commands) if command != points[0]]
+    first, last = moved[0], moved[-1]
+    assert points[0] == START
+    assert run.commands[first - 1 : last + 3] == points
+    assert len(run.commands) > last + 2
+    assert run.commands[-1] == START
+
+
+@pytest.mark.parametrize("as_sent", [as_r8, as_r4])
+def test_list_4_1(as_sent: AsSent) -> None:
+    """The program as printed; old clients send VT_R4 (reference: rc8 4.4).
+
+    S_OK until the buffer is full, then S_BUF_FULL once for each cycle. E_BUF_FULL is not to be expected: the program
+    sleeps 8 ms behind each S_BUF_FULL, in which at least one set-point of three is consumed, so that there is room.
+    """
+    run = carry_out(as_sent, CYCLE)
+    check(run)
+    assert run.codes[:2] == [S_OK, S_OK]
+    assert run.codes.count(S_BUF_FULL) > 200
+    assert run.codes.count(S_OK) + run.codes.count(S_BUF_FULL) == 303
+    if as_sent is as_r4:
+        assert all(tuple(map(np.float32, command)) == command for command in run.commands)
+
+
+@pytest.mark.parametrize("as_sent", [as_r8, as_r4])
+def test_list_4_1_in_a_hurry(as_sent: AsSent) -> None:
+    """The same with half the pause: now the buffer overflows (E_BUF_FULL), and the set-point is sent again."""
+    run = carry_out(as_sent, CYCLE / 2)
+    check(run)
+    assert run.codes[:2] == [S_OK, S_OK]
+    assert run.codes.count(E_BUF_FULL) > 100
+    assert run.codes.count(S_BUF_FULL) > 200
+    assert run.codes.count(S_OK) + run.codes.count(S_BUF_FULL) == 303

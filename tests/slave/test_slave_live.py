@@ -1,0 +1,333 @@
+"""What happens to the arm when the program that streams, the streaming process, the cable or the server goes away."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pytest
+from streaming import HOME, PATIENCE, Arm, served, until
+
+import orinkit
+from orinkit import hresult
+from orinkit.errors import CallTimeout, ConnectionLost, OrinError, StreamError
+from orinkit.poses import J
+
+PROGRAM = """
+import orinkit, os, signal, sys, time
+from orinkit.poses import J
+url, feed, end = sys.argv[1:]
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+def points():
+    angle, speed = 0.0, 0.0
+    while True:
+        speed = min(60.0, speed + 3.0)
+        angle += speed * 0.008
+        yield (angle, 45, 90, 0, 45, 0)
+
+with orinkit.connect(url) as rc8:
+    robot = rc8.robot("Arm")
+    with robot.arm(), robot.motor():
+        try:
+            with robot.slave_mode() as stream:
+                print("streaming", stream._streaming._process.pid, flush=True)
+                if feed == "target":
+                    stream.target = J(160, 45, 90, 0, 45, 0)
+                    time.sleep(0.3)
+                    if end == "raise":
+                        raise RuntimeError("mine")
+                    time.sleep(60)
+                elif feed == "push":
+                    for number, point in enumerate(points()):
+                        if end == "raise" and number > 180:
+                            raise RuntimeError("mine")
+                        stream.push(point)
+                else:
+                    def until_raised():
+                        for number, point in enumerate(points()):
+                            if end == "raise" and number > 100:
+                                raise RuntimeError("mine")
+                            yield point
+                            if number > 25:
+                                time.sleep(0.006)
+                    stream.run(until_raised())
+        except BaseException as error:
+            print("ended", type(error).__name__, error, "at", rc8.client.dropped, flush=True)
+            raise
+"""
+
+
+@pytest.fixture
+def arm() -> Iterator[Arm]:
+    with served(joints=(0, 45, 90, 0, 45, 0)) as served_arm:
+        yield served_arm
+
+
+@contextmanager
+def program(url: str, feed: str, end: str = "") -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A user's program in a process of its own, which streams; yields it and the number of its streaming process."""
+    with subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, url, feed, end], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            yield process, int(process.stdout.readline().split()[1])
+        finally:
+            process.kill()
+
+
+def gone(pid: int) -> bool:
+    """Whether a process is no more."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def came_to_rest(arm: Arm) -> None:
+    """Check what the controller itself has seen: no error, limits kept, the last pose repeated."""
+    assert arm.errors == []
+    assert arm.within_limits()
+    commands = arm.commands
+    assert (commands[-3:] == commands[-1]).all()
+    assert np.abs(commands - HOME).max() > 5
+
+
+FEEDS = ["target", "push", "run"]
+
+
+@pytest.mark.parametrize("feed", FEEDS)
+def test_killed_program(arm: Arm, feed: str) -> None:
+    with program(arm.url, feed) as (process, streamer):
+        until(lambda: arm.arm.queue.joints[0] > 5)
+        process.kill()
+        until(arm.free)
+        until(lambda: gone(streamer))
+    came_to_rest(arm)
+
+
+@pytest.mark.parametrize("feed", FEEDS)
+def test_stopped_program(arm: Arm, feed: str) -> None:
+    with program(arm.url, feed) as (process, streamer):
+        until(lambda: arm.arm.queue.joints[0] > 5)
+        process.send_signal(signal.SIGSTOP)
+        until(arm.standing)
+        came_to_rest(arm)
+        assert arm.arm.holder is not None
+        process.send_signal(signal.SIGCONT)
+        if feed != "target":  # that one sleeps
+            output, errors = process.communicate(timeout=PATIENCE)
+            assert "SIGSTOP" in output
+            assert "StreamError" in errors
+            until(lambda: gone(streamer))
+    until(arm.free)
+    assert arm.errors == []
+
+
+@pytest.mark.parametrize("feed", FEEDS)
+def test_exception_in_the_program(arm: Arm, feed: str) -> None:
+    with program(arm.url, feed, "raise") as (process, streamer):
+        output, errors = process.communicate(timeout=PATIENCE)
+        assert "ended RuntimeError mine" in output
+        assert "mine" in errors
+        assert gone(streamer)
+        until(arm.free)
+    came_to_rest(arm)
+
+
+@pytest.mark.parametrize("feed", FEEDS)
+def test_ctrl_c(arm: Arm, feed: str) -> None:
+    with program(arm.url, feed) as (process, streamer):
+        until(lambda: arm.arm.queue.joints[0] > 5)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=PATIENCE)
+        assert "ended KeyboardInterrupt" in output
+        assert gone(streamer)
+    until(arm.free)
+    came_to_rest(arm)
+
+
+def test_terminated_streaming_process(arm: Arm) -> None:
+    with orinkit.connect(arm.url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor():
+            with pytest.raises(StreamError, match="SIGTERM"), robot.slave_mode() as stream:
+                stream.target = J(160, 45, 90, 0, 45, 0)
+                until(lambda: arm.arm.queue.joints[0] > 5)
+                assert stream._streaming is not None
+                stream._streaming._process.terminate()
+                until(lambda: stream.error is not None)
+            assert robot.joints[0] > 5  # the connection is in order
+    came_to_rest(arm)
+
+
+def test_killed_streaming_process(arm: Arm) -> None:
+    """Nobody is left to bring the arm to rest but the controller, which misses its set-points, or the connection."""
+    with pytest.raises(OrinError), orinkit.connect(arm.url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor(), robot.slave_mode() as stream:
+            stream.target = J(160, 45, 90, 0, 45, 0)
+            until(lambda: arm.arm.queue.joints[0] > 5)
+            assert stream._streaming is not None
+            stream._streaming._process.kill()
+            until(lambda: stream.error is not None)
+            assert isinstance(stream.error, StreamError)
+            stream.target = J(*HOME)
+    until(arm.free)
+    assert arm.errors in ([], [hresult.COMMAND_DELAY])
+    assert arm.within_limits()
+
+
+class Cable:
+    """Between client and server; can be cut: nothing goes through any more, and nobody is told."""
+
+    def __init__(self, url: str) -> None:
+        host, port = url.removeprefix("tcp://").split(":")
+        self._server = host, int(port)
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.cut = threading.Event()
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        with self._listener:
+            near, _ = self._listener.accept()
+        with near, socket.create_connection(self._server) as far:
+            for end in (near, far):
+                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            others = {near: far, far: near}
+            while not self._end.is_set():
+                if self.cut.is_set():
+                    self._end.wait()
+                    return
+                for end in select.select([near, far], [], [], 0.05)[0]:
+                    data = end.recv(65536)
+                    if not data:
+                        return
+                    others[end].sendall(data)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        self._thread.join()
+
+
+def test_cut_cable(arm: Arm) -> None:
+    with Cable(arm.url) as cable:
+        begun = time.monotonic()
+        with pytest.raises((CallTimeout, ConnectionLost)), orinkit.connect(cable.url) as rc8:
+            robot = rc8.robot()
+            with robot.arm(), robot.motor(), robot.slave_mode() as stream:
+                stream.target = J(160, 45, 90, 0, 45, 0)
+                until(lambda: arm.arm.queue.joints[0] > 5)
+                cable.cut.set()
+                begun = time.monotonic()
+                until(lambda: stream.error is not None)
+                stream.target = J(*HOME)
+        assert time.monotonic() - begun < PATIENCE
+    until(arm.free)
+    assert arm.errors == [hresult.COMMAND_DELAY]
+    assert arm.within_limits()
+
+
+def test_killed_server() -> None:
+    command = [sys.executable, "-m", "orinkit", "serve", "rc8", "--tcp", "127.0.0.1:0", "--motor-on"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            line = next(line for line in server.stdout if "tcp://" in line)
+            url = "tcp://" + line.split("tcp://")[1].split()[0].rstrip(".,")
+            with pytest.raises((ConnectionLost, StreamError)), orinkit.connect(url) as rc8:
+                robot = rc8.robot()
+                with robot.arm(), robot.motor(), robot.slave_mode() as stream:
+                    stream.target = J(160, 45, 90, 0, 45, 0)
+                    until(lambda: stream.latest.joints[0] > 5)
+                    process = stream._streaming._process
+                    server.kill()
+                    until(lambda: stream.error is not None)
+                    assert isinstance(stream.error, ConnectionLost)
+                    stream.target = J(*HOME)
+            assert process.returncode is not None
+        finally:
+            server.kill()
+
+
+def children() -> set[str]:
+    return {each.name for each in Path("/proc").iterdir() if each.name.isdigit() and _parent(each.name) == os.getpid()}
+
+
+def _parent(pid: str) -> int:
+    try:
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return -1
+
+
+def left() -> tuple[int, int, set[str], int]:
+    """File descriptors, threads, child processes, files of shared memory."""
+    descriptors, memory = (len(list(Path(each).iterdir())) for each in ("/proc/self/fd", "/dev/shm"))
+    return descriptors, threading.active_count(), children(), memory
+
+
+def enter_and_leave(arm: Arm, times: int) -> None:
+    with orinkit.connect(arm.url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor():
+            with robot.slave_mode() as stream:
+                stream.target = J(0.1, 45, 90, 0, 45, 0)
+            before = left()
+            for number in range(times):
+                with robot.slave_mode(mode=number % 3) as stream:
+                    if number % 2:
+                        stream.target = J(0.001 * number, 45, 90, 0, 45, 0)
+            assert left() == before
+    assert arm.errors == []
+
+
+def test_nothing_is_left_of_a_streaming_process(arm: Arm) -> None:
+    enter_and_leave(arm, 20)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1200)
+def test_nothing_is_left_of_five_hundred(arm: Arm) -> None:
+    enter_and_leave(arm, 500)
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_busy_threads_do_not_starve_the_arm(arm: Arm, threads: int) -> None:
+    """The short form of what ``make bench`` does for ten minutes."""
+    seconds = 6.0
+    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[2] / 'bench')!r}); import stream\n"
+    code += f"with stream.busy({threads}):\n    print(stream.ours(sys.argv[1], {seconds}, 2).underflows)\n"
+    done = subprocess.run(
+        [sys.executable, "-c", code, arm.url], capture_output=True, text=True, timeout=PATIENCE + 60, check=False
+    )
+    assert done.stdout.strip() == "0", done.stderr
+    assert arm.errors == []
+    assert arm.within_limits()
+
+
+def test_the_state_of_a_process_is_told(arm: Arm) -> None:
+    any_of: Any = None
+    with orinkit.connect(arm.url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor(), robot.slave_mode() as stream:
+            any_of = stream.real_time
+    assert "priority" in str(any_of) or "優先度" in str(any_of)
