@@ -17,9 +17,8 @@ from orinkit import language
 from orinkit.arms import load_model
 from orinkit.errors import InvalidValue, MissingExtra
 from orinkit.slave.limits import PathLimits
-from orinkit.slave.orientation import Quaternion, of_angles, of_vectors, turn_between, vectors_of
+from orinkit.slave.orientation import Quaternion, angles_of, of_angles, of_vectors, turn_between, turned, vectors_of
 from orinkit.slave.pose_plan import Kind, PosePlanner
-from orinkit.slave.rotation import angles_of, turned
 
 Pose = tuple[float, ...]
 

@@ -103,6 +103,31 @@ def turn_between(first: Quaternion, second: Quaternion) -> Vector:
     return i * size, j * size, k * size
 
 
+def turned(orientation: Quaternion, turn: Vector) -> Quaternion:
+    """Return an orientation after a rotation.
+
+    Args:
+        orientation: before it.
+        turn: axis in the base, times the angle in degrees.
+    """
+    x, y, z = turn
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle == 0.0:
+        return orientation
+    half = 0.5 * angle / DEGREE
+    part = math.sin(half) / angle
+    a, b, c, d = math.cos(half), x * part, y * part, z * part
+    w, i, j, k = orientation
+    p, q, r, s = (
+        a * w - b * i - c * j - d * k,
+        a * i + b * w + c * k - d * j,
+        a * j + c * w + d * i - b * k,
+        a * k + d * w + b * j - c * i,
+    )
+    size = 1.0 / math.sqrt(p * p + q * q + r * r + s * s)
+    return p * size, q * size, r * size, s * size
+
+
 def _matrix(turn: Quaternion) -> tuple[Vector, Vector, Vector]:
     w, x, y, z = turn
     return (

@@ -15,9 +15,17 @@ from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.slave.limits import PathLimits
 from orinkit.slave.mover import NOTHING, Mover
-from orinkit.slave.orientation import Quaternion, Vector, of_angles, of_vectors, turn_between, vectors_of
+from orinkit.slave.orientation import (
+    Quaternion,
+    Vector,
+    angles_of,
+    of_angles,
+    of_vectors,
+    turn_between,
+    turned,
+    vectors_of,
+)
 from orinkit.slave.plan import checked_period
-from orinkit.slave.rotation import angles_of, turned
 
 Kind: TypeAlias = Literal["P", "T"]
 
