@@ -21,15 +21,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import orinkit
-from orinkit.client._slave_common import StreamResult, Timing
 from orinkit.errors import CallError
+from orinkit.streaming import StreamResult, Timing
 
 START = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 PERIOD = 0.008
 AMPLITUDE = 10.0  # deg
 CYCLE = 250  # set-points of one sine
 GIGABYTE = 1 << 30
-PIECE = 1 << 22
+PIECE = 1 << 25
 PRIORITY = 70  # of SCHED_FIFO, below that of the streaming process
 
 
@@ -84,8 +84,9 @@ def busy(threads: int) -> Iterator[list[int]]:
     def litter() -> None:
         began = time.monotonic()
         while not end.is_set():
-            rubbish = [bytearray(PIECE)]
-            rubbish.append(rubbish)  # type: ignore[arg-type] # a circle, for the collector to find
+            b"x" * PIECE
+            circle: list[object] = []
+            circle.append(circle)  # for the collector to find
             made[0] += PIECE
             ahead = made[0] / GIGABYTE - (time.monotonic() - began)
             if ahead > 0:
@@ -185,13 +186,20 @@ def late(timing: Timing, cycle: float) -> int:
     return sum(gap > 3 * cycle for gap in timing.gaps)
 
 
-def show(what: str, timing: Timing, cycle: float, underflows: int, count: int) -> None:
+def show(what: str, timing: Timing, cycle: float, underflows: int, count: int, own: str = "") -> None:
     """Print one line."""
     print(
-        f"{what:<52} {count:>7} set-points, underflows {underflows}, gaps p50 {timing.p50 * 1e3:6.2f} "
-        f"p99 {timing.p99 * 1e3:6.2f} max {timing.max * 1e3:6.2f} ms, above 3 cycles: {late(timing, cycle)}",
+        f"{what:<46} {count:>6} set-points, underflows {underflows}, gaps p50 {timing.p50 * 1e3:5.2f} "
+        f"p99 {timing.p99 * 1e3:5.2f} max {timing.max * 1e3:6.2f} ms, above 3 cycles: {late(timing, cycle)}{own}",
         flush=True,
     )
+
+
+def show_ours(what: str, result: StreamResult, cycle: float) -> None:
+    """Print one line, with what the streaming process itself needs: from an answer to the next set-point (mode 2)."""
+    own = Timing(tuple(b.sent - a.answered for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1))
+    text = f"; answer to next set-point p50 {own.p50 * 1e3:.2f} p99 {own.p99 * 1e3:.2f} max {own.max * 1e3:.2f} ms"
+    show(what, result.timing, cycle, result.underflows, result.sent, text)
 
 
 def long_run(seconds: float) -> None:
@@ -203,13 +211,7 @@ def long_run(seconds: float) -> None:
             show(f"plain thread, 8 ms, {threads} busy", timing, PERIOD, underflows, count)
             result = ours(url, seconds, 2)
             rate = (made[0] - before) / GIGABYTE / (time.monotonic() - began)
-            show(
-                f"orinkit, 8 ms, mode 2, {threads} busy, {rate:.1f} GB/s of garbage",
-                result.timing,
-                PERIOD,
-                result.underflows,
-                result.sent,
-            )
+            show_ours(f"orinkit, 8 ms, mode 2, {threads} busy, {rate:.1f} GB/s of garbage", result, PERIOD)
 
 
 def short_cycles(seconds: float) -> None:
@@ -218,13 +220,7 @@ def short_cycles(seconds: float) -> None:
         with controller(scale) as url, busy(4):
             result = ours(url, seconds * scale, mode)
             cycle = PERIOD / scale
-            show(
-                f"orinkit, {cycle * 1e3:.0f} ms, mode {mode}, 4 busy",
-                result.timing,
-                cycle,
-                result.underflows,
-                result.sent,
-            )
+            show_ours(f"orinkit, {cycle * 1e3:.0f} ms, mode {mode}, 4 busy", result, cycle)
 
 
 def latency(seconds: float) -> None:
@@ -234,21 +230,26 @@ def latency(seconds: float) -> None:
             robot = rc8.robot()
             with robot.arm(), robot.motor(), robot.slave_mode() as stream:
                 delays: list[float] = []
+                added: list[float] = []
+                answered = 0.0
                 end = time.monotonic() + seconds
                 number = 0
                 while time.monotonic() < end:
                     number += 1
                     stream.target = orinkit.J(*point(number))
                     time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # at any moment of the cycle
-                    sample = stream.latest
-                    if sample is not None and sample.delay is not None:
-                        delays.append(sample.delay)
-                timing = Timing(tuple(delays))
-                print(
-                    f"{f'target to the wire, 8 ms, mode 2, {threads} busy':<52} {len(delays):>7} targets, "
-                    f"p50 {timing.p50 * 1e3:.2f} p99 {timing.p99 * 1e3:.2f} max {timing.max * 1e3:.2f} ms",
-                    flush=True,
-                )
+                    for sample in stream.samples():
+                        if sample.delay is not None:
+                            delays.append(sample.delay)
+                            added.append(sample.sent - max(sample.sent - sample.delay, answered))
+                        answered = sample.answered
+                for what, seconds_ in (("target to the wire", delays), ("of that without the controller", added)):
+                    timing = Timing(tuple(seconds_))
+                    print(
+                        f"{f'{what}, 8 ms, mode 2, {threads} busy':<58} {len(seconds_):>5} targets, "
+                        f"p50 {timing.p50 * 1e3:.2f} p99 {timing.p99 * 1e3:.2f} max {timing.max * 1e3:.2f} ms",
+                        flush=True,
+                    )
 
 
 def main() -> None:

@@ -34,9 +34,9 @@ from orinkit.cli._errors import Failure
 from orinkit.cli._transcript import Transcript
 from orinkit.cli.app import main
 from orinkit.cli.demo import compare, run_program
-from orinkit.client._slave_common import StreamResult, Timing
 from orinkit.poses import J
 from orinkit.slave.samples import Sample
+from orinkit.streaming import StreamResult, Timing
 from orinkit.variant import VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
 

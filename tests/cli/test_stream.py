@@ -19,11 +19,11 @@ import orinkit
 from orinkit import language
 from orinkit.cli._stream_report import histogram
 from orinkit.cli._stream_trace import Trace, is_recording, read_trace, trace_of
-from orinkit.client._slave_common import Timing
 from orinkit.errors import InvalidValue
 from orinkit.poses import J
 from orinkit.slave.record import open_recorder
 from orinkit.slave.samples import Sample
+from orinkit.streaming import Timing
 from orinkit.virtual.rc8 import VirtualRC8
 
 PERIOD = 0.008

@@ -68,9 +68,23 @@ class Wire:
     def __init__(self) -> None:
         self.asked: list[Callable[[], None]] = []
         self.arrived: list[Callable[[], Any]] = []
+        self.pulses: list[Callable[[], None]] = []
+        self.asleep = False
 
     def look(self, handled: Callable[[], None]) -> None:
-        self.asked.append(handled)
+        if handled.__name__ != "_awake":
+            self.asked.append(handled)
+        elif self.asleep:  # whoever answers the client gets no processor; nobody waits for it
+            self.pulses.append(handled)
+        else:
+            handled()
+
+    def wake(self) -> None:
+        """The processor is free again."""
+        self.asleep = False
+        for handled in self.pulses:
+            handled()
+        self.pulses.clear()
 
     def read(self) -> None:
         """Handle what has arrived, then tell those who have asked."""
@@ -335,6 +349,24 @@ def test_standing_needs_no_look(late):
     late.call(HOME)
     late.drive(PERIOD)
     assert late.arm.queue.joints == HOME
+
+
+@pytest.mark.parametrize("asleep", [True, False])
+def test_answers_that_came_late_are_not_held_against_the_client(late, asleep):
+    """Every cycle is on time, but whoever sends the answers slept until just before the buffer ran empty."""
+    moving(late)
+    late.wire.asleep = asleep
+    for pose in POSES[MOVING : MOVING + 2]:
+        late.call(pose)
+    for _ in range(2):
+        late.drive(PERIOD)
+    late.wire.wake()
+    late.drive(PERIOD)
+    late.read()
+    assert late.error == (0 if asleep else hresult.COMMAND_DELAY)
+    if asleep:
+        late.stream(POSES[MOVING + 2 : 60])
+        assert late.error == 0
 
 
 def test_leaving_needs_no_look(late):

@@ -12,13 +12,13 @@ from orinkit.cli._moving import Bar
 from orinkit.cli._stream_report import Report
 from orinkit.cli._stream_trace import trace_of
 from orinkit.cli.stream import Watch
-from orinkit.client._slave_common import PERIOD
+from orinkit.client._slave_options import PERIOD
 from orinkit.errors import CallError
 from orinkit.language import pick
 
 if TYPE_CHECKING:
-    from orinkit.client._slave_common import Progress, StreamResult
     from orinkit.client._sync_slave import Stream
+    from orinkit.streaming import Progress, StreamResult
 
 _NEAR: Final = 1.0  # deg that the encoders, a few cycles late, may be off at the end
 _TRIES: Final = 3

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.cli._stream_trace import Trace
-from orinkit.client._slave_common import StreamResult, Timing
 from orinkit.language import pick
 from orinkit.slave.realtime import RealTime
+from orinkit.streaming import StreamResult, Timing
 
 _BAR: Final = 30  # columns of the longest bar of the histogram
 _BARS: Final = 12

@@ -18,9 +18,10 @@ from orinkit.language import pick
 if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind
     from orinkit.cli._stream_report import Report
-    from orinkit.client._slave_common import Options, Progress, Wanted
+    from orinkit.client._slave_options import Options, Wanted
     from orinkit.client._sync_slave import Stream
     from orinkit.slave.limits import Limits, PathLimits
+    from orinkit.streaming import Progress
 
 Points: TypeAlias = "list[tuple[float, ...]]"
 
@@ -135,7 +136,7 @@ def _job(
     retime: bool, move: bool, motor: bool,
 ) -> _Job:  # fmt: skip
     """Return what the command line wants; all that can be wrong with it is said before anything is connected."""
-    from orinkit.client._slave_common import PERIOD, read_options
+    from orinkit.client._slave_options import PERIOD, read_options
     from orinkit.slave.csv_file import load_csv
 
     path = Path(trajectory)
@@ -218,7 +219,7 @@ def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Poi
     Raises:
         TrajectoryError: a set-point breaks a limit, or the arm is somewhere else.
     """
-    from orinkit.client._slave_common import limits_for
+    from orinkit.client._slave_options import limits_for
     from orinkit.slave.limits import Limits
     from orinkit.slave.retime import retime
     from orinkit.slave.trajectory import TrajectoryError, read_trajectory

@@ -153,6 +153,12 @@ class AsyncClient:
             self._link = self._link.link
         self._conversation.serial = serial
 
+    def abandon(self) -> None:
+        """Leave the connection to the other process for good; here it is closed."""
+        if isinstance(self._link, AsyncLentLink):
+            self._link = self._link.link
+        self._link.release()
+
     @property
     def dropped(self) -> int:
         """How many answers came late, twice, or for nobody."""

@@ -21,7 +21,7 @@ from orinkit.variant import Value
 
 if TYPE_CHECKING:
     from orinkit.client._async_slave import AsyncStream
-    from orinkit.client._slave_common import OnRange, Wanted
+    from orinkit.client._slave_options import OnRange, Wanted
     from orinkit.slave.limits import Limits, PathLimits
 
 
@@ -109,7 +109,7 @@ class AsyncRobot(AsyncMover):
             InvalidValue: an option is none.
         """
         from orinkit.client._async_slave import AsyncStream  # most programs need none of this
-        from orinkit.client._slave_common import read_options
+        from orinkit.client._slave_options import read_options
 
         options = read_options(
             mode, pose, recv, mini=mini, hand=hand, user=user, user_window=user_window, limits=limits, speed=speed,

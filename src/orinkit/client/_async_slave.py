@@ -6,35 +6,32 @@ The synchronous twin is made from this file, as that of :mod:`orinkit.client._as
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice
 from time import monotonic_ns
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from orinkit import hresult
 from orinkit.client import _slave_common as common
+from orinkit.client._async_lending import AsyncSlaveMode
 from orinkit.client._async_motion import AsyncMover
-from orinkit.client._slave_common import Options, Progress, Reader, StreamResult
-from orinkit.errors import CallError, InvalidValue, OrinError, StreamError, TransportError
+from orinkit.client._slave_common import Progress, Reader, StreamResult
+from orinkit.client._slave_options import Options, read_outputs
+from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.poses import J, P, T
-from orinkit.slave.launch import Streaming
-from orinkit.slave.limits import Limits, PathLimits
+from orinkit.slave.limits import Limits
 from orinkit.slave.planners import Planner, planner_for
-from orinkit.slave.realtime import RealTime
 from orinkit.slave.retime import retime as retimed
 from orinkit.slave.samples import Sample
 from orinkit.slave.shared import QUEUE_ROOM, Order, Outputs
-from orinkit.slave.streamer import Setup
 from orinkit.slave.trajectory import TrajectoryError, check_path, check_trajectory, read_point, read_trajectory
-from orinkit.transport.drive import Deadline, apause
+from orinkit.transport.drive import apause
 
 _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
 
 
-class AsyncStream:
+class AsyncStream(AsyncSlaveMode):
     """Slave mode for as long as a block lasts; ``Robot.slave_mode`` makes one.
 
     A process of its own has the connection meanwhile and sends a set-point in each cycle of the controller, whatever this
@@ -47,162 +44,13 @@ class AsyncStream:
     """
 
     def __init__(self, robot: AsyncMover, options: Options) -> None:
-        self._robot = robot
-        self._options = options
-        self._streaming: Streaming | None = None
-        self._recording: common.Recording | None = None
-        self._failure: OrinError | None = None
-        self._told = False  # whether a call has raised it
+        super().__init__(robot, options)
+        self._reader: Reader | None = None
         self._pushed: Planner | None = None
-        self._kind = options.mode.kind
-        self._outputs = options.outputs
-        self.limits: Limits | PathLimits | None = options.limits
-        self.real_time = RealTime()
+        self._target: J | P | T | None = None
 
-    # --- entering and leaving -----------------------------------------------------------------------------------
-
-    async def __aenter__(self) -> Self:
-        if self._options.record is not None:
-            self._recording = common.Recording(self._options.record, self._options)
-        try:
-            await self._enter()
-        except BaseException:
-            self._close_recording(quiet=True)
-            raise
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            await self._leave(Order.FINISH if error is None else Order.LEAVE)
-        finally:
-            self._close_recording(quiet=error is not None)
-        if error is None and self._failure is not None and not self._told:
-            raise self._failure
-
-    async def _enter(self) -> None:
-        robot, client, options = self._robot, self._robot.client, self._options
-        self._failure, self._told = None, False
-        self._pushed = None
-        streaming = Streaming(client.descriptor())
-        self._streaming = streaming
-        try:
-            await robot.execute("slvSendFormat", int(options.send))
-            await robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
-            if options.limits is None:
-                type_name = await robot.execute("GetRobotTypeName")
-                self.limits = common.limits_for(options, type_name)
-            else:
-                self.limits = common.limits_for(options, "")
-            start = await self._start()
-            await self._until(lambda: streaming.real_time is not None)
-        except BaseException:
-            await self._give_up(streaming)
-            raise
-        self.real_time = streaming.real_time or RealTime()
-        serial = client.lend()
-        try:
-            streaming.begin(self._setup(start, serial))
-            await self._until(lambda: streaming.streaming)
-        except BaseException:
-            await self._give_up(streaming)
-            raise
-        if self._recording is not None:
-            self._recording.follow(streaming.shared)
-
-    def _setup(self, start: tuple[float, ...], serial: int) -> Setup:
-        options = self._options
-        assert self.limits is not None
-        return Setup(
-            self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
-            options.window, self._outputs, options.period, self.limits, start, serial, self._robot.client.timeout,
-            options.idle, os.getpid(),
-        )  # fmt: skip
-
-    async def _start(self) -> tuple[float, ...]:
-        """Return where the arm stands, once its encoders do."""
-        robot = self._robot
-        deadline = Deadline(common.SETTLE)
-        while not await robot.motion_complete(1) and not deadline.passed:
-            await apause(common.POLL)
-        if self._kind == "P":
-            return tuple(await robot.get_position())
-        if self._kind == "T":
-            return tuple(await robot.get_trans())
-        joints = await robot.get_joints()
-        assert isinstance(self.limits, Limits)
-        return tuple(joints)[: len(self.limits.lower)]
-
-    async def _until(self, happened: Callable[[], bool]) -> None:
-        """Wait for something that the streaming process does."""
-        while not happened():
-            self._look()
-            await apause(common.POLL)
-
-    async def _leave(self, order: Order) -> None:
-        streaming = self._streaming
-        if streaming is None:
-            return
-        try:
-            streaming.look()
-            if not streaming.ended:
-                if order is Order.LEAVE:
-                    streaming.shared.forget()
-                streaming.shared.order(order)
-            while not streaming.ended:
-                await apause(common.POLL)
-                streaming.look()
-        finally:
-            await self._give_up(streaming)
-
-    async def _give_up(self, streaming: Streaming) -> None:
-        """Take the connection back; where the streaming process has not given it back in good order, it is closed."""
-        self._streaming = None
-        if self._recording is not None:
-            self._recording.pause()
-        client = self._robot.client
-        began = streaming.began
-        in_order = not began or (streaming.ended and not isinstance(streaming.error, TransportError | StreamError))
-        if streaming.ended and self._failure is None:
-            self._failure = streaming.error
-            if streaming.reason in ("stopped", "terminated"):
-                self._failure = common.ended_because(streaming.reason, self._options.idle)
-        streaming.close()
-        if began:
-            client.take_back(streaming.serial)
-        if not in_order:
-            await client.close()
-
-    def _close_recording(self, *, quiet: bool) -> None:
-        recording, self._recording = self._recording, None
-        if recording is not None:
-            try:
-                recording.close()
-            except OrinError:
-                if not quiet:
-                    raise
-
-    async def recover(self) -> None:
-        """Stream again after an error, from where the arm is now (RC8 4.7): errors cleared, motor on, slave mode on.
-
-        Nothing moves until there are new set-points; what was queued is forgotten.
-
-        Raises:
-            CallError: the controller refuses: somebody has to look at it.
-        """
-        await self._leave(Order.LEAVE)
-        for attempt in range(common.TRIES):
-            try:
-                await self._robot._controller().execute("ClearError")  # noqa: SLF001 - its own controller
-                await self._robot.execute("Motor", [1, 0])
-                await self._enter()
-            except CallError as error:
-                if error.code not in _NOT_YET or attempt == common.TRIES - 1:
-                    raise
-                await apause(common.SETTLE / common.TRIES)
-            else:
-                return
+    def _forget(self) -> None:
+        self._pushed = self._target = None
 
     # --- a whole trajectory -------------------------------------------------------------------------------------
 
@@ -260,11 +108,13 @@ class AsyncStream:
         for source in (iter(ready), points):
             for point in source:
                 while shared.waiting >= QUEUE_ROOM:
+                    shared.feed_queue()
                     await look()
                 shared.put(point)
                 sent += 1
                 if not sent % common.PREFETCH:
                     self._alive()
+            shared.feed_queue()  # as much as there is room for is there before the first one is sent
         return sent
 
     def _prepared(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
@@ -345,6 +195,7 @@ class AsyncStream:
         self._pushed = shadow
         self._outputs = self._outputs.changed(outputs)
         shared.put(values, outputs)
+        shared.feed_queue()
 
     # --- a live target ------------------------------------------------------------------------------------------
 
@@ -363,8 +214,6 @@ class AsyncStream:
         streaming.shared.set_target(values, monotonic_ns())
         self._target = common.POSE_TYPES[self._kind].of(values)
         self._pushed = None
-
-    _target: J | P | T | None = None
 
     def _check_range(self, values: Sequence[float]) -> None:
         if not isinstance(self.limits, Limits):
@@ -409,6 +258,7 @@ class AsyncStream:
 
     def _changed(self, mini: int | None, hand: int | None, user: tuple[int, bytes] | None) -> Outputs:
         have = self._options.outputs
+        new_ones = read_outputs(mini, hand, user)
         for name, new, old in (("mini", mini, have.mini), ("hand", hand, have.hand), ("user", user, have.user)):
             if new is not None and old is None:
                 raise InvalidValue(
@@ -417,7 +267,7 @@ class AsyncStream:
                         f"{name} 出力は送信対象ではありません。slave_mode({name}=...) で開始してください",
                     )
                 )
-        return Outputs(mini, hand, user)
+        return new_ones
 
     # --- what comes back ----------------------------------------------------------------------------------------
 
@@ -432,6 +282,13 @@ class AsyncStream:
             streaming.look()
         if self._streaming is streaming:
             self._alive()
+
+    def samples(self) -> list[Sample]:
+        """Return the samples since the last call, or since the block began, without waiting."""
+        streaming = self._alive()
+        if self._reader is None or self._reader.shared is not streaming.shared:
+            self._reader = Reader(streaming.shared)
+        return list(self._reader.new())
 
     @property
     def latest(self) -> Sample | None:
@@ -459,16 +316,6 @@ class AsyncStream:
         return self._alive().shared.dry
 
     @property
-    def error(self) -> OrinError | None:
-        """What ended streaming; ``None`` while all is well."""
-        if self._failure is None and self._streaming is not None:
-            self._streaming.look()
-            if self._streaming.ended:
-                reason = self._streaming.reason
-                self._failure = self._streaming.error or common.ended_because(reason, self._options.idle)
-        return self._failure
-
-    @property
     def _axes(self) -> int:
         return len(self.limits.lower) if isinstance(self.limits, Limits) else 6
 
@@ -478,23 +325,3 @@ class AsyncStream:
         assert self.limits is not None
         count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._kind]
         return sample.command[:count] if sample is not None else (math.nan,) * count
-
-    def _alive(self) -> Streaming:
-        """Return the streaming process.
-
-        Raises:
-            OrinError: it has ended.
-        """
-        self._look()
-        assert self._streaming is not None
-        return self._streaming
-
-    def _look(self) -> None:
-        streaming = self._streaming
-        if streaming is not None:
-            streaming.look()
-            if not streaming.ended:
-                return
-            self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
-        self._told = True
-        raise self._failure or common.ended_because("", None)

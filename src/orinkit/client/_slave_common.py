@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from threading import Event, Thread
 from time import time_ns
-from typing import Any, Final, Literal, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple
 
-from orinkit.arms import model_of_type
 from orinkit.cao.slave_formats import (
     PoseKind,
-    Receive,
-    ReceiveFormat,
-    Send,
-    SlaveMode,
-    UserWindow,
-    mode_number,
-    mode_of,
 )
-from orinkit.errors import InvalidValue, OrinError, StreamError
+from orinkit.client._slave_options import Options
+from orinkit.errors import OrinError, StreamError
 from orinkit.language import pick
 from orinkit.poses import J, P, T
-from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.samples import Sample
-from orinkit.slave.shared import SAMPLE_ROOM, Outputs, RawSample, Shared
+from orinkit.slave.shared import SAMPLE_ROOM, RawSample, Shared
 
-Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
-"""What can come back with each set-point; the controller's time and the joints are by default."""
-OnRange: TypeAlias = Literal["clamp", "refuse"]
-"""What is done with a live target beyond the arm's range."""
-
-PERIOD: Final = 0.008
-"""Seconds of a controller's cycle (RC8 4.1)."""
 POLL: Final = 0.002
 """Seconds between two looks at what the streaming process has done."""
 SETTLE: Final = 2.0
@@ -48,21 +32,6 @@ TRIES: Final = 3
 POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
 """The values of each kind of pose."""
 
-_POSES: Final[dict[frozenset[str], int]] = {
-    frozenset(): 2,
-    frozenset({"position"}): 1,
-    frozenset({"joints"}): 2,
-    frozenset({"trans"}): 3,
-    frozenset({"position", "joints"}): 4,
-    frozenset({"trans", "joints"}): 5,
-}
-_FLAGS: Final[dict[str, Receive]] = {
-    "time": Receive.TIME,
-    "hand": Receive.HAND,
-    "current": Receive.CURRENT,
-    "mini": Receive.MINI,
-}
-_POSE_NAMES: Final = frozenset({"position", "joints", "trans"})
 _LONGEST_SLEEP: Final = 0.05
 
 
@@ -153,115 +122,6 @@ def timing_of(samples: Iterable[Sample]) -> Timing:
     return Timing(tuple(b.sent - a.sent for a, b in pairwise(samples) if b.number == a.number + 1))
 
 
-@dataclass(slots=True)
-class Options:
-    """What slave mode is asked for; as of ``Robot.slave_mode``."""
-
-    mode: SlaveMode
-    receive: ReceiveFormat
-    send: Send
-    outputs: Outputs
-    window: UserWindow | None
-    limits: Limits | PathLimits | None
-    speed: float
-    period: float
-    queue: int
-    idle: float | None
-    on_range: OnRange
-    record: Path | None
-
-
-def read_options(
-    mode: int, pose: str, recv: Iterable[str], *, mini: int | None, hand: int | None, user: tuple[int, bytes] | None,
-    user_window: tuple[int, int] | None, limits: Limits | PathLimits | None, speed: float, period: float, queue: int,
-    idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
-) -> Options:  # fmt: skip
-    """Return the options of slave mode.
-
-    Raises:
-        InvalidValue: one of them is none.
-    """
-    wanted = mode_of(mode_number(mode, pose))
-    assert wanted is not None
-    names = frozenset([recv] if isinstance(recv, str) else recv)
-    if unknown := names - _FLAGS.keys() - _POSE_NAMES:
-        known = ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES))
-        raise InvalidValue(
-            pick(f"recv: {min(unknown)!r} is none of {known}", f"recv: {min(unknown)!r} は使えません ({known})")
-        )
-    poses = _POSES.get(names & _POSE_NAMES)
-    if poses is None:
-        raise InvalidValue(
-            pick(
-                "recv: position and trans cannot come back together; joints can come with either (RC8 table 4-1)",
-                "recv: position と trans は同時に受信できません。joints はどちらとも組み合わせられます (表 4-1)",
-            )
-        )
-    number = poses | Receive.TIME
-    for name in names & _FLAGS.keys():
-        number |= _FLAGS[name]
-    if user_window is not None:
-        number |= Receive.USER
-    if mini is not None and user is not None:
-        raise InvalidValue(
-            pick("mini and user outputs cannot be sent together (RC8 table 4-1)", "mini と user の出力は同時に送信できません (表 4-1)")
-        )  # fmt: skip
-    send = Send(0)
-    for given, flag in ((mini, Send.MINI), (hand, Send.HAND), (user, Send.USER)):
-        if given is not None:
-            send |= flag
-    for name, value, least, most in (
-        ("speed", speed, 0.0, 100.0),
-        ("period", period, 0.0, 1.0),
-        ("queue", queue, 0, 4096),
-        ("idle", 1.0 if idle is None else idle, 0.0, 1e6),
-    ):
-        if not least < value <= most:  # so is no NaN
-            raise InvalidValue(
-                pick(
-                    f"{name}: {value!r} is not above {least:g} and at most {most:g}",
-                    f"{name}: {value!r} は範囲外です ({least:g} より大きく {most:g} 以下)",
-                )
-            )
-    if on_range not in ("clamp", "refuse"):
-        raise InvalidValue(
-            pick(f"on_range: {on_range!r}; clamp or refuse", f"on_range: {on_range!r} (clamp か refuse)")
-        )
-    if limits is not None and isinstance(limits, Limits) is not (wanted.kind == "J"):
-        raise InvalidValue(
-            pick(
-                "limits: joints (pose J) have Limits, positions (pose P, T) have PathLimits",
-                "limits: 関節 (pose J) には Limits、位置 (pose P, T) には PathLimits を指定してください",
-            )
-        )
-    return Options(
-        wanted, ReceiveFormat(int(number), microseconds=True), send, Outputs(mini, hand, user),
-        UserWindow(*user_window) if user_window else None, limits, speed, period, int(queue), idle, on_range,
-        Path(record) if record is not None else None,
-    )  # fmt: skip
-
-
-def limits_for(options: Options, type_name: object) -> Limits | PathLimits:
-    """Return the limits to stream within: as given, or those of the arm whose controller gives this type name.
-
-    Raises:
-        StreamError: no such arm is known here.
-    """
-    limits = options.limits
-    if limits is None:
-        model = model_of_type(str(type_name))
-        if model is None:
-            raise StreamError(
-                pick(
-                    f"the limits of a {type_name} are not known here; give them: slave_mode(limits=...)",
-                    f"{type_name} の制限値は登録されていません。slave_mode(limits=...) で指定してください",
-                )
-            )
-        limits = Limits.of_model(model) if options.mode.kind == "J" else PathLimits.of_model(model)
-    part = options.speed / 100
-    return limits if part == 1.0 else limits.scaled(part, part, part)
-
-
 def ended_because(reason: str, idle: float | None) -> StreamError:
     """Return the exception for a stream that has ended without an error."""
     texts = {
@@ -294,6 +154,7 @@ def sample_of(raw: RawSample, began_ns: int) -> Sample:
         P.of(raw.position) if raw.position else None,
         T.of(raw.trans) if raw.trans else None,
         raw.mini, raw.hand, raw.user, raw.current, raw.delay_ns / 1e9 if raw.delay_ns >= 0 else None,
+        (raw.answered_ns - began_ns) / 1e9,
     )  # fmt: skip
 
 

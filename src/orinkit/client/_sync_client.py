@@ -153,6 +153,12 @@ class Client:
             self._link = self._link.link
         self._conversation.serial = serial
 
+    def abandon(self) -> None:
+        """Leave the connection to the other process for good; here it is closed."""
+        if isinstance(self._link, LentLink):
+            self._link = self._link.link
+        self._link.release()
+
     @property
     def dropped(self) -> int:
         """How many answers came late, twice, or for nobody."""

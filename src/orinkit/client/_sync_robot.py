@@ -20,7 +20,7 @@ from orinkit.poses import J, P, PassMark, PoseLike, T
 from orinkit.variant import Value
 
 if TYPE_CHECKING:
-    from orinkit.client._slave_common import OnRange, Wanted
+    from orinkit.client._slave_options import OnRange, Wanted
     from orinkit.client._sync_slave import Stream
     from orinkit.slave.limits import Limits, PathLimits
 
@@ -108,7 +108,7 @@ class Robot(Mover):
         Raises:
             InvalidValue: an option is none.
         """
-        from orinkit.client._slave_common import read_options
+        from orinkit.client._slave_options import read_options
         from orinkit.client._sync_slave import Stream  # most programs need none of this
 
         options = read_options(

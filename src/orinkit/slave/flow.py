@@ -20,11 +20,13 @@ class Delivery(NamedTuple):
 
     Attributes:
         sent: when it was sent, monotonic s.
+        answered: when the answer was there.
         code: S_OK or S_BUF_FULL.
         answer: what came back.
     """
 
     sent: float
+    answered: float
     code: int
     answer: SlaveAnswer
 
@@ -110,7 +112,7 @@ class Ticking:
             sleep_until(self._tick)
             again = self._call(parameter)
             if again.answer.timestamp != began or again.sent > end:
-                return Delivery(first.sent, again.code, again.answer)
+                return again._replace(sent=first.sent)
 
 
 def sleep_until(moment: float) -> None:

@@ -147,7 +147,7 @@ class Streaming:
     def close(self) -> None:
         """Let go of it: it ends by itself, at once if it has ended streaming; does nothing the second time."""
         self._channel.close()
-        if self.ended:
+        if self.ended or not self.began:
             end = monotonic() + _LET_GO
             while self._process.poll() is None:
                 try:

@@ -6,8 +6,8 @@ import signal
 import socket
 from typing import Any
 
-from orinkit.cao.slave_formats import ReceiveFormat, Send, UserWindow, mode_of
-from orinkit.errors import CallError, OrinError, StreamError
+from orinkit.cao.slave_formats import OFF, ReceiveFormat, Send, UserWindow, mode_of
+from orinkit.errors import CallError, ConnectionLost, OrinError, StreamError
 from orinkit.slave import realtime
 from orinkit.slave.channel import Channel, describe
 from orinkit.slave.limits import Limits, PathLimits
@@ -38,8 +38,13 @@ def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int) 
     try:
         _stream(setup, wire, shared, watch, channel, outcome)
     except CallError as error:
-        outcome["error"] = describe(wire.first_error(error))
+        first = wire.first_error(error)
+        wire.leave()
+        outcome["error"] = describe(first)
+    except ConnectionLost as error:
+        outcome["error"] = describe(error)
     except OrinError as error:
+        wire.leave()
         outcome["error"] = describe(error)
     except Exception as error:  # noqa: BLE001 - the program is told
         outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
@@ -55,7 +60,7 @@ def _stream(setup: Setup, wire: Wire, shared: Shared, watch: Watch, channel: Cha
     wire.execute("slvChangeMode", setup.mode.number)
     channel.send({"streaming": True})
     outcome["reason"] = Streamer(setup, wire, shared, watch, planner).run()
-    wire.execute("slvChangeMode", 0)
+    wire.execute("slvChangeMode", OFF)
 
 
 def _setup(message: dict[str, Any]) -> Setup:

@@ -26,6 +26,7 @@ class Sample:
         current: of the motors, A.
         delay: s from when a live target was set until this set-point, the first one towards it, was sent; ``None`` for
             any other.
+        answered: when the answer was there, s of the same clock as ``sent``; in mode 2 that is when there was room.
     """
 
     number: int
@@ -41,3 +42,4 @@ class Sample:
     user: bytes | None = None
     current: tuple[float, ...] | None = None
     delay: float | None = None
+    answered: float = 0.0

@@ -120,11 +120,13 @@ class RawSample:
 
     Attributes:
         sent_ns: of the monotonic clock.
+        answered_ns: the same.
         delay_ns: how long the live target that it is the first to follow had been set when it was sent; -1: none.
     """
 
     number: int
     sent_ns: int
+    answered_ns: int
     code: int
     command: tuple[float, ...]
     delay_ns: int = -1
@@ -216,7 +218,10 @@ class Shared:
         words[at + 1] = flags << 8 | len(values)
         words[at] = count
         words[_Word.WRITTEN] = count + 1
-        words[_Word.FEED] = Feed.QUEUE
+
+    def feed_queue(self) -> None:
+        """Take set-points from the queue."""
+        self._words[_Word.FEED] = Feed.QUEUE
 
     def forget(self) -> None:
         """Have what is queued until now forgotten."""
@@ -298,7 +303,7 @@ class Shared:
             return tuple(numbers[at + offset : at + offset + count])
 
         sample = RawSample(
-            number, words[at + 1], words[at + 2], values(6, length), words[at + 4],
+            number, words[at + 1], words[at + 70], words[at + 2], values(6, length), words[at + 4],
             numbers[at + 5] if flags & _TIME else None,
             values(20, _MOST_AXES) if flags & _JOINTS else None,
             values(28, 7) if flags & _POSITION else None,
@@ -386,6 +391,7 @@ class Shared:
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         words[at] = -1
         words[at + 1], words[at + 2], words[at + 4] = sample.sent_ns, sample.code, sample.delay_ns
+        words[at + 70] = sample.answered_ns
         flags = 0
         if sample.time is not None:
             flags |= _TIME

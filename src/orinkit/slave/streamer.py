@@ -11,6 +11,7 @@ from orinkit import hresult
 from orinkit.bcap.client import Conversation
 from orinkit.cao import functions
 from orinkit.cao.slave_formats import (
+    OFF,
     ReceiveFormat,
     Send,
     SetPoint,
@@ -20,7 +21,9 @@ from orinkit.cao.slave_formats import (
     encode_set_point,
     read_answer,
 )
+from orinkit.cao.table import Function
 from orinkit.errors import CallError, InvalidValue, OrinError, error_for
+from orinkit.language import pick
 from orinkit.slave.channel import Channel
 from orinkit.slave.flow import FLOWS, Call, Delivery
 from orinkit.slave.limits import Limits, PathLimits
@@ -34,6 +37,11 @@ _MOST_SECONDS: Final = 1.0  # for the answer to a set-point
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
 _STOPPED: Final = frozenset(b"Tt")
+_STOPS: Final = {  # bits of SysState (reference: SysState)
+    10: ("the emergency stop is on", "非常停止中です"),
+    12: ("the protective stop is on", "防護停止中です"),
+    18: ("the controller is in manual mode", "手動モードです"),
+}
 
 
 @dataclass(slots=True)
@@ -126,16 +134,27 @@ class Wire:
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
         """Execute a command of the robot; returns code and result."""
-        arguments = (self._handle, command, parameter)
-        return run(self.conversation.call(functions.robot_execute, arguments, self._timeout), self._link)
+        return self._call(functions.robot_execute, (self._handle, command, parameter), self._timeout)
 
     def move(self, parameter: Any) -> Delivery:
         """Send slvMove."""
         arguments = (self._handle, "slvMove", parameter)
-        seconds = min(self._timeout, _MOST_SECONDS)
         sent = monotonic()
-        code, value = run(self.conversation.call(functions.robot_execute, arguments, seconds), self._link)
-        return Delivery(sent, code, read_answer(self._receive, value))
+        code, value = self._call(functions.robot_execute, arguments, min(self._timeout, _MOST_SECONDS))
+        return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
+
+    def leave(self) -> None:
+        """Turn slave mode off after an error; most errors have done so already."""
+        try:
+            self.execute("slvChangeMode", OFF)
+        except OrinError:
+            pass
+
+    def _call(self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float) -> tuple[int, Any]:
+        try:
+            return run(self.conversation.call(function, arguments, seconds), self._link)
+        except CallError as error:  # which command it was says more than the function
+            raise error_for(error.code, error.detail, str(arguments[1])) from None
 
     def first_error(self, error: CallError) -> CallError:
         """Return the first of the controller's errors: what follows it only tells that slave mode is off (RC8 4.7).
@@ -146,17 +165,19 @@ class Wire:
         try:
             count = self._ask("GetCurErrorCount", None)
             info = self._ask("GetCurErrorInfo", int(count) - 1) if count else None
+            state = 0 if count else int(self._ask("SysState", None))
         except (OrinError, TypeError, ValueError):
             return error
-        if not isinstance(info, list) or len(info) < 2 or not isinstance(info[0], int):
+        if isinstance(info, list) and len(info) > 1 and isinstance(info[0], int):
+            code = hresult.unsigned(info[0])
+            return error_for(code, str(info[1]) if info[1] != hresult.lookup(code).text else "", error.function)
+        reasons = [pick(*text) for bit, text in _STOPS.items() if state >> bit & 1]
+        if not reasons:
             return error
-        code = hresult.unsigned(info[0])
-        return error_for(code, str(info[1]) if info[1] != hresult.lookup(code).text else "", "slvMove")
+        return error_for(error.code, "; ".join(filter(None, (*reasons, error.detail))), error.function)
 
     def _ask(self, command: str, parameter: Any) -> Any:
-        arguments = (self._controller, command, parameter)
-        operation = self.conversation.call(functions.controller_execute, arguments, self._timeout)
-        return run(operation, self._link)[1]
+        return self._call(functions.controller_execute, (self._controller, command, parameter), self._timeout)[1]
 
 
 @dataclass(slots=True)
@@ -304,6 +325,6 @@ class Streamer:
         if self._delay_from:
             delay, self._delay_from = sent - self._delay_from, 0
         return RawSample(
-            0, sent, delivery.code, command, delay, self._clock.read(answer.timestamp),
+            0, sent, round(delivery.answered * 1e9), delivery.code, command, delay, self._clock.read(answer.timestamp),
             answer.joints, answer.position, answer.trans, answer.current, answer.mini, answer.hand, answer.user,
         )  # fmt: skip

@@ -141,6 +141,10 @@ class AsyncTcpLink(asyncio.BufferedProtocol):
         descriptor: int = self._transport.get_extra_info("socket").fileno()
         return descriptor
 
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
+        self.close()  # asyncio does not shut the connection down
+
     def close(self) -> None:
         """Close; a receive that is waiting ends at once."""
         if self._transport is not None:

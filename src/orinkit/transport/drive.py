@@ -30,6 +30,9 @@ class Link(Protocol):
     def fileno(self) -> int:
         """Descriptor, to be lent to another process."""
 
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
+
     def close(self) -> None:
         """Close; may be called again."""
 
@@ -45,6 +48,9 @@ class AsyncLink(Protocol):
 
     def fileno(self) -> int:
         """Descriptor, to be lent to another process; nothing is received here until the next call."""
+
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
 
     def close(self) -> None:
         """Close; may be called again."""
@@ -72,6 +78,10 @@ class LentLink:
         """Refuse, as :meth:`send`."""
         raise _lent()
 
+    def release(self) -> None:
+        """Close the link itself, in this process."""
+        self.link.release()
+
     def close(self) -> None:
         """Close the link itself."""
         self.link.close()
@@ -98,6 +108,10 @@ class AsyncLentLink:
     def fileno(self) -> int:
         """Refuse, as :meth:`send`."""
         raise _lent()
+
+    def release(self) -> None:
+        """Close the link itself, in this process."""
+        self.link.release()
 
     def close(self) -> None:
         """Close the link itself."""

@@ -7,8 +7,8 @@ controller would have answered its client meanwhile, and had its set-points. So
   the network is asked to (``look``), and the cycle waits for that;
 * where set-points are queued (modes 0 and 2) cycles are not made up for: one is run, and the controller's time is late;
 * where the newest one counts (mode 1) as many are run as the way to it seems to need (:mod:`~.bridge`);
-* where the cycle, or the one before, was late and there is no new set-point, the client may not have been answered: it
-  gets a period, once.
+* where a cycle, or whoever answers the client, was late lately and there is no new set-point, the client may not have had
+  its answer: it gets a period, once.
 
 A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is.
 """
@@ -22,6 +22,7 @@ from orinkit.virtual.rc8.cycle import PERIOD, Cycles
 
 _ON_TIME: Final = PERIOD / 4
 _LONGEST_LOOK: Final = 1.0  # real seconds; whoever has not answered by then does not read any more
+_FELT: Final = 4  # cycles: a set-point that was not sent in time is missed when the three in the buffer are used up
 _AFTERWARDS: Final = 2  # cycles behind those that were late
 _MOST_OWED: Final = 0.25  # s
 _MEMORY: Final = 125  # cycles
@@ -81,7 +82,8 @@ class Pace:
         self._asked = 0.0
         self._seen = False
         self._spared = False
-        self._lately = False  # the last cycle was late
+        self._late_until = 0  # number of the cycle until which the client may feel that something was late
+        self._ping: float | None = None  # when whoever answers the client was last asked whether it is awake
         self._owed = 0.0  # s by which the controller's time is late, as a client that goes by the clock will notice
         self._forget_at = 0  # number of the cycle after which that is forgotten
 
@@ -92,17 +94,31 @@ class Pace:
             return 0
         self._question = None
         late = self._cycles.late
-        stalled = late > _ON_TIME
-        if slave.idling and (stalled or self._lately) and not self._spared and self._seen:
+        self._take_pulse(late)
+        if slave.idling and self._cycles.number <= self._late_until and not self._spared and self._seen:
             self._spare(late + PERIOD)
             return 0
-        self._spared, self._lately = False, stalled
+        self._spared = False
         count = self._lead(late) if slave.overwrites and not slave.idling else 1
         behind = late - (count - 1) * PERIOD
         if behind > _ON_TIME or count > due:
             self._owe(behind)
             self._cycles.put_off(count)
         return count
+
+    def _take_pulse(self, late: float) -> None:
+        """Note whether this cycle is late, or whoever answers the client is; its answers are then late, too."""
+        clock = self._cycles.clock
+        if late > _ON_TIME or (self._ping is not None and clock.now() - self._ping > _ON_TIME):
+            self._late_until = self._cycles.number + _FELT
+        if self._ping is None and self._look is not None and self._slave.moving:
+            self._ping = clock.now()
+            self._look(self._awake)
+
+    def _awake(self) -> None:
+        ping, self._ping = self._ping, None
+        if ping is not None and self._cycles.clock.now() - ping > _ON_TIME:
+            self._late_until = self._cycles.number + _FELT
 
     def _looked(self) -> bool:
         """Ask for a look, if nobody has; returns whether it is over."""

@@ -212,6 +212,8 @@ class Slave:
         if not self._buffer:
             return 0
         goal, queue = self._buffer[-1], self._arm.queue
+        if self._limits.fault(queue.before, queue.joints, goal.joints, lenient=False) is None:
+            return 1  # nothing is missing, or it does not matter
         *way, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
         self._buffer = deque([*map(Command, way), goal])
         return len(self._buffer)
