@@ -10,10 +10,10 @@ from __future__ import annotations
 from orinkit.client._async_slave import AsyncStream
 from orinkit.client._slave_common import Progress, StreamResult, Timing
 from orinkit.client._sync_slave import Stream
+from orinkit.slave.breaches import TrajectoryError
 from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.realtime import RealTime
 from orinkit.slave.samples import Sample
-from orinkit.slave.trajectory import TrajectoryError
 
 __all__ = [
     "AsyncStream",

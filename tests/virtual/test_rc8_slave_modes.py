@@ -353,21 +353,6 @@ def test_a_client_that_waits_for_its_answers_is_never_late_in_mode_2(cell):
     assert [joints for joints in cell.commands if joints != HOME] == SINE[1:-1]
 
 
-def test_several_held_answers_come_in_their_order(cell):
-    """Command objects may call several at a time."""
-    cell.on(J2)
-    for number in range(1, 4):
-        cell.send(step(number))
-    held = [cell.send(step(number)) for number in range(4, 8)]
-    done = []
-    for _ in range(4):
-        cell.cycle()
-        done.append([each.done for each in held])
-    assert done == [[index < count for index in range(4)] for count in (1, 2, 3, 4)]
-    cell.cycle(3)
-    assert cell.commands[-7:] == [step(number) for number in range(1, 8)]
-
-
 # --- leaving ----------------------------------------------------------------------------------------------------------
 
 
@@ -781,3 +766,18 @@ def test_outputs_are_kept_in_the_state_directory(tmp_path):
     device = VirtualRC8(state=str(tmp_path))
     assert device.state.variables.points(64, 8) == 0x81
     device.close()
+
+
+def test_several_held_answers_come_in_their_order(cell):
+    """Command objects may call several at a time."""
+    cell.on(J2)
+    for number in range(1, 4):
+        cell.send(step(number))
+    held = [cell.send(step(number)) for number in range(4, 8)]
+    done = []
+    for _ in range(4):
+        cell.cycle()
+        done.append([each.done for each in held])
+    assert done == [[index < count for index in range(4)] for count in (1, 2, 3, 4)]
+    cell.cycle(3)
+    assert cell.commands[-7:] == [step(number) for number in range(1, 8)]

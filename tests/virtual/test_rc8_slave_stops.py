@@ -15,6 +15,7 @@ from orinkit.arms import load_model
 from orinkit.cao.provider import Later
 from orinkit.errors import CallError
 from orinkit.variant import variant
+from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.cycle import PERIOD
 from orinkit.virtual.rc8.kinematics import Kinematics
 from orinkit.virtual.rc8.motion.brake import Brake
@@ -341,10 +342,10 @@ def test_something_that_breaks_in_the_cycle_brings_the_arm_to_rest(cell, caplog)
         cell.send(pose, 0)
         cell.cycle()
     cell.rc8.state.variables._save = None  # the disk is full, say
-    last = len(cell.commands) - 1
     cell.send(SINE[26], 1)
     with caplog.at_level("CRITICAL", "orinkit.rc8"):
-        cell.clock.advance(PERIOD)
+        cell.cycle()
+    last = len(cell.commands) - 1
     assert cell.error == hresult.UNDEFINED_ERROR
     assert not cell.arm.slave.on
     cell.rest()
@@ -467,3 +468,45 @@ def test_a_braking_queue_takes_no_motions():
         queue.follow(HOME)
     with pytest.raises(ValueError, match="placed"):
         queue.place(HOME)
+
+
+def test_outputs_that_cannot_be_kept_do_not_jolt_the_arm(cell, monkeypatch):
+    """The cycle goes on: that is an error of the controller, and the arm brakes from its velocity."""
+    cell.execute("slvSendFormat", 0x200)
+    cell.on(J2)
+    poses = list(straight(1.0, 60))
+
+    def full(*_: object) -> None:
+        raise OSError("disk full")
+
+    for index, pose in enumerate(poses):
+        if index == 30:
+            monkeypatch.setattr(cell.rc8.state.variables, "set_points", full)
+        if not cell.arm.slave.taking:
+            break
+        cell.send(pose, 128, 1, bytes([index]))
+        cell.cycle()
+    assert cell.error == hresult.UNDEFINED_ERROR
+    cell.rest()
+    cell.check_brake(31)
+
+
+def test_a_slow_clock_goes_on():
+    assert Clock(0.001).patience > 2 * PERIOD
+
+
+def test_a_set_point_that_is_cancelled_is_not_carried_out(cell):
+    """Command objects may call several at a time; cancelling one of them is the end of slave mode."""
+    commands = []
+    for angle in (0.0, 0.1, 0.3, 0.6, 0.9, 1.1):
+        command = cell.controller.get_command("Robot.slvMove", "")
+        command.put_parameters(variant([angle, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0]))
+        commands.append(command)
+    cell.on(J2)
+    for command in commands:
+        command.execute(1)
+    commands[4].cancel()
+    cell.rest()
+    assert cell.mode == 0
+    assert cell.commands[-1][0] < 0.31
+    assert cell.error == 0

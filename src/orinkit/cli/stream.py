@@ -220,9 +220,10 @@ def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Poi
         TrajectoryError: a set-point breaks a limit, or the arm is somewhere else.
     """
     from orinkit.client._slave_options import limits_for
+    from orinkit.slave.breaches import TrajectoryError
     from orinkit.slave.limits import Limits
     from orinkit.slave.retime import retime
-    from orinkit.slave.trajectory import TrajectoryError, read_trajectory
+    from orinkit.slave.trajectory import read_trajectory
 
     options, period = job.options, job.options.period
     limits = limits_for(options, "" if options.limits is not None else robot.execute("GetRobotTypeName"))

@@ -6,6 +6,7 @@ The synchronous twin is made from this file, as that of :mod:`orinkit.client._as
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
@@ -133,14 +134,17 @@ class AsyncClient:
         """Return the descriptor of the connection, to be given to another process."""
         return self._link.fileno()
 
-    def lend(self) -> int:
+    def lend(self, closing: Callable[[], None]) -> int:
         """Lend the connection to another process: until it is taken back, every call here is refused.
+
+        Args:
+            closing: is called when the connection is closed here meanwhile.
 
         Returns:
             serial number of the next request.
         """
         self._link.fileno()  # whoever has it receives from now on
-        self._link = AsyncLentLink(self._link)
+        self._link = AsyncLentLink(self._link, closing)
         return self._conversation.serial
 
     def take_back(self, serial: int) -> None:

@@ -40,6 +40,7 @@ class AsyncSlaveMode:
         self._recording: common.Recording | None = None
         self._failure: OrinError | None = None
         self._told = False  # whether a call has raised it
+        self._inside = False  # the block
         self._kind = options.mode.kind
         self._outputs = options.outputs
         self.limits: Limits | PathLimits | None = options.limits
@@ -51,18 +52,22 @@ class AsyncSlaveMode:
     # --- entering and leaving -----------------------------------------------------------------------------------
 
     async def __aenter__(self) -> Self:
-        if self._options.record is not None:
-            self._recording = common.Recording(self._options.record, self._options)
+        await self._enter()
+        self._inside = True
         try:
-            await self._enter()
+            if self._options.record is not None and self._streaming is not None:
+                self._recording = common.Recording(self._options.record, self._options)
+                self._recording.follow(self._streaming.shared)
         except BaseException:
-            self._close_recording(quiet=True)
+            self._inside = False
+            await self._leave(Order.LEAVE)
             raise
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._inside = False
         try:
             await self._leave(Order.FINISH if error is None else Order.LEAVE)
         finally:
@@ -84,15 +89,15 @@ class AsyncSlaveMode:
                 self.limits = limits_for(options, type_name)
             else:
                 self.limits = limits_for(options, "")
-            start = await self._start()
+            start, beyond = await self._start()
             await self._until(lambda: streaming.real_time is not None)
         except BaseException:
             await self._give_up(streaming)
             raise
         self.real_time = streaming.real_time or RealTime()
-        serial = client.lend()
+        serial = client.lend(lambda: _let_go(streaming))
         try:
-            streaming.begin(self._setup(start, serial))
+            streaming.begin(self._setup(start, beyond, serial))
             await self._until(lambda: streaming.streaming and streaming.shared.samples > 0)
         except BaseException:
             await self._give_up(streaming)
@@ -100,28 +105,27 @@ class AsyncSlaveMode:
         if self._recording is not None:
             self._recording.follow(streaming.shared)
 
-    def _setup(self, start: tuple[float, ...], serial: int) -> Setup:
+    def _setup(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> Setup:
         options = self._options
         assert self.limits is not None
         return Setup(
             self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
-            options.window, self._outputs, options.period, self.limits, start, serial, self._robot.client.timeout,
+            options.window, self._outputs, options.period, self.limits, start, beyond, serial, self._robot.client.timeout,
             options.idle, os.getpid(),
         )  # fmt: skip
 
-    async def _start(self) -> tuple[float, ...]:
-        """Return where the arm stands, once its encoders do."""
+    async def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return where the arm stands, once its encoders do; and the joints that there are no limits for."""
         robot = self._robot
         deadline = Deadline(common.SETTLE)
         while not await robot.motion_complete(1) and not deadline.passed:
             await apause(common.POLL)
         if self._kind == "P":
-            return tuple(await robot.get_position())
+            return tuple(await robot.get_position()), ()
         if self._kind == "T":
-            return tuple(await robot.get_trans())
-        joints = await robot.get_joints()
+            return tuple(await robot.get_trans()), ()
         assert isinstance(self.limits, Limits)
-        return tuple(joints)[: len(self.limits.lower)]
+        return common.with_limits(tuple(await robot.get_joints()), self.limits)
 
     async def _until(self, happened: Callable[[], bool]) -> None:
         """Wait for something that the streaming process does."""
@@ -185,7 +189,10 @@ class AsyncSlaveMode:
 
         Raises:
             CallError: the controller refuses: somebody has to look at it.
+            StreamError: outside the block.
         """
+        if not self._inside:
+            raise common.ended_because("", None)
         await self._leave(Order.LEAVE)
         for attempt in range(common.TRIES):
             try:
@@ -230,3 +237,10 @@ class AsyncSlaveMode:
             self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
         self._told = True
         raise self._failure or common.ended_because("", None)
+
+
+def _let_go(streaming: Streaming) -> None:
+    """The connection is closed under the streaming process: it has the arm come to rest first."""
+    if not streaming.shared.closed:
+        streaming.shared.forget()
+        streaming.shared.order(Order.LEAVE)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice
+from threading import Lock
 from time import monotonic_ns
 from typing import Any, Final
 
@@ -16,16 +17,17 @@ from orinkit.client import _slave_common as common
 from orinkit.client._async_lending import AsyncSlaveMode
 from orinkit.client._async_motion import AsyncMover
 from orinkit.client._slave_common import Progress, Reader, StreamResult
-from orinkit.client._slave_options import Options, read_outputs
+from orinkit.client._slave_options import Options, check_outputs, read_outputs
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.poses import J, P, T
+from orinkit.slave.breaches import TrajectoryError
 from orinkit.slave.limits import Limits
 from orinkit.slave.planners import Planner, planner_for
 from orinkit.slave.retime import retime as retimed
 from orinkit.slave.samples import Sample
 from orinkit.slave.shared import QUEUE_ROOM, Order, Outputs
-from orinkit.slave.trajectory import TrajectoryError, check_path, check_trajectory, read_point, read_trajectory
+from orinkit.slave.trajectory import check_path, check_trajectory, read_point, read_trajectory
 from orinkit.transport.drive import apause
 
 _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
@@ -45,6 +47,7 @@ class AsyncStream(AsyncSlaveMode):
 
     def __init__(self, robot: AsyncMover, options: Options) -> None:
         super().__init__(robot, options)
+        self._lock = Lock()
         self._reader: Reader | None = None
         self._pushed: Planner | None = None
         self._target: J | P | T | None = None
@@ -79,43 +82,46 @@ class AsyncStream(AsyncSlaveMode):
         else:
             ready = self._prepared(trajectory, retime=retime)
             points, total = iter(()), len(ready)
-        shared = streaming.shared
-        reader = Reader(shared, shared.samples)
-        samples: list[Sample] = []
-        before, dry = shared.sent, shared.dry
-
-        async def look() -> None:
-            self._alive()
-            samples.extend(reader.new())
-            if progress is not None:
-                progress(Progress(shared.sent - before, total))
-            await apause(common.POLL)
-
-        sent = await self._feed(ready, points, look)
-        while shared.sent - before < sent or not shared.settled:
-            await look()
-        shared.hold()
-        samples.extend(reader.new())
-        if progress is not None:
-            progress(Progress(sent, total))
+        course = common.Course(streaming.shared, total, progress)
+        try:
+            sent = await self._feed(ready, points, course)
+            while course.sent < sent or not course.shared.settled:
+                await self._go_on(course)
+        except BaseException:
+            course.give_up()
+            raise
         self._pushed = None
-        return StreamResult(sent, shared.dry - dry, tuple(samples), reader.missed, common.timing_of(samples))
+        return course.result(sent)
 
-    async def _feed(self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], look: Any) -> int:
+    async def _feed(
+        self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], course: common.Course
+    ) -> int:
         """Queue set-points as there is room; returns how many there were."""
-        shared = self._alive().shared
+        shared = course.shared
         sent = 0
+        looked = monotonic_ns()
         for source in (iter(ready), points):
             for point in source:
                 while shared.waiting >= QUEUE_ROOM:
-                    shared.feed_queue()
-                    await look()
+                    course.start()
+                    await self._go_on(course)
                 shared.put(point)
                 sent += 1
-                if not sent % common.PREFETCH:
-                    self._alive()
-            shared.feed_queue()  # as much as there is room for is there before the first one is sent
+                if monotonic_ns() - looked > common.LOOK_NS:
+                    await self._go_on(course)
+                    looked = monotonic_ns()
+            course.start()  # as much as there is room for is there before the first one is sent
         return sent
+
+    async def _go_on(self, course: common.Course) -> None:
+        """Look how a trajectory goes, and let others do something.
+
+        Raises:
+            StreamError: something else has ended it.
+        """
+        self._alive()
+        course.look()
+        await apause(common.POLL)
 
     def _prepared(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
         options, start = self._options, self._command()
@@ -149,13 +155,10 @@ class AsyncStream(AsyncSlaveMode):
         return planner_for(self.limits, self._options.period, start, self._kind)
 
     async def _still(self) -> None:
-        """Wait until what was pushed has been sent, and the arm stands."""
+        """Wait until what was pushed has been sent, or the live target is reached, and the arm stands."""
         shared = self._alive().shared
-        held = False
-        while shared.samples < 1 or not shared.at_rest or shared.waiting:
-            if not shared.waiting and not held:
-                shared.hold()
-                held = True
+        from_now = shared.samples + 1  # one that knows what was wanted just now
+        while shared.samples <= from_now or not shared.at_rest or shared.waiting:
             self._alive()
             await apause(common.POLL)
         shared.hold()
@@ -180,17 +183,19 @@ class AsyncStream(AsyncSlaveMode):
             CallError: the controller ended slave mode: its first error.
             StreamError: slave mode has ended.
         """
-        shared = self._alive().shared
-        start = self._command()
         values = read_point(point, self._kind, self._axes)
+        outputs = self._changed(mini, hand, user)
+        while self._alive().shared.waiting >= self._options.queue:
+            await apause(common.POLL)
+        with self._lock:
+            self._put(values, outputs)
+
+    def _put(self, values: tuple[float, ...], outputs: Outputs) -> None:
+        shared = self._alive().shared
         shadow = self._pushed if shared.waiting or not shared.at_rest else None
         if shadow is None:  # nothing is under way: from where the arm is held
-            shadow = self._shadow(start)
+            shadow = self._shadow(self._command())
         shadow.admits(values)
-        outputs = self._changed(mini, hand, user)
-        while shared.waiting >= self._options.queue:
-            await apause(common.POLL)
-            self._alive()
         shadow.take(values)
         self._pushed = shadow
         self._outputs = self._outputs.changed(outputs)
@@ -232,12 +237,15 @@ class AsyncStream(AsyncSlaveMode):
         shared = self._alive().shared
         shared.forget()
         shared.hold()
+        self._forget()
         shared.order(Order.HALT)
-        while not shared.order_done:
-            self._alive()
-            await apause(common.POLL)
-        shared.order(Order.RUN)
-        self._pushed = self._target = None
+        try:
+            while not shared.order_done:
+                self._alive()
+                await apause(common.POLL)
+        finally:
+            if not shared.closed:
+                shared.order(Order.RUN)  # nothing is fed: the arm stays at rest, or comes to it
 
     async def wait(self) -> None:
         """Wait until the arm stands: at the live target, or at the last set-point."""
@@ -267,6 +275,7 @@ class AsyncStream(AsyncSlaveMode):
                         f"{name} 出力は送信対象ではありません。slave_mode({name}=...) で開始してください",
                     )
                 )
+        check_outputs(self._options, new_ones)
         return new_ones
 
     # --- what comes back ----------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -17,11 +17,14 @@ from orinkit.client._slave_options import Options
 from orinkit.errors import OrinError, StreamError
 from orinkit.language import pick
 from orinkit.poses import J, P, T
+from orinkit.slave.limits import Limits
 from orinkit.slave.samples import Sample
-from orinkit.slave.shared import SAMPLE_ROOM, RawSample, Shared
+from orinkit.slave.shared import SAMPLE_ROOM, Feed, RawSample, Shared
 
 POLL: Final = 0.002
 """Seconds between two looks at what the streaming process has done."""
+LOOK_NS: Final = 10_000_000
+"""Nanoseconds that a trajectory may be queued for until others have their turn."""
 SETTLE: Final = 2.0
 """Seconds that the arm may take to stand still before slave mode begins."""
 PREFETCH: Final = 25
@@ -139,7 +142,39 @@ def ended_because(reason: str, idle: float | None) -> StreamError:
         ),
     }
     return StreamError(
-        texts.get(reason) or pick("slave mode is off: the block has ended", "スレーブモードは終了しています")
+        texts.get(reason)
+        or pick(
+            "slave mode is off: a stream is used inside its block",
+            "スレーブモードは無効です。ストリームは with ブロックの中で使ってください",
+        )
+    )
+
+
+def with_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the joints that there are limits for, and the others.
+
+    Raises:
+        StreamError: one of the others is used: it would be moved without limits.
+    """
+    count = len(limits.lower)
+    for axis, joint in enumerate(joints[count:], count + 1):
+        if joint:
+            raise StreamError(
+                pick(
+                    f"limits for {count} axes, but axis {axis} stands at {joint:g}: give limits for it too",
+                    f"制限値は {count} 軸分ですが、第 {axis} 軸は {joint:g} にあります。その軸の制限値も指定してください",
+                )
+            )
+    return joints[:count], joints[count:]
+
+
+def broken_off(sent: int) -> StreamError:
+    """Return the exception for a trajectory that something else has ended."""
+    return StreamError(
+        pick(
+            f"the trajectory was broken off after {sent} set-points: stop() was called, or a target was set",
+            f"軌道は位置指令 {sent} 個で中断されました (stop() の呼び出し、または target の設定)",
+        )
     )
 
 
@@ -164,26 +199,95 @@ class Reader:
 
     Attributes:
         next: number of the next one.
+        period: seconds of a cycle; with it numbers go on from ``began_ns``, another stream's beginning.
+        began_ns: when time began; 0 for when this stream did.
         missed: how many were overwritten before they were read.
     """
 
     shared: Shared
     next: int = 0
     missed: int = field(default=0)
+    period: float = 0.0
+    began_ns: int = 0
 
     def new(self) -> Iterator[Sample]:
         """Give every sample that has been written since the last call."""
+        if self.shared.closed:
+            return
         count = self.shared.samples
+        began = self.began_ns or self.shared.began_ns
+        offset = round((self.shared.began_ns - began) / 1e9 / self.period) if self.period else 0
         if count - self.next > SAMPLE_ROOM:
             self.missed += count - SAMPLE_ROOM - self.next
             self.next = count - SAMPLE_ROOM
-        while self.next < count:
+        while self.next < count and not self.shared.closed:
             raw = self.shared.sample(self.next)
             self.next += 1
             if raw is None:
                 self.missed += 1
             else:
-                yield sample_of(raw, self.shared.began_ns)
+                raw.number += offset
+                yield sample_of(raw, began)
+
+
+class Course:
+    """A trajectory under way.
+
+    Args:
+        shared: that it is queued in.
+        total: how many set-points it has; ``None`` where nobody knows.
+        progress: is told how many have been sent.
+    """
+
+    def __init__(self, shared: Shared, total: int | None, progress: Callable[[Progress], object] | None) -> None:
+        self.shared = shared
+        self._total = total
+        self._progress = progress
+        self._reader = Reader(shared, shared.samples)
+        self._samples: list[Sample] = []
+        self._before, self._dry, self._first = shared.sent, shared.dry, shared.written
+        self._started = False
+        self._broken_off = False
+
+    @property
+    def sent(self) -> int:
+        """Set-points of it that have been sent."""
+        return self.shared.sent - self._before
+
+    def start(self) -> None:
+        """Have what is queued sent."""
+        if not self._started:
+            self._started = True
+            self.shared.feed_queue()
+
+    def look(self) -> None:
+        """Read what came back.
+
+        Raises:
+            StreamError: something else has ended it.
+        """
+        self._samples.extend(self._reader.new())
+        if self._progress is not None:
+            self._progress(Progress(self.sent, self._total))
+        fed = not self._started or self.shared.feed is Feed.QUEUE
+        if not fed or self.shared.forgotten > self._first:
+            self._broken_off = True
+            raise broken_off(self.sent)
+
+    def give_up(self) -> None:
+        """It ends with an exception: the arm comes to rest, unless something else moves it now."""
+        if not self._broken_off and not self.shared.closed:
+            self.shared.forget()
+            self.shared.hold()
+
+    def result(self, sent: int) -> StreamResult:
+        """Return what has become of it; it is over."""
+        self.shared.hold()
+        self._samples.extend(self._reader.new())
+        if self._progress is not None:
+            self._progress(Progress(sent, self._total))
+        samples = tuple(self._samples)
+        return StreamResult(sent, self.shared.dry - self._dry, samples, self._reader.missed, timing_of(samples))
 
 
 class Recording:
@@ -199,13 +303,17 @@ class Recording:
         from orinkit.slave.record import open_recorder  # most streams are not recorded
 
         self._recorder = open_recorder(path, kind=options.mode.kind, period=options.period, start_ns=time_ns())
+        self._period = options.period
+        self._began_ns = 0  # of the first stream: one that was recovered goes on
         self._end = Event()
         self._threads: list[Thread] = []
 
     def follow(self, shared: Shared) -> None:
         """Begin to write what a streaming process sends."""
         self._end.clear()
-        thread = Thread(target=self._write, args=(Reader(shared),), name="orinkit-record", daemon=True)
+        self._began_ns = self._began_ns or shared.began_ns
+        reader = Reader(shared, period=self._period, began_ns=self._began_ns)
+        thread = Thread(target=self._write, args=(reader,), name="orinkit-record", daemon=True)
         self._threads.append(thread)
         thread.start()
 

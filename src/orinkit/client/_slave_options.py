@@ -53,6 +53,9 @@ _POSE_NAMES: Final = frozenset({"position", "joints", "trans"})
 _LONGEST_PERIOD: Final = 1.0  # s
 _LONGEST_IDLE: Final = 1e6  # s
 _FULL: Final = 100.0
+_MOST_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at once
+_PATH_SPEED: Final = 0.5  # part of the tool's limits that is taken where none are given
+_PATH_ACCELERATION: Final = 0.25
 
 
 @dataclass(slots=True)
@@ -83,6 +86,8 @@ def read_options(
     Raises:
         InvalidValue: one of them is none.
     """
+    if type(mode) is not int:
+        _refuse("mode", mode, "0, 1, 2")
     wanted = mode_of(mode_number(mode, pose))
     assert wanted is not None
     outputs = read_outputs(mini, hand, user)
@@ -99,13 +104,23 @@ def read_options(
         )
     options = Options(
         wanted, ReceiveFormat(number, microseconds=True), _send(outputs), outputs, window, limits,
-        _amount("speed", speed, _FULL), _amount("period", period, _LONGEST_PERIOD),
-        int(_amount("queue", queue, QUEUE_ROOM)), None if idle is None else _amount("idle", idle, _LONGEST_IDLE),
+        _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _LONGEST_PERIOD),
+        int(_amount("queue", queue, 1, _MOST_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _LONGEST_IDLE),
         on_range, _path(record),
     )  # fmt: skip
-    nowhere = SetPoint((0.0,) * POSE_SIZES[wanted.kind], (), mini, hand, outputs.user, window)
-    encode_set_point(wanted.kind, nowhere, options.send, options.receive)  # what it refuses could not be sent
+    check_outputs(options, outputs)
     return options
+
+
+def check_outputs(options: Options, outputs: Outputs) -> None:
+    """Check that outputs can be sent; what is not given is as it was.
+
+    Raises:
+        InvalidValue: they cannot.
+    """
+    kind, all_ = options.mode.kind, options.outputs.changed(outputs)
+    nowhere = SetPoint((0.0,) * POSE_SIZES[kind], (), all_.mini, all_.hand, all_.user, options.window)
+    encode_set_point(kind, nowhere, options.send, options.receive)
 
 
 def read_outputs(mini: int | None, hand: int | None, user: tuple[int, bytes] | None) -> Outputs:
@@ -144,9 +159,10 @@ def _send(outputs: Outputs) -> Send:
 def _receive(recv: Iterable[str]) -> int:
     if not isinstance(recv, Iterable):
         _refuse("recv", recv, ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES)))
-    names = frozenset([recv] if isinstance(recv, str) else recv)
-    for name in names:
-        if name not in _FLAGS and name not in _POSE_NAMES:
+    given: list[object] = [recv] if isinstance(recv, str) else list(recv)
+    names = frozenset(name for name in given if isinstance(name, str))
+    for name in given:
+        if not isinstance(name, str) or name not in _FLAGS.keys() | _POSE_NAMES:
             _refuse("recv", name, ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES)))
     poses = _POSES.get(names & _POSE_NAMES)
     if poses is None:
@@ -177,21 +193,26 @@ def _pair(name: str, given: object, known: str) -> tuple[object, object]:
     return given[0], given[1]
 
 
-def _path(record: str | os.PathLike[str] | None) -> Path | None:
+def _path(record: object) -> Path | None:
     if record is None:
         return None
-    if not isinstance(record, str | os.PathLike):
+    if not isinstance(record, str | os.PathLike) or Path(record).suffix.lower() not in (".csv", ".mcap"):
         _refuse("record", record, "run.csv, run.mcap")
-    return Path(record)
+    path = Path(record)
+    if not path.absolute().parent.is_dir():
+        raise InvalidValue(
+            pick(f"record: there is no directory {path.parent}", f"record: ディレクトリ {path.parent} がありません")
+        )
+    return path
 
 
-def _amount(name: str, value: float, most: float) -> float:
+def _amount(name: str, value: float, least: float, most: float) -> float:
     number = finite("slave_mode", name, value)
-    if not 0 < number <= most:
+    if not least <= number <= most:
         raise InvalidValue(
             pick(
-                f"{name}: {number:g} is not above 0 and at most {most:g}",
-                f"{name}: {number:g} は範囲外です (0 より大きく {most:g} 以下)",
+                f"{name}: {number:g} is not from {least:g} to {most:g}",
+                f"{name}: {number:g} は範囲外です ({least:g}～{most:g})",
             )
         )
     return number
@@ -219,6 +240,9 @@ def limits_for(options: Options, type_name: object) -> Limits | PathLimits:
                     f"{brief(type_name)} の制限値は登録されていません。slave_mode(limits=...) で指定してください",
                 )
             )
-        limits = Limits.of_model(model) if options.mode.kind == "J" else PathLimits.of_model(model)
+        if options.mode.kind == "J":
+            limits = Limits.of_model(model)
+        else:  # what the tool does at its full acceleration is too much for the joints at many places
+            limits = PathLimits.of_model(model).scaled(_PATH_SPEED, _PATH_ACCELERATION, _PATH_ACCELERATION)
     part = options.speed / _FULL
     return limits if part == 1.0 else limits.scaled(part, part, part)

@@ -6,6 +6,7 @@ Made from ``_async_client.py`` by ``tools/make_sync.py``: do not edit.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
@@ -133,14 +134,17 @@ class Client:
         """Return the descriptor of the connection, to be given to another process."""
         return self._link.fileno()
 
-    def lend(self) -> int:
+    def lend(self, closing: Callable[[], None]) -> int:
         """Lend the connection to another process: until it is taken back, every call here is refused.
+
+        Args:
+            closing: is called when the connection is closed here meanwhile.
 
         Returns:
             serial number of the next request.
         """
         self._link.fileno()  # whoever has it receives from now on
-        self._link = LentLink(self._link)
+        self._link = LentLink(self._link, closing)
         return self._conversation.serial
 
     def take_back(self, serial: int) -> None:

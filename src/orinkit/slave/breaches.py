@@ -5,13 +5,50 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from orinkit._pose_checks import rounded
+from orinkit._pose_checks import brief, rounded
+from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.slave import measure
 
 if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind
     from orinkit.slave.limits import Limits, PathLimits
+
+MOST_SAMPLES: Final = 1_000_000
+"""The most set-points of a trajectory: more than two hours of 8 ms."""
+
+
+class TrajectoryError(InvalidValue):
+    """A trajectory that cannot be used; nothing was sent.
+
+    Attributes:
+        sample: number of the set-point, from 0; ``None`` where it is not about one.
+        axis: number of the joint, or of the value of a P or T, from 1; ``None`` where it is not about one.
+    """
+
+    def __init__(self, message: str, sample: int | None = None, axis: int | None = None) -> None:
+        super().__init__(message)
+        self.sample = sample
+        self.axis = axis
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (*self.args, self.sample, self.axis)
+
+
+def check_period(period: object) -> None:
+    """Make sure that there can be such a period.
+
+    Raises:
+        InvalidValue: it is not above 0 and up to 10 s.
+    """
+    if isinstance(period, bool) or not isinstance(period, int | float) or not 0 < period <= 10:
+        raise InvalidValue(
+            pick(
+                f"period {brief(period)}: seconds above 0, up to 10, are wanted",
+                f"周期 {brief(period)}: 0 より大きく 10 以下の秒数を指定してください",
+            )
+        )
+
 
 RANGE: Final = -1
 """Rank of a breach that is told before all others of the same sample: a joint is out of its range."""

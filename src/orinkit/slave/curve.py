@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from orinkit._pose_checks import FIG_AUTO
 from orinkit.language import pick
+from orinkit.slave.breaches import TrajectoryError
 from orinkit.slave.measure import Points, orientations
 from orinkit.slave.orientation import Quaternion, angles_of, vectors_of
-from orinkit.slave.trajectory import TrajectoryError
 
 if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import socket
 import subprocess
 import sys
+import threading
 from dataclasses import fields
 from time import monotonic
 from typing import Any, Final
@@ -23,6 +25,7 @@ sys.path[:] = {path!r}
 from orinkit.slave.process import main
 main({channel}, {link}, {memory})
 """
+_PATIENCE: Final = 15.0  # s; a call of the streaming process is over by then, whatever the controller does
 _LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
 
 
@@ -49,7 +52,7 @@ class Streaming:
 
     def __init__(self, link: int) -> None:
         require_packages()
-        if os.name != "posix" or not sys.executable:
+        if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
                 pick(
                     "streaming in slave mode needs Linux or another POSIX system, and a Python that can be started",
@@ -64,10 +67,17 @@ class Streaming:
         self.reason = ""
         self.error: OrinError | None = None
         self.serial = 1
+        self._lock = threading.Lock()
+        self._seen: tuple[object, ...] = ()
+        self._since = monotonic()
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours)
-        numbers = theirs.fileno(), link, self.shared.descriptor
-        program = _START.format(path=sys.path, channel=numbers[0], link=numbers[1], memory=numbers[2])
+        # where a standard stream is closed, one of these may have its number, which the new process needs for that
+        numbers = [
+            fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (theirs.fileno(), link, self.shared.descriptor)
+        ]
+        path = [str(place) for place in sys.path]
+        program = _START.format(path=path, channel=numbers[0], link=numbers[1], memory=numbers[2])
         try:
             self._process = subprocess.Popen(  # noqa: S603 - this very Python
                 [sys.executable, "-c", program],
@@ -83,6 +93,8 @@ class Streaming:
             ) from error  # fmt: skip
         finally:
             theirs.close()
+            for number in numbers:
+                os.close(number)
 
     def begin(self, setup: Setup) -> None:
         """Have it enter slave mode and stream."""
@@ -103,6 +115,7 @@ class Streaming:
                 "period": setup.period,
                 "limits": [getattr(limits, each.name) for each in fields(limits)],
                 "start": setup.start,
+                "beyond": setup.beyond,
                 "serial": setup.serial,
                 "timeout": setup.timeout,
                 "idle": setup.idle,
@@ -111,7 +124,28 @@ class Streaming:
         )
 
     def look(self) -> None:
-        """Take note of what it has said, without waiting."""
+        """Take note of what it has said, without waiting; one that does not go on any more is ended."""
+        with self._lock:  # several threads may look
+            self._look()
+            if not self.ended and self._stuck():
+                self._process.kill()
+                self.ended = True
+                self.reason = "died"
+                self.error = StreamError(
+                    pick(
+                        f"the streaming process has done nothing for {_PATIENCE:g} s; it was killed, the connection given up",
+                        f"ストリーミングプロセスが {_PATIENCE:g} 秒間応答しないため終了させ、接続を破棄しました",
+                    )
+                )
+
+    def _stuck(self) -> bool:
+        state = (self.real_time, self.began, self.streaming, self.shared.samples)
+        if state != self._seen:
+            self._seen, self._since = state, monotonic()
+        waits_for_us = self.real_time is not None and not self.began
+        return not waits_for_us and monotonic() - self._since > _PATIENCE
+
+    def _look(self) -> None:
         while not self.ended:
             message = self._channel.receive(0)
             if message is not None:

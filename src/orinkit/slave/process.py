@@ -79,6 +79,7 @@ def _setup(message: dict[str, Any]) -> Setup:
         period=message["period"],
         limits=Limits(*map(tuple, limits)) if mode.kind == "J" else PathLimits(*limits),
         start=tuple(message["start"]),
+        beyond=tuple(message["beyond"]),
         serial=message["serial"],
         timeout=message["timeout"],
         idle=message["idle"],

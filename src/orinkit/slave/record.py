@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
 from orinkit._pose_checks import FIELDS, brief
 from orinkit.errors import InvalidValue, MissingExtra
 from orinkit.language import pick
+from orinkit.slave.breaches import check_period
 from orinkit.slave.csv_file import COMMAND, ENCODER, TIME
 from orinkit.slave.samples import Sample
-from orinkit.slave.trajectory import check_period
 
 if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind
@@ -332,6 +332,7 @@ _SAMPLE: Final[dict[str, tuple[str, str, str]]] = {  # type, text in English and
     "current": ("array", "of the motors, A", "モータ電流 (A)"),
     "delay": ("number", "from when a live target was set until this set-point, the first one towards it, was sent, s",
               "目標値の設定から、それに向かう最初の指令値であるこのサンプルの送信までの時間 (秒)"),
+    "answered": ("number", "when the answer was there, s since the first one was sent", "応答の受信時刻 (最初の送信からの秒数)"),
 }  # fmt: skip
 _INFO: Final[dict[str, tuple[str, str, str]]] = {
     "kind": ("string", "what the set-points are: J, P or T", "指令値の位置形式: J, P, T"),

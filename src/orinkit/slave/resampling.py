@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from orinkit.language import pick
+from orinkit.slave.breaches import MOST_SAMPLES, TrajectoryError, check_period
 from orinkit.slave.curve import Curve
 from orinkit.slave.measure import Points
-from orinkit.slave.trajectory import MOST_SAMPLES, TrajectoryError, check_period
 
 if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind

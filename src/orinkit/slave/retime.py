@@ -9,18 +9,11 @@ from orinkit._pose_checks import brief
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.slave import measure
+from orinkit.slave.breaches import MOST_SAMPLES, TrajectoryError, check_period
 from orinkit.slave.curve import Curve
 from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.reach import Bends, JointBends, PathBends, cells_of, profile_of
-from orinkit.slave.trajectory import (
-    MOST_SAMPLES,
-    TrajectoryError,
-    check_path,
-    check_period,
-    check_range,
-    check_trajectory,
-    read_trajectory,
-)
+from orinkit.slave.trajectory import check_path, check_range, check_trajectory, read_trajectory
 
 if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind

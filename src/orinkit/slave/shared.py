@@ -10,6 +10,7 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -152,6 +153,7 @@ class Shared:
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
+        self._lock = threading.Lock()  # of this side: several threads of a program may write
         self._memory = mmap.mmap(descriptor, _SIZE)
         self._view = memoryview(self._memory)
         self._words = self._view.cast("q")
@@ -167,6 +169,11 @@ class Shared:
             os.unlink(name)  # noqa: PTH108 - it is to have no name
         os.ftruncate(descriptor, _SIZE)
         return cls(descriptor)
+
+    @property
+    def closed(self) -> bool:
+        """Whether this side has let go of it."""
+        return self.descriptor < 0
 
     def close(self) -> None:
         """Let go of it; does nothing the second time."""
@@ -198,30 +205,41 @@ class Shared:
 
     def put(self, values: Sequence[float], outputs: Outputs = _NO_OUTPUTS) -> None:
         """Queue a set-point; there has to be room for it."""
-        words, numbers = self._words, self._numbers
-        count = words[_Word.WRITTEN]
-        at = _QUEUE_AT + count % QUEUE_ROOM * _POINT
-        flags = 0
-        numbers_at = at + 2
-        for offset, value in enumerate(values):
-            numbers[numbers_at + offset] = value
-        if outputs.mini is not None:
-            flags |= _MINI
-            words[at + 16] = outputs.mini
-        if outputs.hand is not None:
-            flags |= _HAND
-            words[at + 17] = outputs.hand
-        if outputs.user is not None:
-            flags |= _USER
-            words[at + 18], words[at + 19] = outputs.user[0], len(outputs.user[1])
-            self._put_bytes(at + 20, outputs.user[1])
-        words[at + 1] = flags << 8 | len(values)
-        words[at] = count
-        words[_Word.WRITTEN] = count + 1
+        with self._lock:
+            words, numbers = self._words, self._numbers
+            count = words[_Word.WRITTEN]
+            at = _QUEUE_AT + count % QUEUE_ROOM * _POINT
+            flags = 0
+            numbers_at = at + 2
+            for offset, value in enumerate(values):
+                numbers[numbers_at + offset] = value
+            if outputs.mini is not None:
+                flags |= _MINI
+                words[at + 16] = outputs.mini
+            if outputs.hand is not None:
+                flags |= _HAND
+                words[at + 17] = outputs.hand
+            if outputs.user is not None:
+                flags |= _USER
+                words[at + 18], words[at + 19] = outputs.user[0], len(outputs.user[1])
+                self._put_bytes(at + 20, outputs.user[1])
+            words[at + 1] = flags << 8 | len(values)
+            words[at] = count
+            words[_Word.WRITTEN] = count + 1
 
     def feed_queue(self) -> None:
         """Take set-points from the queue."""
         self._words[_Word.FEED] = Feed.QUEUE
+
+    @property
+    def forgotten(self) -> int:
+        """How many set-points had been queued when they were forgotten."""
+        return int(self._words[_Word.FORGOTTEN])
+
+    @property
+    def written(self) -> int:
+        """How many set-points have been queued."""
+        return int(self._words[_Word.WRITTEN])
 
     def forget(self) -> None:
         """Have what is queued until now forgotten."""
@@ -229,34 +247,36 @@ class Shared:
 
     def set_target(self, values: Sequence[float], when_ns: int) -> None:
         """Set the live target."""
-        words = self._words
-        count = words[_Word.TARGET_BEGUN] + 1
-        words[_Word.TARGET_BEGUN] = count
-        for offset, value in enumerate(values):
-            self._numbers[_Word.TARGET_VALUES + offset] = value
-        words[_Word.TARGET_LENGTH] = len(values)
-        words[_Word.TARGET_TIME] = when_ns
-        words[_Word.TARGET_DONE] = count
-        words[_Word.FEED] = Feed.TARGET
+        with self._lock:
+            words = self._words
+            count = words[_Word.TARGET_BEGUN] + 1
+            words[_Word.TARGET_BEGUN] = count
+            for offset, value in enumerate(values):
+                self._numbers[_Word.TARGET_VALUES + offset] = value
+            words[_Word.TARGET_LENGTH] = len(values)
+            words[_Word.TARGET_TIME] = when_ns
+            words[_Word.TARGET_DONE] = count
+            words[_Word.FEED] = Feed.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
         """Set the outputs that go with every set-point that has none of its own."""
-        words = self._words
-        count = words[_Word.OUTPUTS_BEGUN] + 1
-        words[_Word.OUTPUTS_BEGUN] = count
-        flags = 0
-        if outputs.mini is not None:
-            flags |= _MINI
-            words[_Word.OUTPUTS_MINI] = outputs.mini
-        if outputs.hand is not None:
-            flags |= _HAND
-            words[_Word.OUTPUTS_HAND] = outputs.hand
-        if outputs.user is not None:
-            flags |= _USER
-            words[_Word.OUTPUTS_OFFSET], words[_Word.OUTPUTS_LENGTH] = outputs.user[0], len(outputs.user[1])
-            self._put_bytes(_Word.OUTPUTS_USER, outputs.user[1])
-        words[_Word.OUTPUTS_FLAGS] = flags
-        words[_Word.OUTPUTS_DONE] = count
+        with self._lock:
+            words = self._words
+            count = words[_Word.OUTPUTS_BEGUN] + 1
+            words[_Word.OUTPUTS_BEGUN] = count
+            flags = 0
+            if outputs.mini is not None:
+                flags |= _MINI
+                words[_Word.OUTPUTS_MINI] = outputs.mini
+            if outputs.hand is not None:
+                flags |= _HAND
+                words[_Word.OUTPUTS_HAND] = outputs.hand
+            if outputs.user is not None:
+                flags |= _USER
+                words[_Word.OUTPUTS_OFFSET], words[_Word.OUTPUTS_LENGTH] = outputs.user[0], len(outputs.user[1])
+                self._put_bytes(_Word.OUTPUTS_USER, outputs.user[1])
+            words[_Word.OUTPUTS_FLAGS] = flags
+            words[_Word.OUTPUTS_DONE] = count
 
     def hold(self) -> None:
         """Take set-points from nowhere: the arm comes to rest and is held."""
@@ -420,6 +440,7 @@ class Shared:
         words[_Word.SAMPLES] = number + 1
 
     def _put_bytes(self, word: int, data: bytes) -> None:
+        data = data[:_MOST_USER]
         self._view[word * 8 : word * 8 + len(data)] = data
 
     def _bytes(self, word: int, length: int) -> bytes:

@@ -57,6 +57,7 @@ class Setup:
         period: seconds of a cycle.
         limits: of the planner.
         start: pose at which the arm stands, as many values as the planner has.
+        beyond: values of the joints that there are no limits for; they stay as they are.
         serial: of the next packet.
         timeout: seconds that an answer may take.
         idle: seconds without a set-point in the queue after which slave mode is left, ``None`` for never.
@@ -73,6 +74,7 @@ class Setup:
     period: float
     limits: Limits | PathLimits
     start: tuple[float, ...]
+    beyond: tuple[float, ...]
     serial: int
     timeout: float
     idle: float | None
@@ -89,6 +91,7 @@ class Watch:
 
     def __init__(self, channel: Channel, process: int) -> None:
         self._channel = channel
+        self._program = process
         self._next = 0.0
         self.terminated = False
         try:
@@ -105,7 +108,9 @@ class Watch:
             return ""
         self._next = now + _WATCH
         self._channel.receive(0)
-        if not self._channel.open:
+        if (
+            not self._channel.open or os.getppid() != self._program
+        ):  # a child that it has forked may have the channel too
             return "gone"
         return "stopped" if self._is_stopped() else ""
 
@@ -114,7 +119,7 @@ class Watch:
             return False
         try:
             text = os.pread(self._stat, 512, 0)
-        except OSError:  # it has gone; the channel tells so too
+        except OSError:  # it has gone
             return False
         state = text.rpartition(b")")[2].split()[:1]
         return bool(state) and state[0][0] in _STOPPED
@@ -225,7 +230,7 @@ class Streamer:
         self._sent = 0
         self._dry = 0
         self._was_dry = True
-        self._last_point = monotonic()
+        self._waits_since = monotonic()
         self._rests = 0
         self._previous: tuple[float, ...] = ()
         self._aim: tuple[float, ...] | None = None
@@ -244,18 +249,27 @@ class Streamer:
 
     def _reason(self) -> Reason:
         order = self._shared.wanted
-        done = self._shared.feed is not Feed.QUEUE or (not self._shared.waiting and self._aim is None)
-        if order is Order.LEAVE or (order is Order.FINISH and done):
+        if order is Order.LEAVE or (order is Order.FINISH and self._finished()):
             return "left"
-        idle = self._setup.idle
-        waits = self._was_dry and self._shared.feed is Feed.QUEUE and self._sent
-        if idle is not None and waits and monotonic() - self._last_point > idle:
+        if not self._waits():
+            self._waits_since = monotonic()
+        elif self._setup.idle is not None and monotonic() - self._waits_since > self._setup.idle:
             return "idle"
         return self._watch.look()
 
+    def _finished(self) -> bool:
+        """Whether all set-points of the queue have been sent; a live target is not waited for."""
+        shared = self._shared
+        return shared.feed is not Feed.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
+
+    def _waits(self) -> bool:
+        """Whether set-points were sent, the arm stands, and no more come."""
+        shared = self._shared
+        return shared.feed is Feed.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
+
     def _command(self, reason: Reason) -> tuple[float, ...]:
         if reason or self._shared.wanted is Order.HALT:
-            self._aim = None
+            self._aim, self._was_dry = None, True
             return self._planner.stop()
         feed = self._shared.feed
         if feed is Feed.QUEUE:
@@ -267,23 +281,24 @@ class Streamer:
                 if number != self._target_seen:
                     self._target_seen, self._delay_from = number, when
                 return self._planner.follow(values)
-        return self._planner.stop()
+        return self._come_to_rest()
 
     def _from_queue(self) -> tuple[float, ...]:
         taken = self._shared.take()
         if taken is None:
             if self._aim is not None:
                 return self._towards(self._aim, self._planner.follow(self._aim))
-            return self._planner.stop() if self._was_dry else self._end()
+            return self._come_to_rest()
         self._was_dry = False
-        self._last_point = monotonic()
         values, outputs = taken
         self._outputs = self._outputs.changed(outputs)
         self._sent += 1
         return self._towards(values, self._planner.take(values))
 
-    def _end(self) -> tuple[float, ...]:
+    def _come_to_rest(self) -> tuple[float, ...]:
         """There are no more set-points: stay at the last one if the arm is slow enough, or bring it to rest."""
+        if self._was_dry:
+            return self._planner.stop()
         self._was_dry = True
         last = self._planner.command
         try:
@@ -314,7 +329,7 @@ class Streamer:
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
-            command = (*command, *(0.0,) * (8 - len(command)))
+            command = (*command, *setup.beyond)
         point = SetPoint(command, extra, outputs.mini, outputs.hand, outputs.user, setup.window)
         return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
 

@@ -16,7 +16,7 @@ from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.poses import J, P, T, V
 from orinkit.slave import breaches, measure
-from orinkit.slave.breaches import RANGE, Breach, Rule
+from orinkit.slave.breaches import MOST_SAMPLES, RANGE, Breach, Rule, TrajectoryError, check_period
 from orinkit.slave.measure import Points
 from orinkit.slave.orientation import of_vectors
 
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from orinkit.cao.slave_formats import PoseKind
     from orinkit.slave.limits import Limits, PathLimits
 
-MOST_SAMPLES: Final = 1_000_000
-"""The most set-points of a trajectory: more than two hours of 8 ms."""
 LARGEST: Final = 1e6
 """The largest magnitude of a value, mm or degrees."""
 TOLERANCE: Final = 5e-7
@@ -34,26 +32,6 @@ TOLERANCE: Final = 5e-7
 _NUMERIC: Final = frozenset({float, int})
 _SIZES: Final[dict[str, int]] = {kind: COUNTS[kind][1] for kind in ("J", "P", "T")}
 _MOST_JOINTS: Final = _SIZES["J"]
-
-
-class TrajectoryError(InvalidValue):
-    """A trajectory that cannot be used; nothing was sent.
-
-    Attributes:
-        sample: number of the set-point, from 0; ``None`` where it is not about one.
-        axis: number of the joint, or of the value of a P or T, from 1; ``None`` where it is not about one.
-    """
-
-    def __init__(self, message: str, sample: int | None = None, axis: int | None = None) -> None:
-        super().__init__(message)
-        self.sample = sample
-        self.axis = axis
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (*self.args, self.sample, self.axis)
-
-
-# --- reading ----------------------------------------------------------------------------------------------------------
 
 
 def read_trajectory(
@@ -339,21 +317,6 @@ def check_path(
         period,
         away=lambda: breaches.tool_away(begin, points[0], place.steps[0], turn.steps[0], kind),
     )
-
-
-def check_period(period: object) -> None:
-    """Make sure that there can be such a period.
-
-    Raises:
-        InvalidValue: it is not above 0 and up to 10 s.
-    """
-    if isinstance(period, bool) or not isinstance(period, int | float) or not 0 < period <= 10:
-        raise InvalidValue(
-            pick(
-                f"period {brief(period)}: seconds above 0, up to 10, are wanted",
-                f"周期 {brief(period)}: 0 より大きく 10 以下の秒数を指定してください",
-            )
-        )
 
 
 def _columns(points: Points, size: int) -> list[tuple[float, ...]]:

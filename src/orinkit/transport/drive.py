@@ -7,7 +7,7 @@ seconds to wait for an answer, and is sent what was received. Beside them, waiti
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from time import monotonic, sleep
 from typing import Protocol, TypeAlias, TypeVar
 
@@ -59,8 +59,9 @@ class AsyncLink(Protocol):
 class LentLink:
     """Stands for a link that another process has: nothing can be sent over it."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Link, closing: Callable[[], None]) -> None:
         self.link = link
+        self._closing = closing
 
     def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - as of every link
         """Refuse.
@@ -83,15 +84,17 @@ class LentLink:
         self.link.release()
 
     def close(self) -> None:
-        """Close the link itself."""
-        self.link.close()
+        """Have the other process give it up in good order, and close it here."""
+        self._closing()
+        self.link.release()
 
 
 class AsyncLentLink:
     """The same for asyncio."""
 
-    def __init__(self, link: AsyncLink) -> None:
+    def __init__(self, link: AsyncLink, closing: Callable[[], None]) -> None:
         self.link = link
+        self._closing = closing
 
     def send(self, data: bytes) -> None:  # noqa: ARG002 - as of every link
         """Refuse.
@@ -114,8 +117,9 @@ class AsyncLentLink:
         self.link.release()
 
     def close(self) -> None:
-        """Close the link itself."""
-        self.link.close()
+        """Have the other process give it up in good order, and close it here."""
+        self._closing()
+        self.link.release()
 
 
 def _lent() -> StreamError:

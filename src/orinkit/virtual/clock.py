@@ -19,6 +19,7 @@ _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
 
 
 _PATIENCE: Final = 0.25
+_LEAST_PATIENCE: Final = 0.05  # more than any device's own cycle, so that a slow clock's device goes on at all
 _MOST_PATIENCE: Final = 20.0  # what a fast clock's device can make up for in a moment
 _SHORTEST_PAUSE: Final = 0.0002  # s; others need a chance to look at the device too
 _JOIN_TIMEOUT: Final = 5.0
@@ -55,7 +56,7 @@ class Clock:
         if not 0 < scale < float("inf"):
             raise ValueError(pick(f"the time scale must be positive, not {scale}", f"時間倍率は正の数です: {scale}"))
         self.scale = scale
-        self.patience = min(_PATIENCE * scale, _MOST_PATIENCE)
+        self.patience = min(max(_PATIENCE * scale, _LEAST_PATIENCE), _MOST_PATIENCE)
         self._began = time.monotonic()
         self._began_wall = datetime.now()
 

@@ -231,7 +231,7 @@ def _route(name: str) -> Route:
 
 def _stop_arm(caller: Caller, code: int) -> bool:
     arm = caller.state.arm
-    if arm.holder is not caller or not arm.busy:
+    if arm.holder is not caller or not (arm.busy or arm.slave.pending):
         return False
     arm.stop(code)
     return True

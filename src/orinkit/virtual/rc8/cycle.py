@@ -178,7 +178,12 @@ class Cycles:
         self._waiting = False
         if self.pace is None or due < 1:
             return due
-        wanted = self.pace(due)
+        try:
+            wanted = self.pace(due)
+        except Exception as error:
+            logger.exception("pace")
+            self._tell(error)
+            return due
         self._waiting = wanted == 0
         return wanted
 

@@ -21,7 +21,7 @@ from typing import Final, Protocol
 from orinkit.virtual.rc8.cycle import PERIOD, Cycles
 
 _ON_TIME: Final = PERIOD / 4
-_LONGEST_LOOK: Final = 1.0  # real seconds; whoever has not answered by then does not read any more
+_LONGEST_LOOK: Final = 5.0  # real seconds; whoever has not answered by then does not read any more
 _FELT: Final = 4  # cycles: a set-point that was not sent in time is missed when the three in the buffer are used up
 _AFTERWARDS: Final = 2  # cycles behind those that were late
 _MOST_OWED: Final = 0.25  # s
@@ -109,9 +109,10 @@ class Pace:
     def _take_pulse(self, late: float) -> None:
         """Note whether this cycle is late, or whoever answers the client is; its answers are then late, too."""
         clock = self._cycles.clock
-        if late > _ON_TIME or (self._ping is not None and clock.now() - self._ping > _ON_TIME):
+        ping = self._ping  # another thread may answer meanwhile
+        if late > _ON_TIME or (ping is not None and clock.now() - ping > _ON_TIME):
             self._late_until = self._cycles.number + _FELT
-        if self._ping is None and self._look is not None and self._slave.moving:
+        if ping is None and self._look is not None and self._slave.moving:
             self._ping = clock.now()
             self._look(self._awake)
 

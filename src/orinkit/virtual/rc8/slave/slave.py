@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import deque
 from collections.abc import Callable
@@ -25,6 +26,8 @@ from orinkit.virtual.rc8.slave.points import Output
 
 if TYPE_CHECKING:
     from orinkit.virtual.rc8.robot.arm import Arm
+
+logger = logging.getLogger("orinkit.rc8")
 
 ROOM: Final = 3
 """Set-points that modes 0 and 2 have room for (RC8 table 4-4)."""
@@ -195,6 +198,8 @@ class Slave:
         """Fill up the buffer, answer whose turn it is; to be called at the end of a cycle."""
         while self._waiting and len(self._buffer) < ROOM:
             waiting = self._waiting.popleft()
+            if waiting.promise.done:  # it was cancelled
+                continue
             self._buffer.append(waiting.command)
             waiting.promise.finish(waiting.told())
         if self._leaving and not self._buffer and not self._arm.busy:
@@ -236,8 +241,13 @@ class Slave:
 
     def _carry_out(self, command: Command) -> None:
         if self._lead_to(command.joints):
-            for output in command.outputs:
-                self._variables.set_points(output.first, output.count, output.states)
+            try:
+                for output in command.outputs:
+                    self._variables.set_points(output.first, output.count, output.states)
+            except Exception as error:  # the arm moves: this cycle goes on whatever becomes of them
+                logger.exception("outputs")
+                self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
+                self._arm.cut(hresult.UNDEFINED_ERROR)
 
     def _lead_to(self, joints: Joints) -> bool:
         """Have the command be at joints in this cycle, if the limits allow it; else that is an error."""
