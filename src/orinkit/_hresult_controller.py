@@ -25,7 +25,7 @@ HINTS: Final[dict[str, tuple[str, str]]] = {
     "calset": ("Do CALSET on the pendant.", "ペンダントで CALSET を実施してください。"),
     "clear": ("Remove the cause, clear the error (ClearError) and switch the motor on again.", "原因を取り除き、ClearError でエラーをクリアしてから、モータを ON にし直してください。"),
     "connection": ("Check the network, then connect again.", "ネットワークを確認し、接続し直してください。"),
-    "emergency": ("Release the emergency stop, clear the error if there is one, and switch the motor on again.", "非常停止を解除し、エラーがあればクリアしてから、モータを ON にし直してください。"),
+    "emergency": ("Release the emergency stop, or turn the mode switch to automatic; clear the error if there is one, and switch the motor on again.", "非常停止を解除するか自動モードに切り替え、エラーがあればクリアしてから、モータを ON にし直してください。"),
     "enter_slave": ("Enter slave mode first (slvChangeMode). If it was on before, an earlier error ended it: look at the first error.", "先に slvChangeMode でスレーブモードに入ってください。直前まで有効だった場合は、先に起きたエラーで解除されています。最初のエラーを確認してください。"),
     "error_first": ("Look at the errors and clear them first (ClearError; in Python: rc8.errors(), rc8.clear_error()).", "エラーを確認し、先にクリアしてください (ClearError、Python では rc8.errors()、rc8.clear_error())。"),
     "figure": ("Use a figure that the arm can take, or leave it to the controller (Fig -1).", "アームが取れる形態を指定するか、Fig に -1 を指定してコントローラに任せてください。"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -90,6 +91,7 @@ def stream(
     Nothing moves before the whole trajectory has been checked. Ctrl-C brings the arm to rest within its limits.
     """
     job = _job(trajectory, mode, pose, record, speed, model, retime=retime, move=move, motor=not no_motor)
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))  # ended by a service: as by Ctrl-C
     with notes_shown(), connection.open(url) as controller, controller.robot() as robot, Bar() as bar:
         try:
             with Interrupts() as interrupts, errors_told(controller, url):

@@ -77,6 +77,13 @@ class Stream(SlaveMode):
         total: int | None = None
         self._still()
         if isinstance(trajectory, Iterator):
+            if retime:
+                raise InvalidValue(
+                    pick(
+                        "retime: an iterator cannot be retimed; make a list of it",
+                        "retime: イテレータには使えません。リストにしてください",
+                    )
+                )
             points = self._checked(trajectory)
             ready = list(islice(points, common.PREFETCH))
         else:
@@ -192,9 +199,10 @@ class Stream(SlaveMode):
 
     def _put(self, values: tuple[float, ...], outputs: Outputs) -> None:
         shared = self._alive().shared
-        shadow = self._pushed if shared.waiting or not shared.at_rest else None
-        if shadow is None:  # nothing is under way: from where the arm is held
-            shadow = self._shadow(self._command())
+        shadow = self._pushed
+        under_way = shared.waiting or not shared.at_rest
+        if shadow is None or not (under_way or _admitted(shadow, values)):
+            shadow = self._shadow(self._command())  # nothing is under way: from where the arm is held
         shadow.admits(values)
         shadow.take(values)
         self._pushed = shadow
@@ -333,3 +341,11 @@ class Stream(SlaveMode):
         assert self.limits is not None
         count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._kind]
         return sample.command[:count] if sample is not None else (math.nan,) * count
+
+
+def _admitted(planner: Planner, values: Sequence[float]) -> bool:
+    try:
+        planner.admits(values)
+    except InvalidValue:
+        return False
+    return True

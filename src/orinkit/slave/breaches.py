@@ -178,18 +178,18 @@ def text_of(breach: Breach, rules: Sequence[Rule], count: int, period: float) ->
             + name
             + pick(
                 f"the trajectory ends while the arm moves, and to stop there takes {value} of {rule.limit:g}; "
-                "try: slow down before the end, or retime=True",
+                "try: slow down before the end, or retime (retime=True, --retime)",
                 f"動作中に軌道が終わっており、そこで停止するには {value} が必要です (上限 {rule.limit:g})。"
-                "対処: 終端の手前で減速させるか、retime=True を指定してください",
+                "対処: 終端の手前で減速させるか、retime (retime=True, --retime) を指定してください",
             )
         )
     return (
         _at(breach.sample, period)
         + name
         + pick(
-            f"{rule.en} {value} of {rule.limit:g}; try: retime=True, which slows down where it is needed",
+            f"{rule.en} {value} of {rule.limit:g}; try: retime (retime=True, --retime), which slows down where it is needed",
             f"{rule.ja} {value} が上限 {rule.limit:g} を超えています。"
-            "対処: retime=True を指定すると、必要な区間だけ減速します",
+            "対処: retime (retime=True, --retime) を指定すると、必要な区間だけ減速します",
         )
     )
 

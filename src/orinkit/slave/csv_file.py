@@ -46,6 +46,7 @@ MOST_ROWS: Final = 1_000_000
 _TIMES: Final = (TIME, "time", "t")
 _JOINT: Final = re.compile(r"j([1-8])")
 _KNOWN: Final = {*_TIMES, *map(str.lower, FIELDS["J"]), *FIELDS["P"], *FIELDS["T"]}
+_FEWEST_TIMES: Final = 3
 _FEWEST_JOINTS: Final = 6  # of a table without names
 _MOST_JOINTS: Final = 8
 _UNUSED_JOINT: Final = 7  # a recording leaves it out where only joint 8 is used
@@ -164,6 +165,9 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
     Raises:
         InvalidValue: the file cannot be read, or is no trajectory; with its name and the line.
     """
+    if path.suffix.lower() == ".mcap":
+        raise wrong(path, 0, "a trajectory is a CSV file; try: record as .csv what is to be run again",
+                    "軌道は CSV ファイルで指定します。対処: 再実行する記録は .csv で保存してください")  # fmt: skip
     table = Table(path)
     rows = table.rows()
     first = next(rows, None)
@@ -188,7 +192,27 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
         points.append(tuple(values))
     if not points:
         raise wrong(path, first.line, "no row follows the header", "ヘッダの後にデータ行がありません")
+    if not has_names and layout.time is None and layout.kind == "J":
+        _refuse_times(path, points)
     return layout.kind, _period(path, times, lines), points
+
+
+def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
+    """Check that the first of more than six columns without names is a joint: an arm that took times for J1 would move."""
+    first = [point[0] for point in points]
+    if len(points[0]) <= _FEWEST_JOINTS or len(first) < _FEWEST_TIMES or first[0] != 0.0:
+        return
+    step = first[-1] / (len(first) - 1)
+    if 0.0 < step <= _LONGEST_PERIOD and all(
+        abs(each - step * number) <= _UNEVEN * step for number, each in enumerate(first)
+    ):
+        raise wrong(
+            path, 1,
+            f"the first of {len(points[0])} columns without names looks like times, {step:g} s apart; "
+            "try: a header line such as time_s,j1,j2,j3,j4,j5,j6",
+            f"列名のない {len(points[0])} 列のうち先頭の列が時刻 ({step:g} 秒間隔) のように見えます。"
+            "対処: time_s,j1,j2,j3,j4,j5,j6 のようなヘッダ行を付けてください",
+        )  # fmt: skip
 
 
 def numbers(path: Path, row: Row, count: int, columns: Sequence[int]) -> list[float]:
@@ -215,8 +239,19 @@ def numbers(path: Path, row: Row, count: int, columns: Sequence[int]) -> list[fl
     except ValueError:
         values = [math.nan]
     if not all(map(math.isfinite, values)):
-        raise wrong(path, row.line, "a value is no finite number", "有限の数値でない値があります")
+        place = next(column for column in columns if not _is_finite(row.cells[column]))
+        text = f"{row.cells[place]!r:.40}"
+        raise wrong(
+            path, row.line, f"column {place + 1}: {text} is no finite number", f"{place + 1} 列目: {text} は有限の数値ではありません"
+        )  # fmt: skip
     return values
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def wrong(path: Path, line: int, en: str, ja: str) -> InvalidValue:

@@ -32,6 +32,7 @@ from orinkit.slave.shared import Feed, Order, Outputs, RawSample, Shared
 from orinkit.transport.drive import Link, run
 
 _RESTS: Final = 3  # equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)
+_AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
 _WATCH: Final = 0.02  # s between two looks at the program's process
 _MOST_SECONDS: Final = 1.0  # for the answer to a set-point
 _WRAP_US: Final = 1 << 31
@@ -230,6 +231,7 @@ class Streamer:
         self._sent = 0
         self._dry = 0
         self._was_dry = True
+        self._patience = _AHEAD
         self._waits_since = monotonic()
         self._rests = 0
         self._previous: tuple[float, ...] = ()
@@ -284,7 +286,7 @@ class Streamer:
         return self._come_to_rest()
 
     def _from_queue(self) -> tuple[float, ...]:
-        taken = self._shared.take()
+        taken = self._shared.take() if self._ready() else None
         if taken is None:
             if self._aim is not None:
                 return self._towards(self._aim, self._planner.follow(self._aim))
@@ -294,6 +296,14 @@ class Streamer:
         self._outputs = self._outputs.changed(outputs)
         self._sent += 1
         return self._towards(values, self._planner.take(values))
+
+    def _ready(self) -> bool:
+        """Whether to begin: with a few set-points there, one that comes a little late is not felt."""
+        waiting = self._shared.waiting
+        if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is Order.FINISH:
+            return True
+        self._patience = self._patience - 1 if waiting else _AHEAD
+        return self._patience < 0
 
     def _come_to_rest(self) -> tuple[float, ...]:
         """There are no more set-points: stay at the last one if the arm is slow enough, or bring it to rest."""

@@ -155,9 +155,9 @@ def _rows(source: Any) -> Sequence[Any]:
         raise TrajectoryError(
             pick(
                 f"{brief(source)} is no trajectory; try: a sequence of poses, an array (samples, values), "
-                "or the path of a CSV file",
+                "the path of a CSV file, or an iterator (not an asynchronous one)",
                 f"{brief(source)} は軌道ではありません。対処: ポーズの並び、(サンプル数, 値の数) の配列、"
-                "または CSV ファイルのパスを指定してください",
+                "CSV ファイルのパス、またはイテレータ (非同期でないもの) を指定してください",
             )
         )
     if not rows:
