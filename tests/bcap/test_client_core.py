@@ -400,3 +400,10 @@ def test_whatever_comes_before_each_call_gets_its_own_answer(scripts):
 def test_the_encoders_of_a_function_are_kept():
     encode_request(f.robot_unhold, (3, ""), 1)
     assert core._ENCODERS[f.robot_unhold.id]
+
+
+def test_serial_numbers_go_on_where_another_process_ended():
+    conversation = Conversation()
+    conversation.serial = 0xFFFF
+    assert Call(conversation, f.controller_get_name, 1).serial == 0xFFFF
+    assert conversation.serial == 1

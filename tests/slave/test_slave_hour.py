@@ -1,0 +1,104 @@
+"""Random live targets, over the wire and for long: no command of the arm ever breaks a limit."""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from streaming import HOME, PERIOD, Arm, served
+
+import orinkit
+from orinkit.errors import InvalidValue
+from orinkit.poses import J
+
+TOLERANCE = 1 + 1e-6
+
+
+class Monitor:
+    """Looks at every command that the arm is given; the control log holds only 100 s."""
+
+    def __init__(self, arm: Arm) -> None:
+        axes = arm.model.axes[:6]
+        self.velocity = np.array([axis.velocity for axis in axes]) * PERIOD * TOLERANCE
+        self.acceleration = np.array([axis.acceleration for axis in axes]) * PERIOD**2 * TOLERANCE
+        self.low = np.array([axis.lower for axis in axes])
+        self.high = np.array([axis.upper for axis in axes])
+        self.cycles = 0
+        self.bad: list[Any] = []
+        self.moved = np.zeros(6)
+        self._before = self._earlier = np.array(arm.arm.queue.joints[:6])
+        servo = arm.arm.servo
+        step = servo.step
+
+        def watched(command: tuple[float, ...]) -> bool:
+            self.look(np.array(command[:6]))
+            return step(command)
+
+        servo.step = watched
+
+    def look(self, now: Any) -> None:
+        way, change = now - self._before, now - 2 * self._before + self._earlier
+        wrong = (abs(way) > self.velocity) | (abs(change) > self.acceleration) | (now < self.low) | (now > self.high)
+        if wrong.any():
+            self.bad.append((self.cycles, self._earlier, self._before, now))
+        self.moved += abs(way)
+        self._earlier, self._before = self._before, now
+        self.cycles += 1
+
+
+def target(rng: random.Random, arm: Arm, seconds: float) -> tuple[float, ...]:
+    """A jump, a step, an oscillation at 10 Hz, the same again, or somewhere out of range."""
+    axes = arm.model.axes[:6]
+    kind = rng.randrange(6)
+    if kind == 0:
+        return tuple(rng.uniform(axis.lower, axis.upper) for axis in axes)
+    if kind == 1:
+        return tuple(joint + rng.uniform(-5, 5) for joint in HOME)
+    if kind == 2:
+        return tuple(joint + 30 * math.sin(2 * math.pi * 10 * seconds) for joint in HOME)
+    if kind == 3:
+        return HOME
+    if kind == 4:
+        return tuple(rng.uniform(-1e4, 1e4) for _ in axes)
+    return tuple(rng.choice((axis.lower, axis.upper)) for axis in axes)
+
+
+def stream(arm: Arm, seconds: float, scale: float) -> Monitor:
+    """Set targets at uneven times for so many seconds of the controller's time."""
+    rng = random.Random(4)
+    monitor = Monitor(arm)
+    with orinkit.connect(arm.url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor(), robot.slave_mode() as live:
+            end = time.monotonic() + seconds / scale
+            while (now := time.monotonic()) < end:
+                live.target = J(*target(rng, arm, now * scale))
+                if not rng.randrange(20):
+                    with pytest.raises(InvalidValue):
+                        live.target = (math.nan, *HOME[1:])
+                time.sleep(rng.choice((0.0, 0.001, 0.004, 0.03, 0.3)) / scale)
+    return monitor
+
+
+def check(arm: Arm, monitor: Monitor, seconds: float) -> None:
+    assert monitor.bad == []
+    assert arm.errors == []
+    assert monitor.cycles > 0.5 * seconds / PERIOD  # a busy machine leaves cycles out
+    assert (monitor.moved > 10).all()
+    assert arm.mode == 0
+
+
+def test_a_minute_of_random_targets() -> None:
+    with served(scale=4.0) as arm:
+        check(arm, stream(arm, 60.0, 4.0), 60.0)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_an_hour_of_random_targets() -> None:
+    with served(scale=8.0) as arm:
+        check(arm, stream(arm, 3600.0, 8.0), 3600.0)
