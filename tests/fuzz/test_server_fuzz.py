@@ -311,7 +311,13 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture) -> No
             break
         pause.wait(0.005)
     assert server.clients == 0
-    assert [thing for thing in alive() if id(thing) not in {id(other) for other in before}] == []
+    known = {id(thing) for thing in before}
+    for _ in range(100):  # the last connection is counted out before it is quite gone
+        left = [thing for thing in alive() if id(thing) not in known]
+        if not left:
+            break
+        pause.wait(0.02)
+    assert left == []
 
 
 @pytest.mark.soak
