@@ -12,8 +12,14 @@ import pytest
 from streaming import HOME, PERIOD, Arm, served
 
 import orinkit
+from orinkit.cao.provider import ClientInfo
 from orinkit.errors import InvalidValue
 from orinkit.poses import J
+from orinkit.slave.limits import Limits
+from orinkit.slave.plan import JointPlanner
+from orinkit.variant import variant
+from orinkit.virtual.clock import ManualClock
+from orinkit.virtual.rc8 import VirtualRC8
 
 TOLERANCE = 1 + 1e-6
 
@@ -89,16 +95,43 @@ def check(arm: Arm, monitor: Monitor, seconds: float) -> None:
     assert arm.errors == []
     assert monitor.cycles > 0.5 * seconds / PERIOD  # a busy machine leaves cycles out
     assert (monitor.moved > 10).all()
-    assert arm.mode == 0
+
+
+def test_random_targets_over_the_wire() -> None:
+    with served() as arm:
+        check(arm, stream(arm, 10.0, 1.0), 10.0)
+        assert arm.mode == 0
+
+
+def by_hand(seconds: float) -> None:
+    """The planner and the controller, cycle by cycle, on a clock moved by hand."""
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
+    arm = Arm(device, "")
+    arm.arm.log.running = False
+    monitor = Monitor(arm)
+    robot = device.connect("c", "", "", ClientInfo("127.0.0.1", "tcp")).get_robot("Arm", "")
+    robot.execute("TakeArm", variant([0, 0]))
+    robot.execute("slvChangeMode", variant(0x202))
+    planner = JointPlanner(Limits.of_model(arm.model), PERIOD, HOME)
+    rng = random.Random(5)
+    wanted = HOME
+    for number in range(round(seconds / PERIOD)):
+        if not rng.randrange(12):
+            wanted = target(rng, arm, number * PERIOD)
+        if not rng.randrange(2000):
+            with pytest.raises(InvalidValue):
+                planner.follow((math.nan, *HOME[1:]))
+        robot.execute("slvMove", variant([*planner.follow(wanted), 0.0, 0.0]))
+        clock.advance(PERIOD)
+    check(arm, monitor, seconds)
 
 
 def test_a_minute_of_random_targets() -> None:
-    with served(scale=4.0) as arm:
-        check(arm, stream(arm, 60.0, 4.0), 60.0)
+    by_hand(60.0)
 
 
 @pytest.mark.soak
 @pytest.mark.timeout(1800)
 def test_an_hour_of_random_targets() -> None:
-    with served(scale=8.0) as arm:
-        check(arm, stream(arm, 3600.0, 8.0), 3600.0)
+    by_hand(3600.0)

@@ -219,14 +219,15 @@ class TcpConnection(asyncio.BufferedProtocol):
             self._shared.empty.set()
         if self._task is not None and self._cancellable:
             self._task.cancel()
-        if self._session is not None:
+        session, self._session = self._session, None  # they know each other: without this only the collector ends them
+        if session is not None:
             logger.info(
                 "%s:%s disconnected%s",
-                self._session.client.address,
-                self._session.client.port,
+                session.client.address,
+                session.client.port,
                 f": {exc}" if exc else "",
             )
-            self._session.close()
+            session.close()
 
     def look(self, handled: Callable[[], None]) -> None:
         """Call back once everything that has arrived by now has been handled; may be called from any thread.
