@@ -383,3 +383,11 @@ def test_a_value_that_is_cut_short_by_its_own_length_is_where_it_is_wrong(vt):
     """The argument says that it is over before its value is."""
     argument = struct.pack("<IHI", 6, vt, 1)
     assert "does not agree with its 0 bytes of data" in error_of(packet.pack(1, 101, 1, argument)).meaning
+
+
+def test_a_list_that_says_it_has_more_than_it_has():
+    frame = bytearray(packet.encode(packet.Packet(1, 64, [Variant(0x200C, [Variant(VarType.I4, 5)])])))
+    count = frame.index(b"\x0c\x20") + 2
+    assert frame[count] == 1
+    frame[count] = 2
+    assert first_error(explain(bytes(frame))) is not None
