@@ -868,7 +868,9 @@ def shared() -> Iterator[Cell]:
 
 
 def settle(cell: Cell) -> None:
-    """Make the cell as it was: nothing moves, no error, motor on, arm taken."""
+    """Make the cell as it was: slave mode off, nothing moves, no error, motor on, arm taken."""
+    if cell.arm.slave.on:
+        cell.execute("slvChangeMode", 0)
     cell.run(cell.robot.halt(""))
     cell.clock.advance(1.0)
     cell.rc8.state.clear_errors()
