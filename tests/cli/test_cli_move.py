@@ -21,6 +21,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 HOME = [0, 45, 90, 0, 45, 0]
 THERE = [45, 30, 120, 0, -60, 0]
 POSE = "J(45,30,120,0,-60,0)"
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @pytest.fixture
@@ -64,10 +65,6 @@ def when(rc8) -> Iterator[Callable[[Callable[[], bool], Callable[[], object]], N
     yield when
     for thread in threads:
         thread.join()
-
-
-def interrupt() -> None:
-    os.kill(os.getpid(), signal.SIGINT)
 
 
 def test_it_moves_and_gives_everything_back(run, rc8, url):
@@ -181,18 +178,22 @@ def test_an_arm_that_another_one_has(refused, rc8, url):
     assert joints(rc8) == pytest.approx(HOME)
 
 
-def test_ctrl_c_halts_the_arm(run, rc8, url, when, tmp_path):
-    when(lambda: joints(rc8)[0] > 1, interrupt)
+@pytest.mark.parametrize("number", SIGNALS)
+def test_ctrl_c_halts_the_arm(run, rc8, url, when, tmp_path, number):
+    handlers = [signal.getsignal(each) for each in SIGNALS]
+    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), number))
     path = tmp_path / "motion.csv"
     done = run("move", url, POSE, "--speed", "1", "--record", str(path))
     assert (done.code, done.out, done.err) == (130, "", "orinkit: interrupted\n")
+    assert [signal.getsignal(each) for each in SIGNALS] == handlers
     assert 1 < joints(rc8)[0] < 40
     assert status(rc8, "motor", "arm_holder", "moving") == ["off", "", False]
     assert len(path.read_text().splitlines()) > 5  # what it did until then
 
 
-def test_ctrl_c_before_it_moves(run, rc8, url, when):
-    when(lambda: status(rc8, "motor") == ["switching on"], interrupt)
+@pytest.mark.parametrize("number", SIGNALS)
+def test_ctrl_c_before_it_moves(run, rc8, url, when, number):
+    when(lambda: status(rc8, "motor") == ["switching on"], lambda: os.kill(os.getpid(), number))
     assert run("move", url, POSE).code == 130
     assert joints(rc8) == pytest.approx(HOME)
     assert status(rc8, "motor", "arm_holder") == ["off", ""]

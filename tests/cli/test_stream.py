@@ -28,6 +28,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 
 PERIOD = 0.008
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @pytest.fixture
@@ -192,11 +193,14 @@ def test_the_motor_is_switched_on_and_off(run, refused, tmp_path, file):
     device.close()
 
 
-def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path):
+@pytest.mark.parametrize("number", SIGNALS)
+def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path, number):
     file, path = write(tmp_path / "long.csv", wave(8.0, 60.0)), tmp_path / "run.csv"
-    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), signal.SIGINT))
+    handlers = [signal.getsignal(each) for each in SIGNALS]
+    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), number))
     done = run("stream", url, file, "--record", str(path))
     assert (done.code, done.out) == (130, "")
+    assert [signal.getsignal(each) for each in SIGNALS] == handlers
     assert done.err.startswith("orinkit: interrupted after ")
     assert "of 1001 set-points: the arm was brought to rest, slave mode is off" in done.err
     assert 1 < joints(rc8)[0] < 50
@@ -205,9 +209,10 @@ def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path):
     assert len(path.read_text().splitlines()) > 5  # what it did until then
 
 
-def test_ctrl_c_before_it_streams(run, rc8, url, when, tmp_path):
+@pytest.mark.parametrize("number", SIGNALS)
+def test_ctrl_c_before_it_streams(run, rc8, url, when, tmp_path, number):
     file = write(tmp_path / "away.csv", wave(amplitude=0.1, home=(40.0, *HOME[1:])))
-    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), signal.SIGINT))
+    when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), number))
     done = run("stream", url, file, "--move", "--speed", "10")
     assert (done.code, done.err) == (130, "orinkit: interrupted\n")
     assert 0.5 < joints(rc8)[0] < 39
@@ -386,7 +391,7 @@ def test_messages_that_are_none(tmp_path, message):
 def test_without_mcap(refused, tmp_path, monkeypatch):
     path = tmp_path / "x.mcap"
     path.write_bytes(b"\x89MCAP0\r\n")
-    monkeypatch.setitem(sys.modules, "mcap.reader", None)
+    monkeypatch.setitem(sys.modules, "mcap", None)
     assert "pip install 'orinkit[log]'" in refused("plot", str(path))
 
 

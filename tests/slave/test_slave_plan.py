@@ -719,11 +719,11 @@ def test_starts_that_cannot_be(start: Joints) -> None:
 
 def test_ruckig_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ruckig", None)
-    for text, tongue in (("streaming needs ruckig", "en"), ("ruckig が必要です", "ja")):
+    for text, tongue in (("slave mode needs ruckig", "en"), ("ruckig が必要です", "ja")):
         language.use(tongue)
         with pytest.raises(MissingExtra, match=text) as error:
             JointPlanner(VS050, 0.008, HOME)
-        assert 'pip install "orinkit[stream]"' in str(error.value)
+        assert "pip install 'orinkit[stream]'" in str(error.value)
 
 
 RUCKIG = ruckig.Ruckig

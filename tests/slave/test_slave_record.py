@@ -254,7 +254,7 @@ def test_times_from_the_clock(tmp_path):
 
 
 def test_without_mcap(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setitem(sys.modules, "mcap", None)
     with pytest.raises(MissingExtra, match=r"pip install 'orinkit\[log\]'"):
         open_recorder(tmp_path / "x.mcap", kind="J", period=PERIOD)
     assert not (tmp_path / "x.mcap").exists()

@@ -1,4 +1,4 @@
-"""What commands that move an arm have in common: Ctrl-C, a bar, and what is said where it goes wrong."""
+"""What commands that move an arm have in common: Ctrl-C and SIGTERM, a bar, and what is said where it goes wrong."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from orinkit.language import pick
 from orinkit.poses import J, P
 from orinkit.transport.drive import Deadline, pause
 
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 _SETTLING: Final = 2.0  # s that the encoders may be behind the command
 
 
@@ -79,17 +80,21 @@ def notes_shown() -> Iterator[None]:
 
 
 class Interrupts:
-    """Ctrl-C is noted instead of breaking off a call, which would cost the connection; the second one is as ever."""
+    """Ctrl-C is noted instead of breaking off a call, which would cost the connection; the second one breaks it off.
+
+    SIGTERM, by which a service is ended, is the same as Ctrl-C.
+    """
 
     def __init__(self) -> None:
         self._noted = False
 
     def __enter__(self) -> Self:
-        self._before = signal.signal(signal.SIGINT, self._note)
+        self._before = {number: signal.signal(number, self._note) for number in _SIGNALS}
         return self
 
     def __exit__(self, *_: object) -> None:
-        signal.signal(signal.SIGINT, self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def check(self) -> None:
         """Raise KeyboardInterrupt if there was one."""

@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 from orinkit._pose_checks import FIELDS
 from orinkit.cao.slave_formats import PoseKind
 from orinkit.errors import MissingExtra
-from orinkit.language import pick
+from orinkit.extra import require
 
 if TYPE_CHECKING:
     from orinkit.slave.samples import Sample
@@ -193,16 +193,10 @@ def _messages(file: IO[bytes]) -> tuple[list[_Row], PoseKind, float]:
 
 def _until_cut(file: IO[bytes]) -> Iterator[tuple[str, bytes]]:
     """Yield topic and content of the messages of an MCAP file, up to where it was cut off, if whoever wrote it was killed."""
-    try:
-        from mcap.exceptions import EndOfFile
-        from mcap.reader import NonSeekingReader
-    except ImportError:
-        raise MissingExtra(
-            pick(
-                "reading MCAP needs mcap: pip install 'orinkit[log]'",
-                "MCAP の読み込みには mcap が必要です: pip install 'orinkit[log]'",
-            )
-        ) from None
+    require(("reading MCAP", "MCAP の読み込み"), "log", "mcap")
+    from mcap.exceptions import EndOfFile
+    from mcap.reader import NonSeekingReader
+
     from orinkit.slave.record import INFO_TOPIC, SAMPLE_TOPIC
 
     messages = NonSeekingReader(file, record_size_limit=_LARGEST_RECORD).iter_messages(

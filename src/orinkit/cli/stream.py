@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,10 +87,9 @@ def stream(
 ) -> None:  # fmt: skip
     """Take arm and motor, check the trajectory, stream it, and tell how it went.
 
-    Nothing moves before the whole trajectory has been checked. Ctrl-C brings the arm to rest within its limits.
+    Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM brings the arm to rest within its limits.
     """
     job = _job(trajectory, mode, pose, record, speed, model, retime=retime, move=move, motor=not no_motor)
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))  # ended by a service: as by Ctrl-C
     with notes_shown(), connection.open(url) as controller, controller.robot() as robot, Bar() as bar:
         try:
             with Interrupts() as interrupts, errors_told(controller, url):

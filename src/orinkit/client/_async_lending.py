@@ -18,8 +18,8 @@ from orinkit.errors import CallError, OrinError
 from orinkit.slave.launch import Streaming
 from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.realtime import RealTime
+from orinkit.slave.setup import Setup
 from orinkit.slave.shared import Order
-from orinkit.slave.streamer import Setup
 from orinkit.transport.drive import Deadline, apause
 
 _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
@@ -84,11 +84,8 @@ class AsyncSlaveMode:
         try:
             await robot.execute("slvSendFormat", int(options.send))
             await robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
-            if options.limits is None:
-                type_name = await robot.execute("GetRobotTypeName")
-                self.limits = limits_for(options, type_name)
-            else:
-                self.limits = limits_for(options, "")
+            type_name = "" if options.limits else await robot.execute("GetRobotTypeName")
+            self.limits = limits_for(options, type_name)
             start, beyond = await self._start()
             await self._until(lambda: streaming.real_time is not None)
         except BaseException:
@@ -212,10 +209,7 @@ class AsyncSlaveMode:
     def error(self) -> OrinError | None:
         """What ended streaming; ``None`` while all is well."""
         if self._failure is None and self._streaming is not None:
-            self._streaming.look()
-            if self._streaming.ended:
-                reason = self._streaming.reason
-                self._failure = self._streaming.error or common.ended_because(reason, self._options.idle)
+            self._has_ended(self._streaming)
         return self._failure
 
     def _alive(self) -> Streaming:
@@ -230,13 +224,17 @@ class AsyncSlaveMode:
 
     def _look(self) -> None:
         streaming = self._streaming
-        if streaming is not None:
-            streaming.look()
-            if not streaming.ended:
-                return
-            self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
+        if streaming is not None and not self._has_ended(streaming):
+            return
         self._told = True
         raise self._failure or common.ended_because("", None)
+
+    def _has_ended(self, streaming: Streaming) -> bool:
+        """Tell whether streaming is over, and note why."""
+        streaming.look()
+        if streaming.ended:
+            self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
+        return streaming.ended
 
 
 def _let_go(streaming: Streaming) -> None:

@@ -8,13 +8,11 @@ from itertools import pairwise
 from pathlib import Path
 from threading import Event, Thread
 from time import time_ns
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from orinkit.cao.slave_formats import (
-    PoseKind,
-)
+from orinkit.cao.slave_formats import PoseKind
 from orinkit.client._slave_options import Options
-from orinkit.errors import OrinError, StreamError
+from orinkit.errors import StreamError
 from orinkit.language import pick
 from orinkit.poses import J, P, T
 from orinkit.slave.limits import Limits
@@ -335,10 +333,9 @@ class Recording:
         """Finish the file.
 
         Raises:
-            OrinError: it could not be written.
+            StreamError: it could not be written.
         """
         self.pause()
         self._recorder.close()
-        error: Any = self._recorder.error
-        if error is not None:
-            raise error if isinstance(error, OrinError) else StreamError(str(error))
+        if self._recorder.error is not None:
+            raise StreamError(self._recorder.error)

@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from threading import Lock
 from time import monotonic_ns
-from typing import Any, Final
+from typing import Any
 
-from orinkit import hresult
 from orinkit.client import _slave_common as common
 from orinkit.client._slave_common import Progress, Reader, StreamResult
 from orinkit.client._slave_options import Options, check_outputs, read_outputs
@@ -29,8 +28,6 @@ from orinkit.slave.samples import Sample
 from orinkit.slave.shared import QUEUE_ROOM, Order, Outputs
 from orinkit.slave.trajectory import check_path, check_trajectory, read_point, read_trajectory
 from orinkit.transport.drive import pause
-
-_NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
 
 
 class Stream(SlaveMode):

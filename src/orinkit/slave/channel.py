@@ -24,10 +24,6 @@ class Channel:
         self._received = b""
         self.open = True
 
-    def fileno(self) -> int:
-        """Descriptor of the socket."""
-        return self._socket.fileno()
-
     def send(self, message: dict[str, Any]) -> None:
         """Send a message; one to a side that is not there any more is dropped."""
         try:

@@ -8,16 +8,16 @@ import socket
 import subprocess
 import sys
 import threading
-from dataclasses import fields
 from time import monotonic
 from typing import Any, Final
 
-from orinkit.errors import MissingExtra, OrinError, StreamError
+from orinkit.errors import OrinError, StreamError
 from orinkit.language import pick
 from orinkit.slave.channel import Channel, rebuild
 from orinkit.slave.realtime import RealTime
+from orinkit.slave.setup import Setup
 from orinkit.slave.shared import Shared
-from orinkit.slave.streamer import Setup
+from orinkit.slave.smooth import load_ruckig
 
 _START: Final = """
 import sys
@@ -51,7 +51,7 @@ class Streaming:
     """
 
     def __init__(self, link: int) -> None:
-        require_packages()
+        load_ruckig()  # what the process is going to import; said here, where somebody reads it
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
                 pick(
@@ -72,19 +72,8 @@ class Streaming:
         self._since = monotonic()
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours)
-        # where a standard stream is closed, one of these may have its number, which the new process needs for that
-        numbers = [
-            fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (theirs.fileno(), link, self.shared.descriptor)
-        ]
-        path = [str(place) for place in sys.path]
-        program = _START.format(path=path, channel=numbers[0], link=numbers[1], memory=numbers[2])
         try:
-            self._process = subprocess.Popen(  # noqa: S603 - this very Python
-                [sys.executable, "-c", program],
-                stdin=subprocess.DEVNULL,
-                pass_fds=numbers,
-                start_new_session=True,  # Ctrl-C at the terminal is for the program
-            )
+            self._process = _start(theirs.fileno(), link, self.shared.descriptor)
         except OSError as error:
             self._channel.close()
             self.shared.close()
@@ -93,35 +82,11 @@ class Streaming:
             ) from error  # fmt: skip
         finally:
             theirs.close()
-            for number in numbers:
-                os.close(number)
 
     def begin(self, setup: Setup) -> None:
         """Have it enter slave mode and stream."""
         self.began = True
-        limits = setup.limits
-        outputs = setup.outputs
-        user = outputs.user and (outputs.user[0], outputs.user[1].hex())
-        window = setup.window and (setup.window.offset, setup.window.size)
-        self._channel.send(
-            {
-                "controller": setup.controller,
-                "handle": setup.handle,
-                "mode": setup.mode.number,
-                "send": int(setup.send),
-                "receive": setup.receive.number,
-                "window": window,
-                "outputs": (outputs.mini, outputs.hand, user),
-                "period": setup.period,
-                "limits": [getattr(limits, each.name) for each in fields(limits)],
-                "start": setup.start,
-                "beyond": setup.beyond,
-                "serial": setup.serial,
-                "timeout": setup.timeout,
-                "idle": setup.idle,
-                "program": setup.program,
-            }
-        )
+        self._channel.send(setup.to_message())
 
     def look(self) -> None:
         """Take note of what it has said, without waiting; one that does not go on any more is ended."""
@@ -191,18 +156,24 @@ class Streaming:
         self.shared.close()
 
 
-def require_packages() -> None:
-    """Check that what streaming needs is installed.
+def _start(channel: int, link: int, memory: int) -> subprocess.Popen[bytes]:
+    """Start a process that has these descriptors.
 
     Raises:
-        MissingExtra: it is not.
+        OSError: it cannot be started.
     """
+    numbers: list[int] = []
     try:
-        import ruckig  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra(
-            pick(
-                'streaming in slave mode needs the package ruckig; install it with: pip install "orinkit[stream]"',
-                'スレーブモードのストリーミングには ruckig が必要です。次でインストールしてください: pip install "orinkit[stream]"',
-            )
-        ) from error
+        # where a standard stream is closed, one of these may have its number, which the new process needs for that
+        numbers.extend(fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (channel, link, memory))
+        path = [str(place) for place in sys.path]
+        program = _START.format(path=path, channel=numbers[0], link=numbers[1], memory=numbers[2])
+        return subprocess.Popen(  # noqa: S603 - this very Python
+            [sys.executable, "-c", program],
+            stdin=subprocess.DEVNULL,
+            pass_fds=numbers,
+            start_new_session=True,  # Ctrl-C at the terminal is for the program
+        )
+    finally:
+        for number in numbers:
+            os.close(number)

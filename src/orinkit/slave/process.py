@@ -6,14 +6,14 @@ import signal
 import socket
 from typing import Any
 
-from orinkit.cao.slave_formats import OFF, ReceiveFormat, Send, UserWindow, mode_of
+from orinkit.cao.slave_formats import OFF
 from orinkit.errors import CallError, ConnectionLost, OrinError, StreamError
 from orinkit.slave import realtime
 from orinkit.slave.channel import Channel, describe
-from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.planners import planner_for
-from orinkit.slave.shared import Outputs, Shared
-from orinkit.slave.streamer import Setup, Streamer, Watch, Wire
+from orinkit.slave.setup import Setup
+from orinkit.slave.shared import Shared
+from orinkit.slave.streamer import Streamer, Watch, Wire
 from orinkit.transport.tcp import AdoptedTcpLink
 
 _FOREVER = 1e6
@@ -25,12 +25,12 @@ def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int) 
     channel = Channel(socket.socket(fileno=channel_descriptor))
     shared = Shared(memory_descriptor)
     link = AdoptedTcpLink(link_descriptor)
-    obtained = realtime.obtain(wanted=True)
+    obtained = realtime.obtain()
     channel.send({"ready": True, "priority": obtained.priority, "locked": obtained.locked})
     message = channel.receive(_FOREVER)
     if message is None:
         return
-    setup = _setup(message)
+    setup = Setup.from_message(message)
     wire = Wire(link, setup)
     watch = Watch(channel, setup.program)
     signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
@@ -61,27 +61,3 @@ def _stream(setup: Setup, wire: Wire, shared: Shared, watch: Watch, channel: Cha
     channel.send({"streaming": True})
     outcome["reason"] = Streamer(setup, wire, shared, watch, planner).run()
     wire.execute("slvChangeMode", OFF)
-
-
-def _setup(message: dict[str, Any]) -> Setup:
-    mode = mode_of(message["mode"])
-    assert mode is not None
-    window, limits = message["window"], message["limits"]
-    mini, hand, user = message["outputs"]
-    return Setup(
-        controller=message["controller"],
-        handle=message["handle"],
-        mode=mode,
-        send=Send(message["send"]),
-        receive=ReceiveFormat(message["receive"], microseconds=True),
-        window=UserWindow(*window) if window else None,
-        outputs=Outputs(mini, hand, (user[0], bytes.fromhex(user[1])) if user else None),
-        period=message["period"],
-        limits=Limits(*map(tuple, limits)) if mode.kind == "J" else PathLimits(*limits),
-        start=tuple(message["start"]),
-        beyond=tuple(message["beyond"]),
-        serial=message["serial"],
-        timeout=message["timeout"],
-        idle=message["idle"],
-        program=message["program"],
-    )

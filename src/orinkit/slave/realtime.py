@@ -50,17 +50,11 @@ class RealTime:
         return f"{first}; {second}"
 
 
-def obtain(*, wanted: bool = True) -> RealTime:
-    """Ask for what there is, and turn the garbage collector off for good.
-
-    Args:
-        wanted: whether to ask for priority and locked memory.
-    """
+def obtain() -> RealTime:
+    """Ask for what there is, and turn the garbage collector off for good."""
     gc.collect()
     gc.freeze()
     gc.disable()
-    if not wanted:
-        return RealTime()
     locked = _lock_memory()
     _shorten_sleeps()
     return RealTime(_raise_priority(), locked)

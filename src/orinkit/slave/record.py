@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
 
 from orinkit._pose_checks import FIELDS, brief
-from orinkit.errors import InvalidValue, MissingExtra
+from orinkit.errors import InvalidValue
+from orinkit.extra import require
 from orinkit.language import pick
 from orinkit.slave.breaches import check_period
 from orinkit.slave.csv_file import COMMAND, ENCODER, TIME
@@ -281,15 +282,9 @@ class _Mcap:
 
 def _mcap_writer() -> Any:
     """Return the class that writes MCAP; its methods have no types."""
-    try:
-        from mcap.writer import Writer
-    except ImportError:
-        raise MissingExtra(
-            pick(
-                "a recording in MCAP needs mcap; install it with: pip install 'orinkit[log]'",
-                "MCAP 形式の記録には mcap が必要です。pip install 'orinkit[log]' でインストールしてください",
-            )
-        ) from None
+    require(("a recording in MCAP", "MCAP 形式の記録"), "log", "mcap")
+    from mcap.writer import Writer
+
     return Writer
 
 

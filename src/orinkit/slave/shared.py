@@ -123,9 +123,9 @@ class RawSample:
         sent_ns: of the monotonic clock.
         answered_ns: the same.
         delay_ns: how long the live target that it is the first to follow had been set when it was sent; -1: none.
+        number: of the sample; the memory gives it.
     """
 
-    number: int
     sent_ns: int
     answered_ns: int
     code: int
@@ -139,6 +139,7 @@ class RawSample:
     mini: int | None = None
     hand: int | None = None
     user: bytes | None = None
+    number: int = 0
 
 
 _NO_OUTPUTS: Final = Outputs()
@@ -323,7 +324,7 @@ class Shared:
             return tuple(numbers[at + offset : at + offset + count])
 
         sample = RawSample(
-            number, words[at + 1], words[at + 70], words[at + 2], values(6, length), words[at + 4],
+            words[at + 1], words[at + 70], words[at + 2], values(6, length), words[at + 4],
             numbers[at + 5] if flags & _TIME else None,
             values(20, _MOST_AXES) if flags & _JOINTS else None,
             values(28, 7) if flags & _POSITION else None,
@@ -332,6 +333,7 @@ class Shared:
             words[at + 54] if flags & _GOT_MINI else None,
             words[at + 55] if flags & _GOT_HAND else None,
             self._bytes(at + 57, words[at + 56]) if flags & _GOT_USER else None,
+            number,
         )  # fmt: skip
         whole = words[at] == number and self._words[_Word.SAMPLES] - number <= SAMPLE_ROOM
         return sample if whole else None
@@ -373,10 +375,12 @@ class Shared:
         words[_Word.READ] = count + 1
         return values, outputs
 
-    def target(self) -> tuple[int, int, tuple[float, ...]] | None:
-        """Return number, time and values of the live target; ``None`` while it is being written."""
+    def target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
+        """Return number, time and values of the live target if it is newer than a number; ``None`` while it is being written."""
         words = self._words
         done = words[_Word.TARGET_DONE]
+        if done == seen:
+            return None
         at = int(_Word.TARGET_VALUES)
         values = tuple(self._numbers[at : at + words[_Word.TARGET_LENGTH]])
         when = words[_Word.TARGET_TIME]

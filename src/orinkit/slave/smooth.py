@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, Final
 
-from orinkit.errors import MissingExtra
-from orinkit.language import pick
+from orinkit.extra import require
 
 PART: Final = 0.999
 """Of velocity and acceleration that smooth motions use: what is sampled from them is within the limits for sure."""
@@ -190,14 +189,8 @@ def load_ruckig() -> ModuleType:
     Raises:
         MissingExtra: it is not installed.
     """
-    try:
-        import ruckig
-    except ImportError:
-        raise MissingExtra(
-            pick(
-                'streaming needs ruckig; install it with: pip install "orinkit[stream]"',
-                'ストリーミングには ruckig が必要です。pip install "orinkit[stream]" でインストールしてください',
-            )
-        ) from None
+    require(("streaming in slave mode", "スレーブモードのストリーミング"), "stream", "ruckig")
+    import ruckig
+
     module: ModuleType = ruckig
     return module

@@ -12,12 +12,8 @@ from orinkit.bcap.client import Conversation
 from orinkit.cao import functions
 from orinkit.cao.slave_formats import (
     OFF,
-    ReceiveFormat,
-    Send,
     SetPoint,
     SlaveAnswer,
-    SlaveMode,
-    UserWindow,
     encode_set_point,
     read_answer,
 )
@@ -26,9 +22,9 @@ from orinkit.errors import CallError, InvalidValue, OrinError, error_for
 from orinkit.language import pick
 from orinkit.slave.channel import Channel
 from orinkit.slave.flow import FLOWS, Call, Delivery
-from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.planners import Planner
-from orinkit.slave.shared import Feed, Order, Outputs, RawSample, Shared
+from orinkit.slave.setup import Setup
+from orinkit.slave.shared import Feed, Order, RawSample, Shared
 from orinkit.transport.drive import Link, run
 
 _RESTS: Final = 3  # equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)
@@ -43,43 +39,6 @@ _STOPS: Final = {  # bits of SysState (reference: SysState)
     12: ("the protective stop is on", "防護停止中です"),
     18: ("the controller is in manual mode", "手動モードです"),
 }
-
-
-@dataclass(slots=True)
-class Setup:
-    """What the streaming process has to know.
-
-    Attributes:
-        controller: handle of the controller object.
-        handle: of the Robot object.
-        mode: how and what it sends.
-        send, receive, window: formats of slvMove.
-        outputs: that go with the first set-point.
-        period: seconds of a cycle.
-        limits: of the planner.
-        start: pose at which the arm stands, as many values as the planner has.
-        beyond: values of the joints that there are no limits for; they stay as they are.
-        serial: of the next packet.
-        timeout: seconds that an answer may take.
-        idle: seconds without a set-point in the queue after which slave mode is left, ``None`` for never.
-        program: number of the program's process.
-    """
-
-    controller: int
-    handle: int
-    mode: SlaveMode
-    send: Send
-    receive: ReceiveFormat
-    window: UserWindow | None
-    outputs: Outputs
-    period: float
-    limits: Limits | PathLimits
-    start: tuple[float, ...]
-    beyond: tuple[float, ...]
-    serial: int
-    timeout: float
-    idle: float | None
-    program: int
 
 
 Reason = Literal["", "left", "stopped", "gone", "idle", "terminated"]
@@ -109,9 +68,8 @@ class Watch:
             return ""
         self._next = now + _WATCH
         self._channel.receive(0)
-        if (
-            not self._channel.open or os.getppid() != self._program
-        ):  # a child that it has forked may have the channel too
+        orphan = os.getppid() != self._program  # a child that it forked may keep the channel open
+        if orphan or not self._channel.open:
             return "gone"
         return "stopped" if self._is_stopped() else ""
 
@@ -226,6 +184,7 @@ class Streamer:
         self._clock = _Clock(setup.receive.microseconds)
         self._outputs = setup.outputs
         self._outputs_seen = 0
+        self._target: tuple[float, ...] | None = None  # the last that could be read
         self._target_seen = 0
         self._delay_from = 0  # when the live target was set that has not been sent yet
         self._sent = 0
@@ -271,19 +230,20 @@ class Streamer:
 
     def _command(self, reason: Reason) -> tuple[float, ...]:
         if reason or self._shared.wanted is Order.HALT:
-            self._aim, self._was_dry = None, True
+            self._aim, self._was_dry, self._target = None, True, None
             return self._planner.stop()
         feed = self._shared.feed
-        if feed is Feed.QUEUE:
-            return self._from_queue()
         if feed is Feed.TARGET:
-            target = self._shared.target()
-            if target is not None:
-                number, when, values = target
-                if number != self._target_seen:
-                    self._target_seen, self._delay_from = number, when
-                return self._planner.follow(values)
-        return self._come_to_rest()
+            return self._to_target()
+        self._target = None
+        return self._from_queue() if feed is Feed.QUEUE else self._come_to_rest()
+
+    def _to_target(self) -> tuple[float, ...]:
+        newer = self._shared.target(self._target_seen)
+        if newer is not None:
+            self._target_seen, self._delay_from, self._target = newer
+        # one that is just being written, by a program that may be kept from finishing it, is no reason to brake
+        return self._come_to_rest() if self._target is None else self._planner.follow(self._target)
 
     def _from_queue(self) -> tuple[float, ...]:
         taken = self._shared.take() if self._ready() else None
@@ -303,7 +263,7 @@ class Streamer:
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is Order.FINISH:
             return True
         self._patience = self._patience - 1 if waiting else _AHEAD
-        return self._patience < 0
+        return self._patience <= 0
 
     def _come_to_rest(self) -> tuple[float, ...]:
         """There are no more set-points: stay at the last one if the arm is slow enough, or bring it to rest."""
@@ -350,6 +310,6 @@ class Streamer:
         if self._delay_from:
             delay, self._delay_from = sent - self._delay_from, 0
         return RawSample(
-            0, sent, round(delivery.answered * 1e9), delivery.code, command, delay, self._clock.read(answer.timestamp),
+            sent, round(delivery.answered * 1e9), delivery.code, command, delay, self._clock.read(answer.timestamp),
             answer.joints, answer.position, answer.trans, answer.current, answer.mini, answer.hand, answer.user,
         )  # fmt: skip

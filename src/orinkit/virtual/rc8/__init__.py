@@ -5,9 +5,9 @@
 other module has one concern of the controller. Needs the extra ``virtual`` (numpy, lark).
 """
 
-from orinkit.virtual.extra import require
+from orinkit.extra import require
 
-require("orinkit.virtual.rc8", "virtual", "numpy", "lark")
+require(("the virtual RC8", "仮想 RC8 "), "virtual", "numpy", "lark")
 
 from orinkit.virtual.rc8.pendant import Pendant  # noqa: E402 - what is missing is to be told first
 from orinkit.virtual.rc8.permission import Access, Permission  # noqa: E402

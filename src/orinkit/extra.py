@@ -1,4 +1,4 @@
-"""What a virtual device needs besides the standard library."""
+"""Packages beyond the standard library, which parts of orinkit need and its core does not (extras of the package)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from orinkit.errors import MissingExtra
 from orinkit.language import pick
 
 
-def require(what: str, extra: str, *packages: str) -> None:
+def require(what: tuple[str, str], extra: str, *packages: str) -> None:
     """Check that the packages of an extra are installed.
 
     Args:
-        what: the module that needs them.
+        what: that needs them, in English and in Japanese.
         extra: of orinkit.
         packages: their names as modules.
 
@@ -22,9 +22,10 @@ def require(what: str, extra: str, *packages: str) -> None:
     missing = [name for name in packages if find_spec(name) is None]
     if missing:
         names = ", ".join(missing)
+        english, japanese = what
         raise MissingExtra(
             pick(
-                f"{what} needs {names}; install it with: pip install 'orinkit[{extra}]'",
-                f"{what} には {names} が必要です。pip install 'orinkit[{extra}]' でインストールしてください",
+                f"{english} needs {names}; install it with: pip install 'orinkit[{extra}]'",
+                f"{japanese}には {names} が必要です。pip install 'orinkit[{extra}]' でインストールしてください",
             )
         )
