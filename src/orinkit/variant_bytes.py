@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from typing import Any, Final
 
 from orinkit import hresult
-from orinkit.errors import LimitExceeded, ProtocolError
+from orinkit.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.language import pick
 from orinkit.variant import (
     ARRAY,
@@ -52,11 +52,13 @@ class Limits:
         depth: how deep VARIANT arrays may be nested.
         variants: how many elements all arrays of one argument may have together, counted by what they cost to read: one
             for each element of VARIANT, BSTR, DATE and CY, one for 16 of BOOL and for 128 of another type.
+        error_size: bytes of a VT_ERROR: 4; 2 in packets of a VE026A (its table 3-1).
     """
 
     packet: int = 16 * 1024 * 1024
     depth: int = 16
     variants: int = 50_000
+    error_size: int = 4
 
 
 DEFAULT_LIMITS: Final = Limits()
@@ -163,29 +165,29 @@ _I4_PACK: Final = struct.Struct("<IHIi").pack
 _R4_PACK: Final = struct.Struct("<IHIf").pack
 
 
-def encode_variant(item: Variant) -> bytes:
-    """Return a :class:`Variant` as one packet argument.
+def encode_variant(item: Variant, error_size: int = 4) -> bytes:
+    """Return a :class:`Variant` as one packet argument; for ``error_size`` see :class:`Limits`.
 
     Raises:
-        InvalidValue: its arrays are nested too deep.
+        InvalidValue: its arrays are nested too deep, or a VT_ERROR does not fit its size.
     """
     parts = [b""]
     try:
-        _append(item.type, item.value, parts)
+        _append(item.type, item.value, parts, error_size)
     except RecursionError:
         raise nested_too_deep() from None
     parts[0] = _LENGTH.pack(sum(map(len, parts)))
     return b"".join(parts)
 
 
-def _append(vt: int, value: Any, parts: list[bytes]) -> None:
+def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
     """Append type, count and data: the form an element has inside a VARIANT array."""
     base = vt & ~ARRAY
     items = value if vt & ARRAY else (value,)
     parts.append(_HEAD.pack(vt, len(items)))
     if base == VarType.VARIANT:
         for item in items:
-            _append(item.type, item.value, parts)
+            _append(item.type, item.value, parts, error_size)
     elif base == VarType.BSTR:
         for text in items:
             data = text.encode("utf-16-le", "surrogatepass")
@@ -193,10 +195,26 @@ def _append(vt: int, value: Any, parts: list[bytes]) -> None:
             parts.append(data)
     elif vt == VarType.UI1 | ARRAY:
         parts.append(value)
+    elif base == VarType.ERROR and error_size == _SHORT_ERROR:
+        parts.append(_short_errors(items))
     elif base not in (VarType.EMPTY, VarType.NULL):
         convert = _TO_WIRE.get(base)
         parts.append(struct.pack(f"<{len(items)}{FORMATS[base]}", *(map(convert, items) if convert else items)))
 
+
+def _short_errors(items: Sequence[int]) -> bytes:
+    try:
+        return struct.pack(f"<{len(items)}H", *items)
+    except struct.error:
+        raise InvalidValue(
+            pick(
+                f"VT_ERROR has 2 bytes in packets of a VE026A: 0 to 0xFFFF, not {max(items):#x}",
+                f"VE026A のパケットでは VT_ERROR は 2 バイトです: 0～0xFFFF ({max(items):#x} は不可)",
+            )
+        ) from None
+
+
+_SHORT_ERROR: Final = 2
 
 _TO_WIRE: Final[dict[int, Callable[[Any], Any]]] = {
     VarType.BOOL: lambda flag: -1 if flag else 0,
@@ -283,6 +301,8 @@ class _Reader:
             raise _count_mismatch(vt, count, position, self.end - position)
         size = SIZES.get(base)
         if size is not None:
+            if base == VarType.ERROR:
+                size = self.limits.error_size
             after = position + size * count
             if after > self.end:
                 raise _count_mismatch(vt, count, position, self.end - position)
@@ -303,7 +323,8 @@ class _Reader:
     def _fixed(self, base: int, array: bool, count: int, position: int) -> Any:
         if array and base == VarType.UI1:
             return self.data[position : position + count]
-        items: Iterable[Any] = struct.unpack_from(f"<{count}{FORMATS[base]}", self.data, position)
+        short = base == VarType.ERROR and self.limits.error_size == _SHORT_ERROR
+        items: Iterable[Any] = struct.unpack_from(f"<{count}{'H' if short else FORMATS[base]}", self.data, position)
         if base == VarType.BOOL:
             items = [item != 0 for item in items]
         elif base == VarType.CY:

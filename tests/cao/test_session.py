@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from orinkit import hresult, language
 from orinkit.cao import provider as p
 from orinkit.cao import session as session_module
+from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, FileObject, Provider, VariableObject
 from orinkit.cao.session import Host, Pending, Reply, Session, read_arguments
@@ -934,3 +935,85 @@ def test_two_threads_share_the_callbacks_of_a_promise():
     promise._callbacks = Emptied([lambda: called.append("second"), steal])
     promise.finish()
     assert called == ["first"]
+
+
+# --- devices with ways of their own -----------------------------------------------------------------------------------
+
+
+class SmallController(ControllerObject):
+    def __init__(self, log: list[str]) -> None:
+        super().__init__("small")
+        self.log = log
+
+    def get_variable(self, name, option):
+        return Memory(name, self.log)
+
+    def get_robot(self, name, option):
+        return p.RobotObject(name)
+
+    def execute(self, command, parameter):
+        return None
+
+
+class SmallProvider(Provider):
+    """Few functions, handles of its own, a dialect of its own."""
+
+    provider_names = ("*",)
+    dialect = VE026A
+    functions = frozenset({1, 2, 3, 4, 7, 9, 17, 64, 101, 111})
+    fixed_handles = True
+
+    def __init__(self) -> None:
+        self.log: list[str] = []
+
+    def connect(self, name, machine, option, client):
+        return SmallController(self.log)
+
+    def handle_of(self, interface, name):
+        return {"@A": 1, "@B": 4}.get(name.upper(), 1)
+
+
+def small(session, name, *arguments):
+    return session.invoke(BY_NAME[name].id, [variant(value) for value in arguments])
+
+
+def test_handles_that_a_device_gives():
+    provider = SmallProvider()
+    session = Session(Host(provider))
+    assert small(session, "Controller_Connect", "", "", "", "").result == Variant(VarType.I4, 1)
+    assert small(session, "Controller_GetVariable", 1, "@B", "").result.value == 4
+    assert small(session, "Controller_GetRobot", 1, "r", "").result.value == 1
+    assert small(session, "Controller_GetVariable", 1, "@A", "").result.value == 1
+    assert len(session) == 4
+    assert small(session, "Controller_GetVariable", 1, "@a", "").result.value == 1
+    assert small(session, "Controller_GetVariable", 1, "@a", "@IfNotMember").result.value == 1
+    assert len(session) == 4, "it had it already"
+    assert small(session, "Variable_GetValue", 4).result.value == 0
+    assert small(session, "Variable_Release", 1).code == 0
+    assert small(session, "Variable_GetValue", 1).code == hresult.E_HANDLE
+    assert small(session, "Variable_GetValue", -5).code == hresult.E_HANDLE
+    assert small(session, "Robot_Execute", 1, "x", 0).code == hresult.E_NOTIMPL, "the robot itself is still there"
+    assert small(session, "Controller_Disconnect", 1).code == 0
+    assert len(session) == 0
+    assert provider.log == ["@a", "@A", "@B"]
+
+
+def test_functions_that_a_device_does_not_have():
+    session = Session(Host(SmallProvider()))
+    assert small(session, "Controller_GetTask", 1, 2, 3, 4, 5, 6).code == hresult.E_NOTIMPL
+    assert session.invoke(138, []).code == hresult.E_NOTIMPL
+
+
+def test_an_execute_without_a_result_has_no_argument():
+    session = Session(Host(SmallProvider()))
+    small(session, "Controller_Connect", "", "", "", "")
+    assert small(session, "Controller_Execute", 1, "ClearError", 0) == Reply(0)
+
+
+def test_dialects_do_not_mix():
+    class Other(Provider):
+        provider_names = ("Other",)
+
+    with pytest.raises(ValueError, match="SmallProvider and Other"):
+        Host([SmallProvider(), Other()])
+    assert Provider().handle_of("Robot", "Arm") == 1

@@ -1,24 +1,30 @@
-"""The client's side of a b-CAP conversation over a stream, without I/O.
+"""The client's side of a b-CAP conversation, without I/O.
 
 :meth:`Conversation.call` is a generator. It yields ``(data, seconds)``: send these bytes (if any), then wait for bytes
 until that many seconds have passed; ``None`` for the seconds means that the wait in force goes on. What comes back from
 the ``yield`` are the bytes received, ``b""`` when the other side has closed, ``None`` when the time is up. It returns
 the return code and the result. The two drivers in :mod:`orinkit.transport` do the waiting.
+
+Where packets may be lost (:mod:`orinkit.bcap.wire`) a request that is not answered is repeated; the controller knows it
+again by the reserved field and carries it out once.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Generator
+from dataclasses import replace
 from operator import call as _apply
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
+from orinkit.bcap.wire import STREAM, Wire
+from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallTimeout, ConnectionLost, InvalidValue, ProtocolError, error_for
 from orinkit.language import pick
-from orinkit.variant import Variant, VarType
+from orinkit.variant import Variant, VarType, variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 Exchange: TypeAlias = tuple[bytes, float | None]
@@ -48,17 +54,44 @@ _EXECUTING: Final = hresult.S_EXECUTING
 class Conversation:
     """One client's requests and replies over one link, one at a time.
 
+    Args:
+        limits: bounds on a packet; those of the wire count too.
+        trace: see below.
+        wire: how packets travel.
+        dialect: of the controller; may be set once it is known.
+
     Attributes:
         dropped: replies that answered no waiting call: late, repeated, or foreign.
         trace: if set, is told every packet.
+        wire: how packets travel.
     """
 
-    def __init__(self, limits: Limits = DEFAULT_LIMITS, trace: Trace | None = None) -> None:
+    def __init__(
+        self,
+        limits: Limits = DEFAULT_LIMITS,
+        trace: Trace | None = None,
+        wire: Wire = STREAM,
+        dialect: Dialect = RC8,
+    ) -> None:
         self.dropped = 0
         self.trace = trace
-        self._limits = limits
-        self._framer = packet.Framer(limits)
+        self.wire = wire
+        self._limits = wire.bound(limits)
+        self._framer = wire.framer(self._limits)
+        self._tail = wire.tail
         self._serial = 1
+        self.dialect = dialect
+
+    @property
+    def dialect(self) -> Dialect:
+        """Dialect of the controller."""
+        return self._dialect
+
+    @dialect.setter
+    def dialect(self, dialect: Dialect) -> None:
+        self._dialect = dialect
+        if dialect.error_size != self._limits.error_size:
+            self._limits = replace(self._limits, error_size=dialect.error_size)
 
     @property
     def serial(self) -> int:
@@ -75,15 +108,23 @@ class Conversation:
         return self._framer.skipped
 
     def call(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, *, exact: bool = False
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        *,
+        exact: bool = False,
+        tries: int = 1,
     ) -> Operation:
         """Call a function; a generator, see the module's docstring.
 
         Args:
             function: an entry of the table.
             arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
-            seconds: time-out; every S_EXECUTING from the controller starts it anew.
+            seconds: time-out of one try; every S_EXECUTING from the controller starts it anew.
             exact: give the result as a :class:`~orinkit.variant.Variant`.
+            tries: how often the request is sent in all, where packets may be lost (RC8 table 5-1: TORetry); every
+                S_EXECUTING allows as many again.
 
         Raises:
             InvalidValue: an argument does not fit; nothing was sent.
@@ -94,26 +135,39 @@ class Conversation:
         """
         serial = self._serial
         self._serial = serial % 0xFFFF + 1
-        request = encode_request(function, arguments, serial)
-        if len(request) > self._limits.packet:
-            raise _too_long(function, len(request), self._limits)
-        if self.trace is not None:
-            self.trace(">", request)
+        lossy = self.wire.lossy
+        first = serial if lossy else 0
+        request = self._request(function, arguments, serial, first)
         received = yield request, seconds
         framer = self._framer
+        earlier: tuple[int, ...] = ()
+        left = tries
         while True:
-            if not received:
-                raise _no_answer(function, received, seconds)
             wait: float | None = None
-            frame = framer.take(received)
+            if received:
+                frame = framer.take(received)
+            elif received is None and lossy:
+                frame = framer.silence()  # noise before it may have kept the answer from being seen
+                left -= 1
+                if frame is None and left > 0:
+                    earlier += (serial,)
+                    serial = self._serial
+                    self._serial = serial % 0xFFFF + 1
+                    received = yield self._request(function, arguments, serial, first), seconds
+                    continue
+                if frame is None:
+                    raise _no_answer(function, None, seconds * tries)
+            else:
+                raise _no_answer(function, received, seconds)
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
                 answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
-                if answered != serial:
+                if answered != serial and answered not in earlier:
                     self.dropped += 1
                 elif code == _EXECUTING:
                     wait = seconds
+                    left = tries
                 elif code >= _FAILED:
                     raise error_for(code, "", function.name, arguments)
                 else:
@@ -121,11 +175,22 @@ class Conversation:
                 frame = framer.next_frame()
             received = yield b"", wait
 
+    def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:
+        """Return the packet of a try, which the trace is told."""
+        request = encode_request(
+            function, arguments, serial, first, crc=self.wire.crc, error_size=self._limits.error_size
+        )
+        if len(request) > self._limits.packet:
+            raise _too_long(function, len(request), self._limits)
+        if self.trace is not None:
+            self.trace(">", request)
+        return request
+
     def _result(self, function: Function[..., Any], frame: bytes, count: int, exact: bool) -> Any:
         if function.result is None:
             return None
         if count:
-            value, _ = variant_bytes.decode(frame, 15, len(frame) - 1, self._limits, exact=exact)
+            value, _ = variant_bytes.decode(frame, 15, len(frame) - self._tail, self._limits, exact=exact)
         else:  # a VE026A answers nothing where an RC8 answers VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
         if function.result is not VarType.VARIANT:
@@ -174,17 +239,37 @@ def _wrong_result(function: Function[..., Any], got: str) -> ProtocolError:
     )
 
 
-def encode_request(function: Function[..., Any], arguments: tuple[Any, ...], serial: int, reserved: int = 0) -> bytes:
+def encode_request(
+    function: Function[..., Any],
+    arguments: tuple[Any, ...],
+    serial: int,
+    reserved: int = 0,
+    *,
+    crc: bool = False,
+    error_size: int = DEFAULT_LIMITS.error_size,
+) -> bytes:
     """Return the packet of a call.
+
+    Args:
+        function: an entry of the table.
+        arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
+        serial: of this try.
+        reserved: of the first try, where packets may be lost.
+        crc: for a serial line.
+        error_size: bytes of a VT_ERROR.
 
     Raises:
         InvalidValue: an argument does not fit its type; the message names function and argument.
     """
     encoders = _ENCODERS.get(function.id) or _learn(function)
+    if error_size != DEFAULT_LIMITS.error_size:
+        encoders = tuple(_sized(each, error_size) for each in encoders)
     try:
         body = b"".join(map(_apply, encoders, arguments))  # stops at the last one given: optional ones may be missing
     except (InvalidValue, TypeError) as error:
         raise _explain(function, arguments, error) from None
+    if crc:
+        return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
     head = _HEADER(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
     return head + body + b"\x04"
 
@@ -205,6 +290,13 @@ def _learn(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
 
 def _encoder(argument: Argument) -> Callable[[Any], bytes]:
     return variant_bytes.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
+
+
+def _sized(encoder: Callable[[Any], bytes], error_size: int) -> Callable[[Any], bytes]:
+    """Return an encoder for which a VT_ERROR has another size; only in a VARIANT can there be one."""
+    if encoder is not variant_bytes.encode:
+        return encoder
+    return lambda value: variant_bytes.encode_variant(variant(value), error_size)
 
 
 def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:

@@ -107,6 +107,16 @@ def decode_arguments(
     return arguments, position
 
 
+def is_whole(frame: bytes) -> bool:
+    """Whether bytes are one packet from SOH to EOT, whatever it holds; without a CRC."""
+    return len(frame) >= OVERHEAD and frame[-1] == EOT and _START(frame) == (SOH, len(frame))
+
+
+def is_right(frame: bytes) -> bool:
+    """Whether the CRC of a packet is right."""
+    return bool(_CRC.unpack_from(frame, len(frame) - 3)[0] == checksum(frame[1:-3]))
+
+
 def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = False) -> None:
     """Check a whole packet's outside: SOH, length, EOT, CRC.
 
@@ -125,7 +135,7 @@ def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = Fa
         )
     if length > limits.packet:
         raise _too_long(length, limits)
-    if crc and _CRC.unpack_from(frame, len(frame) - 3)[0] != checksum(frame[1:-3]):
+    if crc and not is_right(frame):
         raise ProtocolError(
             pick(
                 f"CRC {frame[-3:-1].hex()} is wrong, {_CRC.pack(checksum(frame[1:-3])).hex()} is right",
@@ -162,6 +172,10 @@ class Framer:
     def pending(self) -> int:
         """How many bytes are kept that are no whole packet yet."""
         return len(self._buffer)
+
+    def silence(self) -> bytes | None:
+        """Return nothing: in a stream the rest of a packet comes, however late."""
+        return None
 
     def take(self, data: bytes) -> bytes | None:
         """Take the next bytes of the stream and return the first whole packet; :meth:`next_frame` gives the others.

@@ -1,21 +1,25 @@
-"""The server's side of a b-CAP conversation over a stream, without I/O and without a clock.
+"""The server's side of a b-CAP conversation, without I/O and without a clock.
 
 :class:`ServerConversation` is fed with the bytes received and says what to do: :class:`Send` bytes, :class:`Execute` a
-call, :class:`Close` the link. The shell around it executes the call, hands the answer to :meth:`~ServerConversation.finish`,
+call, :class:`Close` the link, :class:`Reset` what the client has. The shell around it executes the call, hands the answer to :meth:`~ServerConversation.finish`,
 and calls :meth:`~ServerConversation.tick` when :meth:`~ServerConversation.deadline` has come. One call is executed at a
-time; another one meanwhile is answered with E_BUSY_PROC (reference behaviour: docs/protocol.md).
+time; another one meanwhile is answered with E_BUSY_PROC (reference behaviour: docs/protocol.md). Where packets may be
+lost, a request that comes again is not executed again (:mod:`orinkit.bcap.repeats`).
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
+from orinkit.bcap.repeats import Answer, Requests, Verdict
+from orinkit.bcap.wire import STREAM, Wire
 from orinkit.cao import coerce
+from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
 from orinkit.errors import CallError, ProtocolError
@@ -23,6 +27,7 @@ from orinkit.variant import Variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _SERVICE_START: Final = 1
+_SERVICE_STOP: Final = 2
 _LEAST_MS: Final = 80
 _MOST_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
 _MOST_MS: Final = 0x7FFF_FFFF
@@ -45,6 +50,13 @@ class Close:
 
 
 @dataclass(frozen=True, slots=True)
+class Reset:
+    """Release every object of the client and end what it has at work, as if it had gone; the line goes on."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Execute:
     """Execute a call, then hand its answer to :meth:`ServerConversation.finish` with this object."""
 
@@ -53,7 +65,7 @@ class Execute:
     arguments: list[Variant]
 
 
-Action: TypeAlias = Send | Execute | Close
+Action: TypeAlias = Send | Execute | Close | Reset
 
 
 class ServerConversation:
@@ -63,19 +75,36 @@ class ServerConversation:
         limits: bounds on a packet.
         invoke_timeout: seconds that a call may take before it is answered with E_TIMEOUT; a client may set its own with
             ``InvokeTimeout=<ms>``.
+        wire: how packets travel.
+        dialect: that is spoken.
 
     Attributes:
         timed_out: True once the call being executed has been answered with E_TIMEOUT.
         wdt: seconds between S_EXECUTING packets while a call is at work, ``None`` for none; set by ``WDT=<ms>``.
+        stopped: True from an answered Service_Stop to the next request.
     """
 
-    def __init__(self, limits: Limits = DEFAULT_LIMITS, invoke_timeout: float = 180.0) -> None:
+    def __init__(
+        self,
+        limits: Limits = DEFAULT_LIMITS,
+        invoke_timeout: float = 180.0,
+        wire: Wire = STREAM,
+        dialect: Dialect = RC8,
+    ) -> None:
         self.wdt: float | None = None
         self.invoke_timeout = invoke_timeout
         self._default_timeout = invoke_timeout
-        self._limits = limits
-        self._framer = packet.Framer(limits)
+        self._wire = wire
+        self._dialect = dialect
+        self._limits = replace(wire.bound(limits), error_size=dialect.error_size)
+        self._framer = wire.server_framer(self._limits)
+        self._requests = Requests() if wire.lossy else None
         self._current: Execute | None = None
+        self._serial = 0  # of the latest try of the current call
+        self._reserved = 0
+        self._next: Action | None = None  # what is to follow what has just been said
+        self._begun = False  # whether there has been a request
+        self.stopped = False
         self.timed_out = False
         self._next_wdt = 0.0
         self._now = 0.0
@@ -85,6 +114,11 @@ class ServerConversation:
     def busy(self) -> bool:
         """True while a call is being executed."""
         return self._current is not None
+
+    @property
+    def pending(self) -> int:
+        """How many bytes have come that are no whole packet yet; where they may stay so, :meth:`silence` is for it."""
+        return self._framer.pending if self._wire.lossy else 0
 
     def receive(self, data: bytes, now: float) -> Iterator[Action]:
         """Take bytes of the stream; yields what to do, one thing after the other.
@@ -96,31 +130,88 @@ class ServerConversation:
             now: the time, in seconds of any steady clock.
         """
         self._now = now
-        try:
-            frame = self._framer.take(data)
-            while frame is not None:
-                yield self._request(frame)
-                frame = self._framer.next_frame()
-        except ProtocolError as error:
-            yield Send(packet.pack(0, error.code, 0, b""))
-            yield Close(str(error))
+        return self._actions(lambda: self._framer.take(data), self._framer.next_frame)
+
+    def silence(self, now: float) -> Iterator[Action]:
+        """Nothing has come for :data:`~orinkit.bcap.wire.SILENCE` seconds; yields what to do, as :meth:`receive`.
+
+        What a serial line has brought of a packet is given up then: its rest will not come. Something may still be
+        pending afterwards.
+        """
+        self._now = now
+        return self._actions(self._framer.silence, self._framer.next_frame)
+
+    def _actions(self, first: Callable[[], bytes | None], following: Callable[[], bytes | None]) -> Iterator[Action]:
+        take = first
+        while True:
+            try:
+                frame = take()
+            except ProtocolError as error:
+                yield Send(self._pack(0, 0, error.code))
+                if error.fatal:
+                    yield Close(str(error))
+                    return
+                take = following
+                continue
+            if frame is None:
+                return
+            take = following
+            action = self._request(frame)
+            if action is not None:
+                yield action
+            while self._next is not None:
+                action, self._next = self._next, None
+                yield action
 
     def go_on(self, now: float) -> None:
         """Tell the time before taking up what :meth:`receive` yields again, where that was put off."""
         self._now = now
 
-    def _request(self, frame: bytes) -> Action:
-        _, _, serial, _, function_id, count = packet.HEADER.unpack_from(frame)
-        if self._current is not None:
-            return _answer(serial, hresult.E_BUSY_PROC)
+    def _request(self, frame: bytes) -> Action | None:
+        _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
+        if len(frame) > self._limits.packet:  # a datagram; a stream would have lost its place
+            return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
+        end = len(frame) - self._wire.tail
+        if self._requests is not None:
+            anew = self._wire.shared and function_id == _SERVICE_START
+            busy = self._current is not None and not anew
+            verdict = self._requests.judge(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
+            if verdict is not Verdict.NEW:
+                return self._not_new(self._requests, verdict, serial, reserved)
+            if anew and self._begun and not self.stopped:
+                self._current = None
+                self._next = self._take(frame, serial, reserved, function_id, count, end)
+                return Reset("a client begins")
+        elif self._current is not None:
+            return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
+        return self._take(frame, serial, reserved, function_id, count, end)
+
+    def _not_new(self, requests: Requests, verdict: Verdict, serial: int, reserved: int) -> Action | None:
+        """Answer a request that is not to be carried out."""
+        if verdict is Verdict.STALE:
+            return None
+        if verdict is Verdict.BUSY:
+            return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
+        if verdict is Verdict.ANSWERED:
+            answer = requests.answer_to(serial, reserved)
+            return Send(self._pack(serial, reserved, answer.code, answer.count, answer.body))
+        self._serial, self._reserved = serial, reserved  # its client waits for this one now
+        return Send(self._pack(serial, reserved, hresult.S_EXECUTING))
+
+    def _take(self, frame: bytes, serial: int, reserved: int, function_id: int, count: int, end: int) -> Action:
+        """Read a new request, to be executed or refused."""
+        self._begun, self.stopped = True, False
+        self._serial, self._reserved = serial, reserved
         if _MOST_ARGUMENTS < count <= len(frame) // 10:  # not worth reading: no function has so many
-            return _answer(serial, hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL)
+            return Send(self._answer(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
         try:
-            arguments, _ = packet.decode_arguments(frame, count, len(frame) - 1, self._limits, exact=True)
+            arguments, _ = packet.decode_arguments(frame, count, end, self._limits, exact=True)
         except ProtocolError as error:
-            return _answer(serial, error.code)
-        if function_id == _SERVICE_START and not self._set_options(arguments):
-            return _answer(serial, hresult.E_INVALIDARG)
+            if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
+                self._next = Reset(str(error)) if self._wire.lossy else Close(str(error))
+            return Send(self._answer(error.code))
+        if function_id == _SERVICE_START and self._dialect.takes_options and not self._set_options(arguments):
+            return Send(self._answer(hresult.E_INVALIDARG))
         self._current = call = Execute(serial, function_id, arguments)
         self.timed_out = False
         self._give_up = self._now + self.invoke_timeout
@@ -156,16 +247,33 @@ class ServerConversation:
         if self.timed_out:
             self.timed_out = False
             return b""
-        if result is None:
-            return packet.pack(call.serial, code, 0, b"")
+        if call.function_id == _SERVICE_STOP:
+            self.stopped = True
+        data = self._answer(code) if result is None else self._answer_with(call, code, result)
+        if self.stopped and self._requests is not None:
+            self._requests.forget()
+        return data
+
+    def _answer_with(self, call: Execute, code: int, result: Variant) -> bytes:
         try:
-            body = variant_bytes.encode_variant(result)
+            body = variant_bytes.encode_variant(result, self._limits.error_size)
         except Exception:
             logger.exception("the result of function %d cannot be sent", call.function_id)
-            return packet.pack(call.serial, hresult.E_FAIL, 0, b"")
-        if len(body) + packet.OVERHEAD > self._limits.packet:
-            return packet.pack(call.serial, hresult.E_TOO_MUCH_DATA, 0, b"")
-        return packet.pack(call.serial, code, 1, body)
+            return self._answer(hresult.E_FAIL)
+        if len(body) + packet.OVERHEAD + self._wire.tail - 1 > self._limits.packet:
+            return self._answer(hresult.E_TOO_MUCH_DATA)
+        return self._answer(code, 1, body)
+
+    def _answer(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
+        """Return the answer to the current request, which is kept where it may be lost."""
+        if self._requests is not None:
+            self._requests.answered(Answer(code, count, body))
+        return self._pack(self._serial, self._reserved, code, count, body)
+
+    def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:
+        dialect = self._dialect
+        code = dialect.codes.get(code, code)
+        return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._wire.crc)
 
     def deadline(self) -> float | None:
         """Return when :meth:`tick` is due next, ``None`` while it is not."""
@@ -183,11 +291,7 @@ class ServerConversation:
             return b""
         if now >= self._give_up:
             self.timed_out = True
-            return packet.pack(self._current.serial, hresult.E_TIMEOUT, 0, b"")
+            return self._answer(hresult.E_TIMEOUT)
         assert self.wdt is not None
         self._next_wdt = now + self.wdt
-        return packet.pack(self._current.serial, hresult.S_EXECUTING, 0, b"")
-
-
-def _answer(serial: int, code: int) -> Send:
-    return Send(packet.pack(serial, code, 0, b""))
+        return self._pack(self._serial, self._reserved, hresult.S_EXECUTING)

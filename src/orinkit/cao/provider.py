@@ -20,6 +20,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from orinkit import hresult
+from orinkit.cao.dialect import RC8, Dialect
 from orinkit.errors import CallError, error_for
 from orinkit.variant import Value, Variant, VarType
 
@@ -472,10 +473,26 @@ class Provider:
         provider_names: for example ``("CaoProv.DENSO.VRC",)``; upper and lower case do not matter.
         guard: is entered around every method that a client's call runs on the server's own thread, and around every
             release; a lock, for a device that changes in other threads too. Nothing by default.
+        dialect: of b-CAP that it speaks.
+        functions: ids of those that it has; any other is E_NOTIMPL, whatever its arguments are. ``None`` for all.
+        fixed_handles: it gives every object a handle of its own by :meth:`handle_of`, each kind for itself; otherwise
+            handles are counted from 2 on.
     """
 
     provider_names: Sequence[str] = ()
     guard: AbstractContextManager[object] = nullcontext()
+    dialect: Dialect = RC8
+    functions: frozenset[int] | None = None
+    fixed_handles: bool = False
+
+    def handle_of(self, interface: str, name: str) -> int:
+        """Return the handle of an object, where these are fixed; 1 by default.
+
+        Args:
+            interface: ``"Robot"``, ``"Variable"``.
+            name: of the object, as the client wrote it.
+        """
+        return 1
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Return the controller object for one client.

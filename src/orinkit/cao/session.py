@@ -72,6 +72,12 @@ class Host:
         self.providers = [providers] if isinstance(providers, Provider) else _checked(providers)
         self.objects = objects
         self._by_name = {name.lower(): p for p in reversed(self.providers) for name in _names(p)}
+        first, *others = self.providers
+        for other in others:
+            _check_together(first, other)
+        self.dialect = first.dialect
+        self.functions = first.functions
+        self.fixed_handles = first.fixed_handles
 
     def find(self, name: str) -> Provider:
         """Return the provider of that name.
@@ -102,6 +108,18 @@ def _checked(given: object) -> list[Provider]:
     if not listed:
         raise ValueError(pick("there is nothing to serve", "サーブするものがありません"))
     return [each for each in listed if isinstance(each, Provider)]
+
+
+def _check_together(one: Provider, other: Provider) -> None:
+    kinds = [(each.dialect, each.functions, each.fixed_handles) for each in (one, other)]
+    if kinds[0] != kinds[1]:
+        names = type(one).__name__, type(other).__name__
+        raise ValueError(
+            pick(
+                f"{names[0]} and {names[1]} speak b-CAP differently and cannot be served together",
+                f"{names[0]} と {names[1]} は b-CAP の方言が異なるため、一緒にサーブできません",
+            )
+        )
 
 
 def _names(provider: Provider) -> list[str]:
@@ -138,6 +156,9 @@ class Session:
         self._next = _FIRST_HANDLE
         self._closed = False
         self._numbers = itertools.count(1)
+        self._functions = host.functions
+        # where each kind of object counts for itself, its handles are kept apart by what the wire's 32 bits do not have
+        self._spaces = _SPACES if host.fixed_handles else {}
 
     def __len__(self) -> int:
         """Return how many objects the client holds."""
@@ -153,7 +174,7 @@ class Session:
             arguments: with their exact types, as :func:`orinkit.bcap.packet.decode` gives them.
         """
         function = FUNCTIONS.get(function_id)
-        if function is None:
+        if function is None or (self._functions is not None and function_id not in self._functions):
             return Reply(
                 hresult.E_NOTIMPL, detail=pick(f"no function {function_id}", f"関数 {function_id} はありません")
             )
@@ -188,10 +209,8 @@ class Session:
         return self._failed(pending.function, error)
 
     def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
-        handle = values[0]
-        entry = self._entries.get(handle)
-        if entry is None or entry.interface != function.interface:
-            raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
+        entry = self._find(function, values[0])
+        handle = entry.handle
         label = ""
         if function.creates:
             label = values[1] if len(values) > 1 else ""
@@ -206,12 +225,27 @@ class Session:
             return Pending(function, handle, label, result)
         return self._reply(function, handle, label, result)
 
+    def _find(self, function: Function[..., Any], handle: int) -> _Entry:
+        """Return the object that a function is called on.
+
+        Raises:
+            CallError: E_HANDLE, there is none.
+        """
+        entry = self._entries.get(handle + self._spaces[function.interface] if self._spaces else handle)
+        if entry is None or entry.interface != function.interface:
+            raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
+        return entry
+
+    def _says_nothing(self, function: Function[..., Any]) -> bool:
+        """Whether a function without a result is answered without an argument, where others have VT_EMPTY."""
+        return function.method == "execute" and not self.host.dialect.empty_result
+
     def _existing(self, interface: str, parent: int, label: str, option: str) -> Reply | None:
         """The object of that name if the client has it and says @IfNotMember; else there must be room for one more."""
         if label and Options(option).flag("@IfNotMember"):
             found = self._named(interface, parent, label)
             if found is not None:
-                return Reply(result=Variant(VarType.I4, found.handle))
+                return Reply(result=Variant(VarType.I4, found.handle & _ON_WIRE))
         self._check_room()
         return None
 
@@ -229,8 +263,8 @@ class Session:
         if type(result) is Coded:
             code, result = hresult.unsigned(result.code), result.value
         if function.creates:
-            result = self._add(function.creates, result, parent, label, provider)
-        if function.result is None:
+            result = self._add(function.creates, result, parent, label, provider) & _ON_WIRE
+        if function.result is None or (result is None and self._says_nothing(function)):
             return Reply(code)
         try:
             return Reply(
@@ -279,10 +313,16 @@ class Session:
         if self._closed or (parent and parent not in self._entries):  # the client left while the device was at work
             served.release()
             raise error_for(hresult.E_ABORT, label)
-        while self._next in self._entries:
-            self._next = _following(self._next)
-        handle = self._next
-        self._next = _following(handle)
+        if self._spaces:
+            handle = self._spaces[interface] + self.host.providers[0].handle_of(interface, label)
+            if handle in self._entries:  # it has it already
+                served.release()
+                return handle
+        else:
+            while self._next in self._entries:
+                self._next = _following(self._next)
+            handle = self._next
+            self._next = _following(handle)
         guard = self._entries[parent].guard if provider is None else provider.guard
         self._entries[handle] = _Entry(handle, interface, served, parent, label, guard)
         return handle
@@ -337,12 +377,14 @@ class Session:
         return self._reply(function, 0, name, made, provider)
 
     def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:
-        handle = values[0]
-        entry = self._entries.get(handle)
-        if entry is None or entry.interface != function.interface:
-            raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
-        self._remove(handle)
+        self._remove(self._find(function, values[0]).handle)
         return Reply()
+
+
+_ON_WIRE: Final = 0xFFFF_FFFF
+_SPACES: Final = {
+    name: number << 32 for number, name in enumerate(dict.fromkeys(entry.interface for entry in FUNCTIONS.values()))
+}
 
 
 def _following(handle: int) -> int:

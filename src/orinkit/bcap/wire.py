@@ -1,0 +1,122 @@
+"""How packets travel: in a stream (TCP), one to a datagram (UDP), or over a serial line (b-CAP/COM).
+
+A :class:`Wire` has all that differs. On a stream nothing is lost. On the other two a packet may be, so that a client
+repeats a request that is not answered: with a new serial, and with the serial of its first try in the reserved field, by
+which a server knows it again (:mod:`orinkit.bcap.repeats`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, Protocol
+
+from orinkit.bcap import packet
+from orinkit.bcap.line import LineFramer
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+
+SILENCE: Final = 0.05
+"""Seconds without a byte after which a packet that has begun on a serial line is not coming to its end any more."""
+
+
+class Framing(Protocol):
+    """Cuts packets out of what is received.
+
+    Attributes:
+        skipped: bytes received outside any packet.
+    """
+
+    skipped: int
+
+    @property
+    def pending(self) -> int:
+        """How many bytes are kept that are no whole packet yet."""
+
+    def take(self, data: bytes) -> bytes | None:
+        """Take what was received and return the first whole packet; :meth:`next_frame` gives the others."""
+
+    def next_frame(self) -> bytes | None:
+        """Return the next whole packet, ``None`` when more bytes are needed."""
+
+    def silence(self) -> bytes | None:
+        """Nothing more comes for what has begun; returns a whole packet that is found inside it."""
+
+
+class DatagramFramer:
+    """One datagram, one packet; anything else is dropped.
+
+    Attributes:
+        skipped: bytes of dropped datagrams.
+    """
+
+    pending = 0
+
+    def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
+        self.limits = limits
+        self.skipped = 0
+
+    def take(self, data: bytes) -> bytes | None:
+        """Return the packet that a datagram is; one that is too long too, for it is to be answered."""
+        if packet.is_whole(data):
+            return data
+        self.skipped += len(data)
+        return None
+
+    def next_frame(self) -> bytes | None:
+        """Return nothing: there is only one packet."""
+        return None
+
+    def silence(self) -> bytes | None:
+        """Return nothing: no packet is ever incomplete."""
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """One way for packets to travel.
+
+    Attributes:
+        name: ``"tcp"``, ``"udp"`` or ``"serial"``.
+        framer: cuts packets out of what is received, within limits.
+        server_framer: the same for a server.
+        crc: packets have a checksum (VE026A 3.1).
+        lossy: packets may be lost.
+        shared: one client follows the other on the same line, and the end of one can only be told by the other's beginning.
+        packet: longest packet in bytes. UDP: 488 bytes and what is around them (RC8 table 5-1).
+        timeout: seconds that a client waits for the answer to one try by default (RC8 table 5-1: 500 ms).
+    """
+
+    name: str
+    framer: Callable[[Limits], Framing]
+    server_framer: Callable[[Limits], Framing]
+    crc: bool = False
+    lossy: bool = False
+    shared: bool = False
+    packet: int = DEFAULT_LIMITS.packet
+    timeout: float = 3.0
+
+    @property
+    def tail(self) -> int:
+        """Bytes of a packet behind its last argument."""
+        return 3 if self.crc else 1
+
+    def bound(self, limits: Limits) -> Limits:
+        """Return limits of which none is beyond what can travel."""
+        return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
+
+
+STREAM: Final = Wire("tcp", packet.Framer, packet.Framer)
+DATAGRAM: Final = Wire("udp", DatagramFramer, DatagramFramer, lossy=True, packet=488 + packet.OVERHEAD, timeout=0.5)
+LINE: Final = Wire(
+    "serial", LineFramer, partial(LineFramer, tells=True),
+    crc=True, lossy=True, shared=True, packet=65536, timeout=0.5,
+)  # fmt: skip
+
+WIRES: Final = {wire.name: wire for wire in (STREAM, DATAGRAM, LINE)}
+"""All of them, by the scheme of an address."""
+
+LEAST_TRIES: Final = 1
+MOST_TRIES: Final = 7
+DEFAULT_TRIES: Final = 5
+"""How often a request is sent in all where packets may be lost (RC8 table 5-1: TORetry)."""

@@ -1,0 +1,58 @@
+"""What controllers do differently with the same packets: the b-CAP of an RC8 and that of a VE026A."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from orinkit import hresult
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a controller answers.
+
+    Attributes:
+        name: of the dialect, ``"rc8"``.
+        echoes_reserved: an answer has the reserved field of its request; otherwise 0.
+        empty_result: an Execute that returns nothing is answered with one argument, VT_EMPTY; otherwise with none.
+        error_size: bytes of a VT_ERROR.
+        drops_client: a packet that is malformed ends the client's connection, after E_INVALIDRCVPACKET.
+        takes_options: Service_Start may have an argument.
+        codes: return codes that the dialect does not have, and what it answers instead.
+    """
+
+    name: str
+    echoes_reserved: bool = False
+    empty_result: bool = True
+    error_size: int = 4
+    drops_client: bool = False
+    takes_options: bool = True
+    codes: Mapping[int, int] = field(default_factory=dict)
+
+
+RC8: Final = Dialect("rc8")
+"""RC8, RC8A, RC9, COBOTTA."""
+
+VE026A: Final = Dialect(
+    "ve026a",
+    echoes_reserved=True,
+    empty_result=False,
+    error_size=2,
+    drops_client=True,
+    takes_options=False,
+    codes={  # table 3-5 has none of these
+        hresult.E_BUSY_PROC: hresult.E_ROBOTISBUSY,
+        hresult.E_TIMEOUT: hresult.E_ABORT,
+        hresult.E_MAX_CONNECT: hresult.E_ACCESSDENIED,
+        hresult.E_MAX_OBJECT: hresult.E_OUTOFMEMORY,
+        hresult.E_TOO_MUCH_DATA: hresult.E_OUTOFMEMORY,
+        hresult.E_CAO_OBJECT_NOTFOUND: hresult.E_INVALIDARG,
+        hresult.E_CAO_PROV_INVALID: hresult.E_INVALIDARG,
+    },
+)
+"""The arm VE026A (b-CAP document for VE026A: figures of 3.1, tables 3-1 and 3-5)."""
+
+DIALECTS: Final = {dialect.name: dialect for dialect in (RC8, VE026A)}
+"""All of them, by name."""

@@ -1,0 +1,332 @@
+"""Both conversations over a bad link, on a clock of the test's own: every call is carried out once, or told of."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import random
+from dataclasses import dataclass, field
+
+import pytest
+
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.client import Conversation
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.server import Execute, Send, ServerConversation
+from orinkit.bcap.wire import DATAGRAM, LINE, SILENCE
+from orinkit.cao import functions as f
+from orinkit.cao.dialect import VE026A
+from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidValue
+from orinkit.variant import Variant, VarType, variant
+
+TRY = 0.5
+TRIES = 5
+
+
+# --- the client alone -------------------------------------------------------------------------------------------------
+
+
+class Call:
+    """A call under way, driven by hand."""
+
+    def __init__(self, conversation, *arguments, function=f.variable_get_value, tries=TRIES, exact=False):
+        self.wire = conversation.wire
+        self.operation = conversation.call(function, arguments or (3,), TRY, tries=tries, exact=exact)
+        self.wait(next(self.operation))
+
+    def wait(self, exchange):
+        data, self.seconds = exchange
+        self.sent = packet.decode(data, crc=self.wire.crc) if data else None
+
+    def feed(self, received):
+        self.wait(self.operation.send(received))
+
+    def reply(self, serial, *arguments, code=0):
+        return packet.encode(Packet(serial, code, list(arguments)), crc=self.wire.crc)
+
+    def result(self, received):
+        with pytest.raises(StopIteration) as ended:
+            self.operation.send(received)
+        return ended.value.value[1]
+
+
+@pytest.fixture(params=[DATAGRAM, LINE], ids=["udp", "serial"])
+def conversation(request):
+    return Conversation(wire=request.param)
+
+
+def test_a_try_has_a_new_serial_and_the_first_ones_in_the_reserved_field(conversation):
+    call = Call(conversation)
+    tries = [(call.sent.serial, call.sent.reserved)]
+    for _ in range(TRIES - 1):
+        assert call.seconds == TRY
+        call.feed(None)
+        tries.append((call.sent.serial, call.sent.reserved))
+    assert tries == [(1, 1), (2, 1), (3, 1), (4, 1), (5, 1)]
+    with pytest.raises(CallTimeout) as caught:
+        call.operation.send(None)
+    assert caught.value.seconds == TRY * TRIES
+    assert Call(conversation).sent.serial == 6
+
+
+def test_an_answer_to_any_try_counts(conversation):
+    call = Call(conversation)
+    call.feed(None)
+    call.feed(None)
+    call.feed(call.reply(7, 1))
+    assert conversation.dropped == 1
+    assert call.sent is None
+    assert call.seconds is None
+    assert call.result(call.reply(1, 42)) == 42
+    again = Call(conversation)
+    again.feed(again.reply(2, 42))
+    assert conversation.dropped == 2
+    assert again.result(again.reply(4, 43)) == 43
+
+
+def test_executing_allows_as_many_tries_again(conversation):
+    call = Call(conversation, tries=2)
+    call.feed(None)
+    call.feed(call.reply(2, code=hresult.S_EXECUTING))
+    assert call.seconds == TRY
+    call.feed(None)
+    assert (call.sent.serial, call.sent.reserved) == (3, 1)
+    with pytest.raises(CallTimeout):
+        call.operation.send(None)
+
+
+def test_rubbish_and_ends(conversation):
+    call = Call(conversation)
+    call.feed(b"rubbish")
+    call.feed(call.reply(1, 42)[:-1] + b"\x05")
+    assert conversation.skipped > 0
+    with pytest.raises(ConnectionLost):
+        call.operation.send(b"")
+
+
+def test_an_answer_behind_noise_is_found_when_the_line_is_silent():
+    conversation = Conversation(wire=LINE)
+    call = Call(conversation)
+    call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(1, 42))
+    assert call.result(None) == 42
+
+
+def test_serials_begin_anew(conversation):
+    conversation.serial = 0xFFFF
+    call = Call(conversation)
+    call.feed(None)
+    assert (call.sent.serial, call.sent.reserved) == (1, 0xFFFF)
+
+
+def test_what_does_not_fit_a_datagram_is_not_sent():
+    conversation = Conversation(wire=DATAGRAM)
+    text = "x" * ((488 - 14 - 14) // 2)
+    assert Call(conversation, 3, text, function=f.variable_put_value).sent.arguments == [3, text]
+    with pytest.raises(InvalidValue, match="at most 504"):
+        Call(conversation, 3, text + "x", function=f.variable_put_value)
+
+
+def test_a_dialect_that_is_known_later():
+    conversation = Conversation(wire=LINE)
+    code = Variant(VarType.ERROR, 0x600B)
+    long = len(packet.encode(Packet(*_sent(conversation, code)), crc=True))
+    conversation.dialect = VE026A
+    assert conversation.dialect is VE026A
+    conversation.dialect = VE026A
+    call = Call.__new__(Call)
+    call.operation = conversation.call(f.controller_execute, (1, "ClearError", code), TRY)
+    data, _ = next(call.operation)
+    assert len(data) == long - 2
+    with pytest.raises(StopIteration) as ended:
+        call.operation.send(packet.pack(2, 0, 1, b"\x08\x00\x00\x00\x0a\x00\x01\x00\x00\x00\x0b\x60", crc=True))
+    assert ended.value.value[1] == 0x600B
+
+
+def _sent(conversation, code):
+    sent = Call(conversation, 1, "ClearError", code, function=f.controller_execute).sent
+    return sent.serial, sent.code, [sent.arguments[0], sent.arguments[1], code], sent.reserved
+
+
+# --- both, over a bad link --------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Link:
+    """One way of a link that loses, doubles, delays, mixes up, breaks and cuts what it carries."""
+
+    rng: random.Random
+    loss: float = 0.2
+    double: float = 0.05
+    broken: float = 0.02
+    cut: float = 0.02
+    noise: float = 0.0
+    delay: float = 0.08
+
+    def carry(self, data):
+        """What arrives of a packet: pieces and when, from now on."""
+        arriving = []
+        for _ in range(2 if self.rng.random() < self.double else 1):
+            if self.rng.random() < self.loss:
+                continue
+            piece = bytearray(data)
+            if self.rng.random() < self.broken:
+                piece[0] ^= 0xFF  # a datagram that is changed elsewhere is dropped by UDP's own checksum
+            if self.rng.random() < self.cut:
+                del piece[self.rng.randrange(len(piece)) :]
+            if piece:
+                arriving.append((self.rng.random() ** 4 * self.delay, bytes(piece)))
+        return arriving
+
+
+@dataclass
+class NoisyLine(Link):
+    """The same for bytes: whatever is broken, the checksum tells; nothing overtakes."""
+
+    _last: float = 0.0
+
+    def carry(self, data):
+        arriving = []
+        for delay, given in super().carry(data):
+            piece = given
+            if self.rng.random() < 0.03:
+                place = self.rng.randrange(len(piece) + 1)
+                piece = piece[:place] + self.rng.randbytes(self.rng.randrange(1, 9)) + piece[place:]
+            arriving.append((delay, piece))
+        if self.rng.random() < 0.05:
+            arriving.append((0.0, self.rng.randbytes(self.rng.randrange(1, 30))))
+        return arriving
+
+
+@dataclass(order=True)
+class Event:
+    when: float
+    number: int
+    what: str = field(compare=False)
+    data: bytes = field(compare=False, default=b"")
+
+
+class World:
+    """A client and a server with a counter, the link between them, and the time."""
+
+    def __init__(self, wire, link, seed, slow=0.0):
+        self.rng = random.Random(seed)
+        self.link = link(self.rng)
+        self.wire = wire
+        self.now = 0.0
+        self.events = []
+        self.numbers = itertools.count()
+        self.client = Conversation(wire=wire)
+        self.server = ServerConversation(wire=wire)
+        self.executed = []  # arguments of every call that was carried out
+        self.heard = 0.0
+        self.slow = slow
+
+    def later(self, seconds, what, data=b""):
+        heapq.heappush(self.events, Event(self.now + seconds, next(self.numbers), what, data))
+
+    def send(self, way, data):
+        for delay, piece in self.link.carry(data):
+            self.later(delay, way, piece)
+
+    def act(self, actions):
+        for action in actions:
+            if isinstance(action, Send):
+                self.send("to client", action.data)
+            elif isinstance(action, Execute):
+                self.executed.append(action.arguments[1].value)
+                if self.slow and self.rng.random() < 0.1:
+                    self.busy = action
+                    self.later(self.slow, "done")
+                else:
+                    self.answer(action)
+
+    def answer(self, call):
+        self.send("to client", self.server.finish(call, 0, variant(call.arguments[1].value + 1)))
+
+    def step(self, until):
+        """Let time go on up to the next thing that the client receives; ``None`` when its time is up."""
+        while self.events and self.events[0].when <= until:
+            event = heapq.heappop(self.events)
+            self.now = event.when
+            if event.what == "to client":
+                return event.data
+            if event.what == "to server":
+                self.act(self.server.receive(event.data, self.now))
+                self.heard = self.now
+            elif event.what == "done":
+                self.answer(self.busy)
+            elif self.server.pending and self.now - self.heard >= SILENCE:
+                self.act(self.server.silence(self.now))
+            if self.server.pending:
+                self.later(SILENCE, "silence")
+        self.now = until
+        return None
+
+    def call(self, number):
+        """Have a number sent and one more come back; returns what came, or what went wrong."""
+        operation = self.client.call(f.variable_put_value, (2, number), TRY, tries=TRIES)
+        end = 0.0
+        received = None
+        began = self.now
+        try:
+            while True:
+                data, seconds = operation.send(received)
+                if data:
+                    self.send("to server", data)
+                if seconds is not None:
+                    end = self.now + seconds
+                received = self.step(end)
+        except StopIteration:
+            return "done"
+        except CallTimeout as error:
+            assert self.now - began >= TRY * TRIES - 1e-9
+            return error
+        except CallError as error:
+            return error.code
+
+
+def check(world, calls):
+    told = {"done": 0, "timeout": 0, "busy": 0}
+    for number in range(calls):
+        outcome = world.call(number)
+        times = world.executed.count(number) if number < 50 else world.executed[-50:].count(number)
+        if outcome == "done":
+            assert times == 1
+            told["done"] += 1
+        else:
+            assert isinstance(outcome, CallTimeout) or outcome == hresult.E_BUSY_PROC
+            told["timeout" if isinstance(outcome, CallTimeout) else "busy"] += 1
+            assert times <= (1 if isinstance(outcome, CallTimeout) else 0)
+    assert len(world.executed) == len(set(world.executed))
+    assert world.executed == sorted(world.executed), "nothing is carried out after a later call"
+    return told
+
+
+@pytest.mark.parametrize(("wire", "link", "calls"), [(DATAGRAM, Link, 10_000), (LINE, NoisyLine, 2_000)])
+def test_every_call_is_carried_out_once(wire, link, calls):
+    told = check(World(wire, link, 1), calls)
+    assert told["timeout"] < calls / 50
+    assert told["busy"] == 0
+
+
+@pytest.mark.parametrize(("wire", "link"), [(DATAGRAM, Link), (LINE, NoisyLine)])
+@pytest.mark.parametrize("seed", range(5))
+def test_calls_that_take_longer_than_a_try(wire, link, seed):
+    """A call at work is told of; what takes 1.2 s is answered in the end."""
+    told = check(World(wire, link, seed, slow=1.2), 300)
+    assert told["done"] > 250
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_datagrams_that_come_very_late(seed):
+    """Later than a try lasts, so that they meet the calls after theirs."""
+    told = check(World(DATAGRAM, lambda rng: Link(rng, delay=1.5, loss=0.1), seed), 1000)
+    assert told["done"] > 900
+
+
+def test_a_link_that_carries_nothing():
+    world = World(DATAGRAM, lambda rng: Link(rng, loss=1.0), 1)
+    assert isinstance(world.call(1), CallTimeout)
+    assert world.now == pytest.approx(TRY * TRIES)
+    assert world.executed == []

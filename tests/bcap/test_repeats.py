@@ -1,0 +1,331 @@
+"""Where packets may be lost: a request that comes again is answered again and not carried out again."""
+
+from __future__ import annotations
+
+import pytest
+
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.repeats import MEMORY
+from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
+from orinkit.cao.dialect import VE026A
+from orinkit.variant import Variant, VarType, variant
+from orinkit.variant_bytes import Limits
+
+NOW = 1000.0
+CALL = 101  # Variable_GetValue
+
+
+class Line:
+    """A conversation and the packets of a client, with or without a checksum."""
+
+    def __init__(self, wire=DATAGRAM, **parameters):
+        self.wire = wire
+        self.now = NOW
+        self.server = ServerConversation(wire=wire, **parameters)
+
+    def data(self, serial, reserved=0, function=CALL, *arguments):
+        return packet.encode(Packet(serial, function, list(arguments), reserved), crc=self.wire.crc)
+
+    def ask(self, serial, reserved=0, function=CALL, *arguments):
+        return list(self.server.receive(self.data(serial, reserved, function, *arguments), self.now))
+
+    def read(self, data):
+        return packet.decode(data, crc=self.wire.crc)
+
+    def execute(self, serial, reserved=0, function=CALL, *arguments):
+        """The only action: a call."""
+        (action,) = self.ask(serial, reserved, function, *arguments)
+        assert isinstance(action, Execute)
+        return action
+
+    def done(self, serial, reserved=0, function=CALL, *arguments, result=42):
+        """Execute and answer."""
+        call = self.execute(serial, reserved, function, *arguments)
+        return self.read(self.server.finish(call, 0, None if result is None else variant(result)))
+
+    def told(self, serial, reserved=0, function=CALL, *arguments):
+        """The only action: an answer."""
+        (action,) = self.ask(serial, reserved, function, *arguments)
+        assert isinstance(action, Send)
+        return self.read(action.data)
+
+
+@pytest.fixture(params=[DATAGRAM, LINE], ids=["udp", "serial"])
+def line(request):
+    return Line(request.param)
+
+
+# --- repeated ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_retry_is_answered_from_memory(line):
+    assert line.done(5, 5, CALL, 3) == Packet(5, 0, [42])
+    assert line.told(6, 5, CALL, 3) == Packet(6, 0, [42])
+    assert line.told(7, 5, CALL, 3) == Packet(7, 0, [42])
+    assert line.told(5, 5, CALL, 3) == Packet(5, 0, [42])
+    assert line.done(8, 8, CALL, 3, result=43).arguments == [43]
+
+
+def test_a_retry_of_an_old_client_that_leaves_the_field_0(line):
+    """The serial is its number then; the same packet again is the same request."""
+    assert line.done(5, 0, CALL, 3) == Packet(5, 0, [42])
+    assert line.told(5, 0, CALL, 3) == Packet(5, 0, [42])
+    assert line.done(7, 0, CALL, 3, result=43) == Packet(7, 0, [43])
+    assert line.done(5, 0, CALL, 3, result=44).arguments == [44], "not the last one: as good as new"
+
+
+def test_a_retry_while_the_call_is_at_work(line):
+    call = line.execute(5, 5, CALL, 3)
+    assert line.told(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
+    assert line.told(9, 9, CALL, 4) == Packet(9, hresult.E_BUSY_PROC)
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(6, 0, [1]), "what it waits for now"
+    assert line.done(10, 9, CALL, 4, result=2) == Packet(10, 0, [2]), "it was refused, so it is new"
+
+
+def test_an_error_is_an_answer_too(line):
+    call = line.execute(5, 5, CALL, 3)
+    line.server.finish(call, 0x80070006, None)
+    assert line.told(6, 5, CALL, 3) == Packet(6, 0x80070006)
+
+
+@pytest.mark.parametrize("body", [{"function": 7}, {"arguments": (4,)}])
+def test_the_same_number_with_another_content_is_another_request(line, body):
+    line.done(5, 5, CALL, 3)
+    assert line.done(5, 5, body.get("function", CALL), *body.get("arguments", (3,)), result=7).arguments == [7]
+
+
+def test_what_is_long_ago_is_forgotten(line):
+    line.done(5, 5, CALL, 3)
+    line.now += MEMORY
+    assert line.done(5, 5, CALL, 3, result=43).arguments == [43]
+
+
+def test_a_retry_after_a_time_out_of_the_server():
+    line = Line(invoke_timeout=1.0)
+    line.execute(5, 5, CALL, 3)
+    assert line.read(line.server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
+    assert line.told(6, 5, CALL, 3).code == hresult.E_TIMEOUT
+    assert line.told(7, 7, CALL, 3).code == hresult.E_BUSY_PROC
+
+
+def test_the_watchdog_speaks_to_the_latest_try(line):
+    line.done(1, 1, 1, "WDT=100", result=None)
+    line.execute(5, 5, CALL, 3)
+    line.told(6, 5, CALL, 3)
+    assert line.read(line.server.tick(NOW + 0.1)) == Packet(6, hresult.S_EXECUTING)
+
+
+def test_a_refused_request_is_refused_again(line):
+    assert line.told(5, 5, CALL, *[1] * 9).code == hresult.E_INVALIDARG
+    assert line.told(6, 5, CALL, *[1] * 9) == Packet(6, hresult.E_INVALIDARG)
+    assert line.told(7, 7, 200, *[1] * 9).code == hresult.E_NOTIMPL
+
+
+# --- late -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_datagram_that_comes_late_is_not_carried_out_again(line):
+    line.done(5, 5, CALL, 3)
+    line.done(6, 6, CALL, 3, result=43)
+    assert line.told(5, 5, CALL, 3) == Packet(5, 0, [42]), "what it was answered; nobody waits for it"
+    assert line.done(7, 7, CALL, 3, result=44).arguments == [44]
+
+
+def test_a_request_that_comes_after_its_client_gave_it_up(line):
+    line.done(5, 5, CALL, 3)
+    line.done(9, 9, CALL, 3)
+    assert line.ask(7, 6, CALL, 3) == []
+    assert line.ask(6, 6, CALL, 3) == []
+
+
+def test_a_late_one_while_another_is_at_work(line):
+    line.done(5, 5, CALL, 3)
+    call = line.execute(9, 9, CALL, 3)
+    assert line.ask(7, 6, CALL, 3) == []
+    assert line.told(5, 5, CALL, 3).arguments == [42]
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(9, 0, [1])
+
+
+def test_a_late_retry_of_a_call_that_was_never_answered(line):
+    line.execute(5, 5, CALL, 3)
+    (action,) = list(line.server.receive(line.data(1, 1, 1), NOW)) if line.wire is DATAGRAM else [None]
+    assert action is None or line.read(action.data).code == hresult.E_BUSY_PROC
+
+
+def test_far_behind_is_another_client(line):
+    line.done(500, 500, CALL, 3)
+    assert line.done(5, 5, CALL, 3, result=43).arguments == [43]
+
+
+def test_old_clients_may_ask_in_any_order(line):
+    """The printed samples, for instance: reserved 0 before serial 9."""
+    line.done(70, 70, CALL, 3)
+    assert line.done(5, 0, CALL, 3).arguments == [42]
+    assert line.done(3, 3, CALL, 3).arguments == [42], "the newest one has no number to compare with"
+
+
+def test_serials_begin_anew(line):
+    line.done(65534, 65534, CALL, 3)
+    line.done(65535, 65535, CALL, 3)
+    assert line.done(1, 1, CALL, 3, result=1).arguments == [1]
+    assert line.told(65535, 65535, CALL, 3).arguments == [42]
+    assert line.ask(65533, 65533, CALL, 3) == []
+
+
+def test_not_all_is_kept(line):
+    for number in range(1, 101):
+        line.done(number, number, CALL, 3, result=number)
+    assert line.told(100, 100, CALL, 3).arguments == [100]
+    assert line.told(60, 60, CALL, 3).arguments == [60]
+    assert line.ask(36, 36, CALL, 3) != []
+    assert line.ask(40, 39, CALL, 3) == [] or line.told(40, 39, CALL, 3)
+
+
+# --- clients that come and go -----------------------------------------------------------------------------------------
+
+
+def test_after_service_stop_everything_is_new(line):
+    line.done(1, 1, 1, result=None)
+    line.done(2, 2, CALL, 3)
+    assert not line.server.stopped
+    line.done(3, 3, 2, result=None)
+    assert line.server.stopped
+    assert line.told(4, 3, 2) == Packet(4, 0), "its answer may be lost as any"
+    assert line.done(1, 1, 1, result=None).code == 0
+    assert not line.server.stopped
+    assert line.done(2, 2, CALL, 3, result=43).arguments == [43]
+
+
+def test_a_client_that_begins_anew_on_a_serial_line():
+    """The one before was killed: there is no other sign of its end."""
+    line = Line(LINE)
+    assert line.done(1, 1, 1, result=None).code == 0
+    call = line.execute(2, 2, CALL, 3)
+    line.now += 2.0
+    reset, start = line.ask(1, 1, 1)
+    assert isinstance(reset, Reset)
+    assert isinstance(start, Execute)
+    assert line.read(line.server.finish(start, 0, None)) == Packet(1, 0)
+    assert line.server.finish(call, 0, variant(1)) == b"", "of the client that has gone"
+    assert line.done(2, 2, CALL, 3, result=43).arguments == [43]
+
+
+def test_a_client_that_begins_anew_at_once():
+    """Its first packet is taken for one that came late, its second try is not."""
+    line = Line(LINE)
+    line.done(1, 1, 1, result=None)
+    line.done(2, 2, CALL, 3)
+    assert line.ask(1, 1, 1) == []
+    reset, _ = line.ask(2, 1, 1)
+    assert isinstance(reset, Reset)
+
+
+def test_a_service_start_that_comes_late_ends_nothing(line):
+    line.done(1, 1, 1, result=None)
+    line.done(2, 2, CALL, 3)
+    assert line.ask(1, 1, 1) == []
+    assert line.told(2, 2, CALL, 3).arguments == [42]
+
+
+def test_no_reset_after_a_goodbye():
+    line = Line(LINE)
+    line.done(1, 1, 1, result=None)
+    line.done(2, 2, 2, result=None)
+    line.now += 2.0
+    assert line.done(1, 1, 1, result=None).code == 0
+
+
+def test_a_service_start_over_udp_resets_nothing():
+    line = Line(DATAGRAM)
+    line.done(1, 1, 1, result=None)
+    line.done(2, 2, CALL, 3)
+    line.now += 2.0
+    assert line.done(3, 3, 1, result=None).code == 0
+
+
+# --- sizes, checksums, dialect ----------------------------------------------------------------------------------------
+
+
+def test_a_datagram_that_is_too_long_is_refused():
+    line = Line(DATAGRAM)
+    assert line.told(5, 5, 111, "x" * 400) == Packet(5, hresult.E_PACKETSIZEOVER)
+
+
+def test_an_answer_that_is_too_long_for_a_datagram():
+    line = Line(DATAGRAM)
+    body = 488 - 14  # a text of UTF-16 without its length fields
+    assert len(line.done(5, 5, CALL, 3, result="x" * (body // 2)).arguments[0]) == body // 2
+    assert line.done(6, 6, CALL, 3, result="x" * (body // 2 + 1)) == Packet(6, hresult.E_TOO_MUCH_DATA)
+
+
+def test_the_checksum_counts_on_a_serial_line():
+    line = Line(LINE, limits=Limits(packet=200))
+    assert line.done(5, 5, CALL, 3, result="x" * 84).arguments == ["x" * 84]
+    assert line.done(6, 6, CALL, 3, result="x" * 85) == Packet(6, hresult.E_TOO_MUCH_DATA)
+
+
+def test_a_request_that_is_announced_too_long():
+    line = Line(LINE)
+    (action,) = list(line.server.receive(packet.HEADER.pack(1, 1 << 24, 5, 5, 64, 3), NOW))
+    assert line.read(action.data) == Packet(0, hresult.E_PACKETSIZEOVER)
+    assert line.done(6, 6, CALL, 3).arguments == [42]
+
+
+def test_silence_on_a_line():
+    line = Line(LINE)
+    half = line.data(5, 5, CALL, 3)[:10]
+    assert list(line.server.receive(half, NOW)) == []
+    assert line.server.pending == 10
+    assert list(line.server.silence(NOW)) == []
+    assert line.server.pending == 0
+    noise = b"\x01\x00\x10\x00\x00"
+    assert list(line.server.receive(noise + line.data(5, 5, CALL, 3) + line.data(6, 6, CALL, 3), NOW)) == []
+    actions = line.server.silence(NOW)
+    call = next(actions)
+    assert isinstance(call, Execute)
+    line.server.finish(call, 0, None)
+    assert isinstance(next(actions), Execute)
+
+
+def test_a_stream_has_no_silence():
+    server = ServerConversation()
+    list(server.receive(b"\x01\x20", NOW))
+    assert server.pending == 0
+
+
+def test_the_ve026a_echoes_and_leaves_out():
+    line = Line(LINE, dialect=VE026A)
+    call = line.execute(5, 4, CALL, 3)
+    assert line.read(line.server.finish(call, 0, None)) == Packet(5, 0, [], 4)
+    assert line.told(6, 4, CALL, 3) == Packet(6, 0, [], 4)
+    line.execute(7, 7, CALL, 4)
+    assert line.told(8, 8, CALL, 3) == Packet(8, hresult.E_ROBOTISBUSY, [], 8)
+
+
+def test_the_ve026a_takes_no_options():
+    line = Line(LINE, dialect=VE026A)
+    line.execute(1, 1, 1, "WDT=1")
+    assert line.server.wdt is None
+
+
+@pytest.mark.parametrize(("wire", "kind"), [(STREAM, Close), (LINE, Reset), (DATAGRAM, Reset)])
+def test_the_ve026a_drops_who_sends_rubbish(wire, kind):
+    """VE026A table 3-5: 0x80010001."""
+    line = Line(wire, dialect=VE026A)
+    data = packet.pack(5, CALL, 3, b"\x00" * 12, 5, crc=wire.crc)
+    told, end = list(line.server.receive(data, NOW))
+    assert line.read(told.data) == Packet(5, hresult.E_INVALIDRCVPACKET, [], 5)
+    assert type(end) is kind
+
+
+def test_a_short_error_both_ways():
+    line = Line(LINE, dialect=VE026A)
+    code = Variant(VarType.ERROR, 0x600B)
+    data = packet.pack(5, 17, 1, b"\x08\x00\x00\x00\x0a\x00\x01\x00\x00\x00\x0b\x60", 5, crc=True)
+    (call,) = list(line.server.receive(data, NOW))
+    assert call.arguments == [code]
+    answer = line.server.finish(call, 0, code)
+    assert packet.decode(answer, Limits(error_size=2), exact=True, crc=True).arguments == [code]

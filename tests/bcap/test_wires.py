@@ -1,0 +1,240 @@
+"""Packets in datagrams and on serial lines: what is cut out of noise, and what is passed over."""
+
+from __future__ import annotations
+
+import json
+import random
+from functools import partial
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.client import encode_request
+from orinkit.bcap.line import LEAST, LineFramer
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, WIRES, DatagramFramer
+from orinkit.cao import functions as f
+from orinkit.cao.dialect import DIALECTS, VE026A
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.errors import InvalidValue, LimitExceeded
+from orinkit.variant import ARRAY, Variant, VarType
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits, decode, encode_variant
+
+PACKETS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text())
+OF_VE026A = [each for each in PACKETS if each["transport"] == "com"]
+ON_A_LINE = LINE.bound(DEFAULT_LIMITS)
+WHOLE = packet.encode(Packet(7, 101, [3], 7), crc=True)
+
+
+def frames(framer, *pieces):
+    found = []
+    for piece in pieces:
+        frame = framer.take(piece)
+        while frame is not None:
+            found.append(frame)
+            frame = framer.next_frame()
+    return found
+
+
+def all_frames(framer, *pieces):
+    """The same, with silence behind each piece, and whatever noise may look like."""
+    found = []
+
+    def look(take):
+        while True:
+            try:
+                frame = take()
+            except LimitExceeded:
+                frame = framer.next_frame()
+            if frame is None:
+                return
+            found.append(frame)
+            take = framer.next_frame
+
+    for piece in pieces:
+        look(partial(framer.take, piece))
+        while framer.pending:
+            look(framer.silence)
+    return found
+
+
+# --- the wires --------------------------------------------------------------------------------------------------------
+
+
+def test_what_can_travel():
+    assert WIRES == {"tcp": STREAM, "udp": DATAGRAM, "serial": LINE}
+    assert (STREAM.tail, DATAGRAM.tail, LINE.tail) == (1, 1, 3)
+    assert DATAGRAM.packet == 504
+    assert STREAM.bound(DEFAULT_LIMITS) is DEFAULT_LIMITS
+    assert DATAGRAM.bound(DEFAULT_LIMITS) == Limits(packet=504)
+    assert DATAGRAM.bound(Limits(packet=100)).packet == 100
+
+
+def test_a_stream_never_gives_up_what_has_begun():
+    framer = STREAM.framer(DEFAULT_LIMITS)
+    assert framer.take(WHOLE[:6]) is None
+    assert framer.silence() is None
+    assert framer.pending == 6
+
+
+# --- datagrams --------------------------------------------------------------------------------------------------------
+
+
+def test_a_datagram_is_one_packet_or_nothing():
+    framer = DatagramFramer()
+    good = packet.encode(Packet(7, 101, [3]))
+    assert framer.take(good) == good
+    for bad in (b"", good[:-1], good + b"\x04", good + good, b"\x00" + good[1:], good[:-1] + b"\x05", b"\x01" * 16):
+        assert framer.take(bad) is None
+    assert framer.skipped > 0
+    assert framer.next_frame() is None
+    assert framer.silence() is None
+    assert framer.pending == 0
+
+
+def test_a_datagram_that_is_too_long_is_told_of():
+    long = packet.encode(Packet(7, 111, ["x" * 400]))
+    assert len(long) > 504
+    assert DatagramFramer(Limits(packet=504)).take(long) == long
+
+
+# --- serial lines -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("each", OF_VE026A, ids=lambda each: f"{each['line']}")
+def test_every_packet_of_the_ve026a_document(each):
+    data = bytes.fromhex(each["hex"])
+    assert frames(LineFramer(ON_A_LINE), data) == [data]
+    assert frames(LineFramer(ON_A_LINE), *(bytes([byte]) for byte in data)) == [data]
+    read = packet.decode(data, exact=True, crc=True)
+    assert packet.encode(read, crc=True) == data
+    if each["kind"] == "request":
+        function = FUNCTIONS[read.code]
+        plain = [value if argument.vt is VarType.VARIANT else value.value
+                 for argument, value in zip(function.arguments, read.arguments, strict=False)]  # fmt: skip
+        assert encode_request(function, tuple(plain), read.serial, read.reserved, crc=True, error_size=2) == data
+    else:
+        body = b"".join(encode_variant(value, 2) for value in read.arguments)
+        assert packet.pack(read.serial, read.code, len(read.arguments), body, read.reserved, crc=True) == data
+
+
+@given(before=st.binary(max_size=40), between=st.binary(max_size=40), cut=st.integers(0, 200))
+def test_packets_are_found_between_noise(before, between, cut):
+    """Whatever lies between them; a packet that noise seems to hold is found once the line is silent."""
+    stream = before + WHOLE + between + WHOLE
+    framer = LINE.server_framer(ON_A_LINE)
+    found = all_frames(framer, stream[:cut]) if cut < len(before) else []
+    found += all_frames(framer, stream[cut:] if cut < len(before) else stream)
+    assert found.count(WHOLE) == 2
+
+
+def test_noise_inside_a_packet_costs_that_packet_only():
+    rng = random.Random(5)
+    for _ in range(300):
+        place = rng.randrange(1, len(WHOLE))
+        noise = rng.randbytes(rng.randrange(1, 4))
+        broken = WHOLE[:place] + noise + WHOLE[place + rng.randrange(2) :]
+        found = all_frames(LineFramer(ON_A_LINE), broken, WHOLE)
+        assert found[-1] == WHOLE
+        assert len(found) <= 2
+
+
+def test_a_wrong_checksum_is_no_packet():
+    broken = bytearray(WHOLE)
+    broken[-2] ^= 1
+    framer = LineFramer(ON_A_LINE)
+    assert all_frames(framer, bytes(broken) + WHOLE) == [WHOLE]
+    assert framer.skipped == len(WHOLE)
+
+
+def test_a_length_made_by_noise_waits_for_silence_only():
+    framer = LineFramer(ON_A_LINE)
+    noise = b"\x01\xff\x00\x00\x00"
+    assert frames(framer, noise + WHOLE) == []
+    assert framer.pending == len(noise) + len(WHOLE)
+    assert framer.silence() == WHOLE
+    assert framer.pending == 0
+    assert framer.silence() is None
+
+
+def test_half_a_packet_is_given_up_in_silence():
+    framer = LineFramer(ON_A_LINE)
+    assert frames(framer, WHOLE[:9]) == []
+    assert framer.silence() is None
+    assert framer.pending == 0
+    assert frames(framer, WHOLE) == [WHOLE]
+
+
+@pytest.mark.parametrize("length", [0, 1, 16, LEAST - 1])
+def test_a_length_that_no_packet_has(length):
+    assert frames(LineFramer(ON_A_LINE), b"\x01" + length.to_bytes(4, "little") + WHOLE) == [WHOLE]
+
+
+def test_a_request_that_is_announced_too_long():
+    framer = LINE.server_framer(Limits(packet=1000))
+    head = packet.HEADER.pack(1, 1001, 5, 5, 64, 3)
+    assert framer.take(head[:10]) is None
+    with pytest.raises(LimitExceeded) as caught:
+        framer.take(head[10:])
+    assert caught.value.code == hresult.E_PACKETSIZEOVER
+    assert not caught.value.fatal
+    assert frames(framer, WHOLE) == [WHOLE]
+
+
+@pytest.mark.parametrize("head", [(1, 9999, 0, 0, 64, 3), (1, 9999, 5, 5, 138, 3), (1, 9999, 5, 5, 64, 9)])
+def test_noise_that_looks_like_a_long_packet_is_noise(head):
+    for framer in (LineFramer(Limits(packet=1000)), LINE.server_framer(Limits(packet=1000))):
+        assert frames(framer, packet.HEADER.pack(*head) + WHOLE) == [WHOLE]
+
+
+def test_a_client_takes_it_for_noise():
+    assert frames(LineFramer(Limits(packet=1000)), packet.HEADER.pack(1, 1001, 5, 5, 64, 3) + WHOLE) == [WHOLE]
+
+
+def test_noise_made_to_cost_time_is_thrown_away():
+    """Beginnings of packets within packets, none of which is right: what is kept goes before it costs more."""
+    size = 60_000
+    noise = (b"\x01" + (size - 0).to_bytes(4, "little") + b"\x04" * 3) * (size // 8)
+    framer = LineFramer(Limits(packet=65536))
+    assert frames(framer, noise * 3) == []
+    assert framer.skipped >= size
+    while framer.pending:
+        framer.silence()
+    assert frames(framer, WHOLE) == [WHOLE]
+
+
+# --- the dialect ------------------------------------------------------------------------------------------------------
+
+
+def test_dialects():
+    assert DIALECTS["ve026a"] is VE026A
+    assert VE026A.codes[hresult.E_BUSY_PROC] == hresult.E_ROBOTISBUSY
+
+
+@pytest.mark.parametrize(("vt", "value"), [(VarType.ERROR, 0x600B), (VarType.ERROR | ARRAY, [1, 2, 0xFFFF])])
+def test_a_short_error(vt, value):
+    """VE026A table 3-1."""
+    short = Limits(error_size=2)
+    data = encode_variant(Variant(vt, value), 2)
+    assert decode(data, limits=short) == (value, len(data))
+    assert len(data) == len(encode_variant(Variant(vt, value))) - 2 * (len(value) if vt & ARRAY else 1)
+    nested = Variant(VarType.VARIANT | ARRAY, [Variant(vt, value), Variant(VarType.I2, 3)])
+    assert decode(encode_variant(nested, 2), limits=short)[0] == [value, 3]
+    assert decode(data, limits=short, exact=True)[0] == Variant(vt, value)
+
+
+def test_an_error_that_is_too_long_for_a_short_one():
+    with pytest.raises(InvalidValue, match="2 bytes"):
+        encode_variant(Variant(VarType.ERROR, 0x80004005), 2)
+
+
+def test_a_request_with_a_short_error():
+    code = Variant(VarType.ERROR, 0x600B)
+    sent = encode_request(f.controller_execute, (1, "ClearError", code), 5, 5, crc=True, error_size=2)
+    assert packet.decode(sent, Limits(error_size=2), exact=True, crc=True).arguments[2] == code
+    with pytest.raises(InvalidValue, match="Controller_Execute"):
+        encode_request(f.controller_execute, (1, "ClearError", Variant(VarType.ERROR, 1 << 20)), 5, error_size=2)
