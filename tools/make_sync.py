@@ -57,8 +57,7 @@ REPLACEMENTS = (
     (r"\bapause\b", "pause"),
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),
-    (r"transport\.aio_tcp", "transport.tcp"),
-    (r"AsyncTcpLink\.connect\(", "TcpLink("),
+    (r"transport\.aio_links", "transport.links"),
     (r"\bAsync([A-Z]\w*)", r"\1"),
     (
         r"several tasks may use one client\. A call that is cancelled or times out",

@@ -124,19 +124,23 @@ class CallTimeout(OrinError, TimeoutError):
 
     Attributes:
         function: the document's name of the function.
-        seconds: the time-out that passed.
+        seconds: that passed, those of all tries.
+        tries: how often the request was sent; more than one only where packets may be lost (UDP, serial lines).
     """
 
-    def __init__(self, function: str, seconds: float) -> None:
-        super().__init__(function, seconds)
+    def __init__(self, function: str, seconds: float, tries: int = 1) -> None:
+        super().__init__(function, seconds, tries)
         self.function = function
         self.seconds = seconds
+        self.tries = tries
 
     def __str__(self) -> str:
         return pick(
-            f"{self.function}: no answer within {self.seconds:g} s; whether the controller executed it is not known. "
+            f"{self.function}: no answer within {self.seconds:g} s; whether the controller executed it is not known"
+            f"{f' (it was sent {self.tries} times, and is executed once at most)' if self.tries > 1 else ''}. "
             "Try: a longer timeout, or service option WDT so that the controller reports that it is still at work",
-            f"{self.function}: {self.seconds:g} 秒以内に応答がありません。実行されたかどうかは不明です。"
+            f"{self.function}: {self.seconds:g} 秒以内に応答がありません。実行されたかどうかは不明です"
+            f"{f' ({self.tries} 回送信しましたが、実行は多くても 1 回です)' if self.tries > 1 else ''}。"
             "対処: timeout を長くするか、WDT オプションで実行中通知を有効にしてください",
         )
 

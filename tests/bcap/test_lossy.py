@@ -96,6 +96,20 @@ def test_executing_allows_as_many_tries_again(conversation):
         call.operation.send(None)
 
 
+def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
+    """Its table 3-5: "wait for a while"; whatever is busy at a first try is something else."""
+    conversation = Conversation(wire=LINE, dialect=VE026A)
+    call = Call(conversation, tries=2)
+    call.feed(None)
+    call.feed(call.reply(2, code=hresult.E_ROBOTISBUSY))
+    assert call.seconds == TRY
+    assert call.result(call.reply(1, 42)) == 42
+    again = Call(conversation)
+    with pytest.raises(CallError) as caught:
+        again.operation.send(again.reply(3, code=hresult.E_ROBOTISBUSY))
+    assert caught.value.code == hresult.E_ROBOTISBUSY
+
+
 def test_rubbish_and_ends(conversation):
     call = Call(conversation)
     call.feed(b"rubbish")
@@ -110,6 +124,31 @@ def test_an_answer_behind_noise_is_found_when_the_line_is_silent():
     call = Call(conversation)
     call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(1, 42))
     assert call.result(None) == 42
+
+
+def test_a_long_answer_over_a_slow_line_is_waited_for():
+    conversation = Conversation(wire=LINE)
+    call = Call(conversation)
+    answer = call.reply(1, "x" * 500)
+    call.feed(answer[:10])
+    call.feed(None)
+    assert call.sent.serial == 2, "too little to tell"
+    answer = call.reply(2, "x" * 500)
+    call.feed(answer[:100])
+    for begin in range(100, 1000, 100):
+        call.feed(None)
+        assert call.sent is None
+        assert call.seconds == SILENCE
+        call.feed(answer[begin : begin + 100])
+    assert call.result(answer[1000:]) == "x" * 500
+    again = Call(conversation)
+    again.feed(again.reply(3, "x" * 500)[:100])
+    again.feed(None)
+    again.feed(None)
+    assert again.sent.serial == 4, "it does not go on"
+    again.feed(again.reply(9, "x" * 500)[:100])
+    again.feed(None)
+    assert again.sent.serial == 5, "it is not ours"
 
 
 def test_serials_begin_anew(conversation):

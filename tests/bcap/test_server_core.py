@@ -44,6 +44,13 @@ def start(option=None, now=NOW, **parameters):
     return server
 
 
+def test_a_start_without_options_is_as_at_the_beginning():
+    server = start("WDT=100,InvokeTimeout=1000")
+    assert (server.wdt, server.invoke_timeout) == (0.1, 1.0)
+    server.finish(executed(server, request(2, 1)), 0, None)
+    assert (server.wdt, server.invoke_timeout) == (None, 180.0)
+
+
 # --- a call and its answer --------------------------------------------------------------------------------------------
 
 

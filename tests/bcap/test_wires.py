@@ -78,7 +78,7 @@ def test_a_stream_never_gives_up_what_has_begun():
     framer = STREAM.framer(DEFAULT_LIMITS)
     assert framer.take(WHOLE[:6]) is None
     assert framer.silence() is None
-    assert framer.pending == 6
+    assert (framer.pending, framer.begun) == (6, 0)
 
 
 # --- datagrams --------------------------------------------------------------------------------------------------------
@@ -189,6 +189,16 @@ def test_a_request_that_is_announced_too_long():
 def test_noise_that_looks_like_a_long_packet_is_noise(head):
     for framer in (LineFramer(Limits(packet=1000)), LINE.server_framer(Limits(packet=1000))):
         assert frames(framer, packet.HEADER.pack(*head) + WHOLE) == [WHOLE]
+
+
+def test_noise_that_announces_again_and_again_is_told_once():
+    framer = LINE.server_framer(Limits(packet=1000))
+    noise = (b"\x01" + b"\x01" * 7) * 20 + b"\x00" * 40
+    with pytest.raises(LimitExceeded):
+        framer.take(packet.HEADER.pack(1, 0x01010101, 1, 1, 1, 1) * 10 + noise)
+    assert all_frames(framer, WHOLE) == [WHOLE]
+    with pytest.raises(LimitExceeded):
+        framer.take(packet.HEADER.pack(1, 1001, 5, 5, 64, 3))
 
 
 def test_a_client_takes_it_for_noise():

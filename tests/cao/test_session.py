@@ -981,6 +981,9 @@ def test_handles_that_a_device_gives():
     provider = SmallProvider()
     session = Session(Host(provider))
     assert small(session, "Controller_Connect", "", "", "", "").result == Variant(VarType.I4, 1)
+    assert small(session, "Controller_Connect", "", "", "", "").result.value == 1
+    assert small(session, "Controller_Connect", "Controller1", "", "", "").result.value == 1
+    assert len(session) == 1
     assert small(session, "Controller_GetVariable", 1, "@B", "").result.value == 4
     assert small(session, "Controller_GetRobot", 1, "r", "").result.value == 1
     assert small(session, "Controller_GetVariable", 1, "@A", "").result.value == 1

@@ -51,7 +51,7 @@ def test_help_in_japanese(program):
     page = japanese(program, "put", "--help")
     assert "コントローラの変数に書き込む。" in page
     assert "[必須]" in page
-    assert "[既定値: 3.0]" in page
+    assert "[既定値: 5]" in page
     assert "required" not in page
 
 
@@ -90,7 +90,7 @@ def test_help_loads_nothing_that_only_commands_need(program):
             ["frob"],
             "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot? (see orinkit --help)",
         ),
-        (["serve", "frob"], "there is no command frob; did you mean rc8? (see orinkit serve --help)"),
+        (["serve", "frob"], "there is no command frob; did you mean rc8, ve026a? (see orinkit serve --help)"),
         (["get"], "URL is missing (see orinkit get --help)"),
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),

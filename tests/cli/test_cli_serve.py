@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
@@ -17,12 +18,12 @@ Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]
 
 @pytest.fixture
 def serve(program) -> Iterator[Serve]:
-    """Start ``orinkit serve rc8``; returns the process and the address of its first listener."""
+    """Start ``orinkit serve rc8``, on TCP unless told where; returns the process and the address of its first listener."""
     started: list[subprocess.Popen[str]] = []
 
-    def serve(*options: str) -> tuple[subprocess.Popen[str], str]:
+    def serve(*options: str, where: tuple[str, ...] = ("--tcp", "127.0.0.1:0")) -> tuple[subprocess.Popen[str], str]:
         process = subprocess.Popen(
-            [*program, "serve", "rc8", "--tcp", "127.0.0.1:0", *options],
+            [*program, "serve", "rc8", *where, *options],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
         )  # fmt: skip
         started.append(process)
@@ -63,6 +64,36 @@ def test_one_line_for_each_listener(serve):
     for url in (first, second.removeprefix("ready ").strip()):
         with orinkit.connect(url) as controller:
             assert controller.variable("@TYPE").value == "RC8"
+
+
+@pytest.mark.parametrize("where", [("--udp", "127.0.0.1:0"), ("--udp", "udp:127.0.0.1:0"), ("--pty",)])
+def test_where_it_is_served_otherwise_it_is_not_on_tcp(serve, where):
+    process, url = serve(where=where)
+    with orinkit.connect(url) as controller:
+        assert controller.variable("@TYPE").value == "RC8"
+    code, out, err = stop(process, signal.SIGTERM)
+    assert (code, out) == (0, "")  # no other listener
+    assert url.startswith("udp://127.0.0.1:" if "--udp" in where else "serial:///dev/")
+    assert err.count("listening on") == 1
+
+
+def test_every_kind_of_listener(serve, tmp_path):
+    pytest.importorskip("serialx")
+    far_end, near_end = os.openpty()
+    (tmp_path / "port").symlink_to(os.ttyname(near_end))
+    try:
+        process, first = serve("--pty", "--serial", str(tmp_path / "port"), "--udp", "127.0.0.1:0")
+        assert process.stdout is not None
+        urls = [first, *(process.stdout.readline().removeprefix("ready ").strip() for _ in range(3))]
+        assert [url.partition("://")[0] for url in urls] == ["tcp", "udp", "serial", "serial"]
+        assert urls[2] == f"serial://{tmp_path / 'port'}"
+        for url in (urls[0], urls[1], urls[3]):
+            with orinkit.connect(url) as controller:
+                assert controller.variable("@TYPE").value == "RC8"
+        assert stop(process, signal.SIGTERM)[0] == 0
+    finally:
+        os.close(far_end)
+        os.close(near_end)
 
 
 def test_options_of_the_controller(serve):
@@ -123,6 +154,20 @@ def test_a_warning_where_other_machines_can_come_in(run):
     assert error.startswith("orinkit: cannot listen on tcp://192.0.2.1:5007")
 
 
+def test_the_warning_is_for_udp_too(run):
+    done = run("serve", "rc8", "--udp", "192.0.2.1:5007")
+    assert done.code == 1
+    warning, error = done.err.splitlines()
+    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 can be reached from other machines")
+    assert error.startswith("orinkit: cannot listen on udp://192.0.2.1:5007")
+
+
+def test_a_serial_port_that_is_not_there(refused):
+    pytest.importorskip("serialx")
+    said = refused("serve", "rc8", "--serial", "/dev/ttyThereIsNone?baudrate=9600")
+    assert said.startswith("cannot open the serial port /dev/ttyThereIsNone: ")
+
+
 @pytest.mark.parametrize(
     ("host", "expected"),
     [("127.0.0.1", True), ("127.1.2.3", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("::", False), ("robot", False)],
@@ -136,6 +181,12 @@ def test_what_is_loopback(host, expected):
     [
         (["--tcp", "ftp://127.0.0.1:0"], "unknown transport 'ftp'"),
         (["--tcp", "127.0.0.1:99999"], "is not 0 to 65535"),
+        (["--tcp", "udp://127.0.0.1:0"], "--tcp udp://127.0.0.1:0: that is an address of udp"),
+        (["--udp", "127.0.0.1:0", "--udp", "pty://"], "--udp pty://: that is an address of pty"),
+        (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: that is an address of tcp"),
+        (["--serial", "/dev/ttyS0?speed=9600"], "there is no setting 'speed'"),
+        (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
+        (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only an address of this machine itself"),
         (["--permission", "me=rw"], "'me' is no IP address or network"),
         (["--count", "I"], "--count I: CLASS=NUMBER is needed, as I=200"),
         (["--count", "I=-1"], "--count I=-1: CLASS=NUMBER is needed"),

@@ -109,8 +109,8 @@ class Arm:
 
 
 @contextmanager
-def served(*, scale: float = 1.0, **options: Any) -> Iterator[Arm]:
+def served(*, scale: float = 1.0, listen: str = "tcp://127.0.0.1:0", **options: Any) -> Iterator[Arm]:
     """Serve a virtual RC8 with its motor on."""
     device = VirtualRC8(clock=Clock(scale), **{"motor": True, **options})
-    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+    with orinkit.serve(device, listen) as server:
         yield Arm(device, server.url)

@@ -21,7 +21,7 @@ from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.plan import JointPlanner
 from orinkit.slave.setup import Setup
 from orinkit.slave.shared import Order, Outputs, Shared, _Word
-from orinkit.slave.streamer import Streamer, Watch, Wire
+from orinkit.slave.streamer import Connection, Streamer, Watch
 
 HOME = (0.0, 0.0, 90.0, 0.0, 90.0, 0.0)
 PERIOD = 0.008
@@ -37,11 +37,11 @@ def setup() -> Setup:
     )  # fmt: skip
 
 
-class Controller(Wire):
+class Controller(Connection):
     """Takes every set-point at once; a script says what the program does meanwhile."""
 
     def __init__(self, script: Callable[[int], None]) -> None:
-        super().__init__(None, setup())  # nothing goes over the wire
+        super().__init__(None, setup(), "tcp")  # nothing goes over the wire
         self._script = script
         self.count = 0
 

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
-from orinkit.bcap.wire import STREAM, Wire
+from orinkit.bcap.wire import SILENCE, STREAM, Wire
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallTimeout, ConnectionLost, InvalidValue, ProtocolError, error_for
@@ -142,11 +142,17 @@ class Conversation:
         framer = self._framer
         earlier: tuple[int, ...] = ()
         left = tries
+        seen = 0  # bytes of an answer that is still coming
         while True:
             wait: float | None = None
             if received:
                 frame = framer.take(received)
             elif received is None and lossy:
+                if framer.pending > seen and framer.begun in (serial, *earlier):  # a long answer over a slow line
+                    seen = framer.pending
+                    received = yield b"", SILENCE
+                    continue
+                seen = 0
                 frame = framer.silence()  # noise before it may have kept the answer from being seen
                 left -= 1
                 if frame is None and left > 0:
@@ -156,7 +162,7 @@ class Conversation:
                     received = yield self._request(function, arguments, serial, first), seconds
                     continue
                 if frame is None:
-                    raise _no_answer(function, None, seconds * tries)
+                    raise CallTimeout(function.name, seconds * tries, tries)
             else:
                 raise _no_answer(function, received, seconds)
             while frame is not None:
@@ -165,7 +171,7 @@ class Conversation:
                 answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
                 if answered != serial and answered not in earlier:
                     self.dropped += 1
-                elif code == _EXECUTING:
+                elif code == _EXECUTING or (earlier and code == self._dialect.busy != 0):
                     wait = seconds
                     left = tries
                 elif code >= _FAILED:

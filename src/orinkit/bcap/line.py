@@ -40,6 +40,7 @@ class LineFramer:
         self.limits = limits
         self.skipped = 0
         self._tells = tells
+        self._told = False  # of what is still kept
         self._buffer = bytearray()
         self._work = 0
 
@@ -47,6 +48,14 @@ class LineFramer:
     def pending(self) -> int:
         """How many bytes are kept that are no whole packet yet."""
         return len(self._buffer)
+
+    @property
+    def begun(self) -> int:
+        """Serial of the packet that they seem to be the beginning of; 0 where that cannot be told."""
+        if len(self._buffer) < _HEAD:
+            return 0
+        serial: int = packet.HEADER.unpack_from(self._buffer)[2]
+        return serial
 
     def take(self, data: bytes) -> bytes | None:
         """Take the next bytes and return the first whole packet; :meth:`next_frame` gives the others.
@@ -61,7 +70,7 @@ class LineFramer:
         """Return the next whole packet, ``None`` when more bytes are needed.
 
         Raises:
-            LimitExceeded: a request is announced that is longer than the limit; its head is passed over.
+            LimitExceeded: a request is announced that is longer than the limit; its first byte is passed over. Not told twice of the same noise.
         """
         buffer = self._buffer
         while buffer:
@@ -105,6 +114,7 @@ class LineFramer:
             if packet.is_right(frame):
                 del buffer[:length]
                 self._work = 0
+                self._told = False
                 return frame
             self._work += length
         self._skip(len(buffer) if self._work > _MOST_WORK else 1)
@@ -114,10 +124,10 @@ class LineFramer:
         """Pass over the beginning of what is too long to be a packet; noise, unless it looks like a request."""
         _, _, serial, _, function, count = packet.HEADER.unpack_from(self._buffer)
         request = serial and 1 <= function <= _LAST_FUNCTION and count <= _MOST_ARGUMENTS
-        if not (self._tells and request):
-            self._skip(1)
+        self._skip(1)
+        if not (self._tells and request) or self._told:
             return
-        self._skip(_HEAD)
+        self._told = True
         raise LimitExceeded(
             pick(
                 f"a packet of {length} bytes is announced, at most {self.limits.packet} are allowed",
@@ -131,3 +141,4 @@ class LineFramer:
         del self._buffer[:count]
         if not self._buffer:
             self._work = 0
+            self._told = False

@@ -173,6 +173,11 @@ class Framer:
         """How many bytes are kept that are no whole packet yet."""
         return len(self._buffer)
 
+    @property
+    def begun(self) -> int:
+        """Nobody asks for it of a stream."""
+        return 0
+
     def silence(self) -> bytes | None:
         """Return nothing: in a stream the rest of a packet comes, however late."""
         return None

@@ -23,7 +23,7 @@ from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
 from orinkit.errors import CallError, ProtocolError
-from orinkit.variant import Variant
+from orinkit.variant import Variant, VarType
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _SERVICE_START: Final = 1
@@ -221,8 +221,10 @@ class ServerConversation:
 
     def _set_options(self, arguments: list[Variant]) -> bool:
         """Read Service_Start's options (RC8 table 3-1); False where a value is not one."""
+        if not arguments:
+            arguments = [Variant(VarType.BSTR, "")]
         if len(arguments) != 1:
-            return True  # no options, or what the session will refuse
+            return True  # the session will refuse them
         try:
             options = Options(coerce.to_text(arguments[0]))
             wdt = options.number("WDT")

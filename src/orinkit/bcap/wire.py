@@ -33,6 +33,10 @@ class Framing(Protocol):
     def pending(self) -> int:
         """How many bytes are kept that are no whole packet yet."""
 
+    @property
+    def begun(self) -> int:
+        """Serial of the packet that they seem to be the beginning of; 0 where that cannot be told."""
+
     def take(self, data: bytes) -> bytes | None:
         """Take what was received and return the first whole packet; :meth:`next_frame` gives the others."""
 
@@ -51,6 +55,7 @@ class DatagramFramer:
     """
 
     pending = 0
+    begun = 0
 
     def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
         self.limits = limits

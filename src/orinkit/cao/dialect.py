@@ -21,6 +21,13 @@ class Dialect:
         drops_client: a packet that is malformed ends the client's connection, after E_INVALIDRCVPACKET.
         takes_options: Service_Start may have an argument.
         codes: return codes that the dialect does not have, and what it answers instead.
+        takes_arm: there are TakeArm, GiveArm and Halt; otherwise slave mode is all that moves the arm.
+        short_numbers: the states of Motor and ClearError's code are a VT_I2 alone.
+        slave_formats: there are slvSendFormat and slvRecvFormat; otherwise slvMove takes and answers the joints only.
+        slave_mode: of slave mode by default: 0, 1 or 2.
+        busy: code that may answer a repeated request while its first try is at work (VE026A table 3-5: "wait for a
+            while"); 0 where there is none, as S_EXECUTING says so.
+        variables: commands that it does not have, and the robot's variable that tells the same.
     """
 
     name: str
@@ -30,6 +37,12 @@ class Dialect:
     drops_client: bool = False
     takes_options: bool = True
     codes: Mapping[int, int] = field(default_factory=dict)
+    takes_arm: bool = True
+    short_numbers: bool = False
+    slave_formats: bool = True
+    slave_mode: int = 2
+    busy: int = 0
+    variables: Mapping[str, str] = field(default_factory=dict)
 
 
 RC8: Final = Dialect("rc8")
@@ -51,6 +64,12 @@ VE026A: Final = Dialect(
         hresult.E_CAO_OBJECT_NOTFOUND: hresult.E_INVALIDARG,
         hresult.E_CAO_PROV_INVALID: hresult.E_INVALIDARG,
     },
+    takes_arm=False,
+    short_numbers=True,
+    slave_formats=False,
+    slave_mode=1,  # a line of 38,400 bit/s is too slow for the other one, a set-point in every cycle of 8 ms
+    busy=hresult.E_ROBOTISBUSY,
+    variables={"CurJnt": "@CURRENT_ANGLE"},
 )
 """The arm VE026A (b-CAP document for VE026A: figures of 3.1, tables 3-1 and 3-5)."""
 

@@ -367,7 +367,7 @@ class Session:
             existing = self._existing("Controller", 0, name, option)
             if existing is not None:
                 return existing
-            if self._named("Controller", 0, name) is not None:
+            if not self._spaces and self._named("Controller", 0, name) is not None:
                 raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
         else:
             self._check_room()

@@ -9,9 +9,12 @@ from typing import Annotated, TypeAlias
 from cyclopts import Group, Parameter
 
 import orinkit
+from orinkit.bcap.wire import DEFAULT_TRIES
+from orinkit.cao.dialect import RC8 as RC8_DIALECT
+from orinkit.cao.dialect import Dialect
 from orinkit.cli._errors import unusable
 from orinkit.cli._transcript import Packet, Transcript
-from orinkit.client._common import DEFAULT_TIMEOUT, RC8
+from orinkit.client._common import RC8, dialect_of
 from orinkit.language import pick
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
@@ -21,7 +24,9 @@ OBJECT = Group(pick("Object", "オブジェクト"), sort_key=7)
 
 Url: TypeAlias = Annotated[
     str,
-    Parameter(help=pick("Controller: tcp://192.168.0.1:5007, or only its host.", "コントローラ: tcp://192.168.0.1:5007、またはホスト名のみ。")),
+    Parameter(help=pick(
+        "Controller: tcp://192.168.0.1:5007, or only its host; udp://..., serial:///dev/ttyUSB0?baudrate=38400.",
+        "コントローラ: tcp://192.168.0.1:5007、またはホスト名のみ。udp://...、serial:///dev/ttyUSB0?baudrate=38400 も可。")),
 ]  # fmt: skip
 Json: TypeAlias = Annotated[bool, Parameter(help=pick(
     "Print one JSON document; bytes in hex, dates in ISO 8601.",
@@ -43,19 +48,56 @@ class Connection:
         ),
     ] = RC8
     timeout: Annotated[
-        float, Parameter(help=pick("Seconds for connecting and for each call.", "接続と各呼び出しの制限時間 (秒)。"))
-    ] = DEFAULT_TIMEOUT
+        float | None,
+        Parameter(
+            help=pick(
+                "Seconds for connecting and for each call (3 by default); with UDP and serial lines for each try (0.5).",
+                "接続と各呼び出しの制限時間 (秒、既定 3)。UDP とシリアルでは送信 1 回ごと (既定 0.5)。",
+            )
+        ),
+    ] = None
     trace: Annotated[bool, Parameter(help=pick("Show every packet on stderr.", "全パケットを stderr に表示する。"))] = (
         False
     )
+    tries: Annotated[
+        int,
+        Parameter(
+            help=pick(
+                "How often a request is sent with UDP and serial lines while no answer comes, 1 to 7.",
+                "UDP とシリアルで、応答がないときに要求を送信する回数 (1～7)。",
+            )
+        ),
+    ] = DEFAULT_TRIES
+
+    dialect: Annotated[
+        str | None,
+        Parameter(
+            help=pick(
+                "rc8 or ve026a; by default as provider and version tell.",
+                "rc8 または ve026a。既定はプロバイダ名とバージョンから判断する。",
+            )
+        ),
+    ] = None
+
+    @property
+    def known_dialect(self) -> Dialect:
+        """Dialect of the controller as far as it can be known before the controller is asked."""
+        return dialect_of(self.dialect, self.provider) or RC8_DIALECT
 
     def open(self, url: str) -> orinkit.Controller:
         """Connect to the controller."""
-        return orinkit.connect(url, provider=self.provider, timeout=self.timeout, trace=self._transcript())
+        return orinkit.connect(
+            url,
+            provider=self.provider,
+            timeout=self.timeout,
+            tries=self.tries,
+            trace=self._transcript(),
+            dialect=self.dialect,
+        )
 
     def open_client(self, url: str) -> orinkit.Client:
         """Open the connection only."""
-        return orinkit.open_client(url, timeout=self.timeout, trace=self._transcript())
+        return orinkit.open_client(url, timeout=self.timeout, tries=self.tries, trace=self._transcript())
 
     def _transcript(self) -> Transcript | None:
         return Transcript(_to_stderr) if self.trace else None

@@ -18,10 +18,14 @@ from orinkit.cao.provider import Provider
 from orinkit.cli._errors import unusable, whole_number
 from orinkit.language import pick
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
-from orinkit.transport.address import parse_address
+from orinkit.transport.address import Address, parse_address
 
 _CONTROL_CLIENTS: Final = 16
 LISTENING: Final = Group(pick("Network", "ネットワーク"), sort_key=8)
+
+
+def _default(_given: object) -> str:
+    return DEFAULT_URL.removeprefix("tcp://")
 
 
 @Parameter(name="*", group=LISTENING)
@@ -32,13 +36,40 @@ class Listening:
     tcp: Annotated[
         tuple[str, ...],
         Parameter(
-            show_default=lambda urls: " ".join(urls),
+            show_default=_default,
             help=pick(
-                "HOST:PORT to listen on; may be given again. Port 0 takes a free one.",
-                "待ち受ける HOST:PORT。複数指定可。ポート 0 は空きポート。",
+                "HOST:PORT to listen on; may be given again. Port 0 takes a free one. No default beside --udp, --serial "
+                "and --pty.",
+                "待ち受ける HOST:PORT。複数指定可。ポート 0 は空きポート。--udp、--serial、--pty を指定した場合、既定値は使わない。",
             ),
         ),
-    ] = (DEFAULT_URL.removeprefix("tcp://"),)
+    ] = ()
+    udp: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=pick(
+                "HOST:PORT to listen on with UDP; may be given again.", "UDP で待ち受ける HOST:PORT。複数指定可。"
+            )
+        ),
+    ] = ()
+    serial: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=pick(
+                "Serial port to listen on, as /dev/ttyUSB0?baudrate=115200; 38400 8N1 by default; may be given again.",
+                "待ち受けるシリアルポート。例: /dev/ttyUSB0?baudrate=115200。既定は 38400 8N1。複数指定可。",
+            )
+        ),
+    ] = ()
+    pty: Annotated[
+        bool,
+        Parameter(
+            help=pick(
+                "Listen on a new pseudo-terminal: a serial line without a cable.",
+                "新しい疑似端末で待ち受ける (ケーブルの要らないシリアル回線)。",
+            )
+        ),
+    ] = False
     clients: Annotated[
         int, Parameter(converter=whole_number, help=pick("Most clients at a time.", "同時に接続できるクライアント数。"))
     ] = 256
@@ -54,14 +85,16 @@ class Listening:
 
 
 def check(listening: Listening) -> None:
-    """Refuse numbers that cannot be, before anything is opened.
+    """Refuse numbers and addresses that cannot be, before anything is opened.
 
     Raises:
-        Failure: one of them is less than 1.
+        Failure: a number is less than 1, or an address is of another kind than its option.
+        InvalidAddress: one is no address.
     """
     for option, number in (("--clients", listening.clients), ("--objects", listening.objects)):
         if number < 1:
             raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
+    _urls(listening)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +117,8 @@ def check_control(url: str) -> None:
         Failure: its host is not this machine's loopback address.
         InvalidAddress: it is none.
     """
-    if not _is_loopback(parse_address(url).host):
+    address = parse_address(url)
+    if not isinstance(address, Address) or address.scheme != "tcp" or not _is_loopback(address.host):
         raise unusable(
             f"--control {url}: only an address of this machine itself is allowed, as 127.0.0.1:5008 or [::1]:5008",
             f"--control {url}: 127.0.0.1:5008 や [::1]:5008 など、このマシン自身のアドレスのみ指定できます",
@@ -101,10 +135,11 @@ def run(provider: Provider, listening: Listening, control: Control | None = None
         level=logging.DEBUG if listening.verbose else logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
     )
-    for url in listening.tcp:
-        if not _is_loopback(parse_address(url).host):
-            print(_warning(url), file=sys.stderr)
-    asyncio.run(_serve(provider, listening.tcp, listening, control))
+    for place in (*listening.tcp, *listening.udp):
+        address = parse_address(place)
+        if isinstance(address, Address) and not _is_loopback(address.host):
+            print(_warning(place), file=sys.stderr)
+    asyncio.run(_serve(provider, _urls(listening), listening, control))
     return 0
 
 
@@ -140,6 +175,31 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _urls(listening: Listening) -> list[str]:
+    """Return where to listen.
+
+    Raises:
+        Failure: an address is of another kind than its option.
+        InvalidAddress: one is no address.
+    """
+    urls = [_url(scheme, place) for scheme in ("tcp", "udp", "serial") for place in getattr(listening, scheme)]
+    if listening.pty:
+        urls.append("pty://")
+    return urls or [DEFAULT_URL]
+
+
+def _url(scheme: str, place: str) -> str:
+    named = "://" in place or place.lower().startswith((f"{scheme}:", "com:"))
+    url = place if named else f"{scheme}://{place}"
+    found = parse_address(url).scheme
+    if found != scheme:
+        raise unusable(
+            f"--{scheme} {place}: that is an address of {found}",
+            f"--{scheme} {place}: {found} のアドレスです",
+        )
+    return url
 
 
 def _is_loopback(host: str) -> bool:

@@ -56,6 +56,14 @@ def build() -> App:
         name="rc8",
         help=pick("Serve a virtual RC8 robot controller.", "仮想 RC8 ロボットコントローラを提供する。"),
     )
+    serve.command(
+        "orinkit.cli.serve_ve026a:serve_ve026a",
+        name="ve026a",
+        help=pick(
+            "Serve a virtual VE026A, the small arm with a serial line.",
+            "仮想 VE026A (シリアル接続の小型アーム) を提供する。",
+        ),
+    )
     app.command(_command_of("demo"), name="demo", sort_key=1, help=pick(
         "Watch a client and a virtual RC8 talk, every packet explained.",
         "クライアントと仮想 RC8 の通信を、全パケットの説明付きで見る。"))  # fmt: skip

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from cyclopts import Parameter
 
 from orinkit.cli._connection import Json
-from orinkit.cli._errors import Failure
+from orinkit.cli._errors import Failure, unusable
 from orinkit.cli._transcript import Packet, Transcript
 from orinkit.language import pick
 
@@ -27,6 +27,12 @@ _INTERVAL: Final = 0.15
 
 
 def demo(
+    device: Annotated[
+        Literal["rc8", "ve026a"],
+        Parameter(help=pick("Which device is shown: rc8 over TCP, or ve026a over a pseudo-terminal.",
+                            "実演するデバイス: rc8 (TCP) または ve026a (疑似端末)。")),
+    ] = "rc8",
+    /,
     *,
     fields: Annotated[
         bool, Parameter(help=pick("Explain every packet field by field.", "全パケットを項目ごとに説明する。"))
@@ -40,19 +46,33 @@ def demo(
 ) -> None:  # fmt: skip
     """Serve virtual RC8s on free loopback ports and run the document's Lists 3-1, 3-2, 3-3 and 4-1 against them.
 
-    Every answer is compared with the document; exit code 1 if one differs.
+    With ``ve026a`` a virtual VE026A at a pseudo-terminal, and the procedure of its document's section 6.2. Every answer is
+    compared with the document; exit code 1 if one differs.
     """
-    from orinkit.cli._demo_steps import LISTS
     from orinkit.cli._output import print_json
 
-    documents: list[dict[str, Any]] = []
     say: Callable[[str], None] = (lambda _line: None) if json else print
+    if device == "rc8":
+        told = _demo_rc8(say, picture, fields=fields)
+    elif picture is not None:
+        raise unusable("--picture is for rc8", "--picture は rc8 専用です")
+    else:
+        from orinkit.cli import _demo_ve026a
+
+        told = _demo_ve026a.run(say, fields=fields)
+    if json:
+        print_json(told)
+
+
+def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) -> dict[str, Any]:
+    """Run the programs of the document for RC8; returns what was done, for JSON."""
+    from orinkit.cli._demo_steps import LISTS
+
+    documents: list[dict[str, Any]] = []
     recording = Recording()
     for name, program in LISTS.items():
         run_program(name, program, documents, say, fields=fields, recording=recording)
     motion, slave = (None, None) if picture is None else recording.draw(Path(picture))
-    if json:
-        print_json({"steps": documents, "as_documented": True, "picture": motion, "slave_picture": slave})
     count = sum(document["answers"] for document in documents)
     say(pick(f"\nAll {count} answers are as the document says.", f"\n{count} 件の応答はすべて仕様書のとおりでした。"))
     if motion is not None:
@@ -62,6 +82,7 @@ def demo(
                 f"アームの動きを {motion} に、スレーブモードの指令と実位置を {slave} に描きました。",
             )
         )
+    return {"steps": documents, "as_documented": True, "picture": motion, "slave_picture": slave}
 
 
 class Recording:

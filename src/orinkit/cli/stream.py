@@ -16,6 +16,9 @@ from orinkit.cli._moving import Bar, Interrupts, errors_told, follow, notes_show
 from orinkit.language import pick
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from orinkit.cao.dialect import Dialect
     from orinkit.cao.slave_formats import PoseKind
     from orinkit.cli._stream_report import Report
     from orinkit.client._slave_options import Options, Wanted
@@ -46,13 +49,13 @@ def stream(
     /,
     *,
     mode: Annotated[
-        int,
+        int | None,
         Parameter(
             converter=whole_number,
-            help=pick("Slave mode: 0 or 2 has the controller queue set-points, 1 take the newest.",
-                      "スレーブモード: 0 と 2 は位置指令をキューに積み、1 は最新のみ使う。"),
+            help=pick("Slave mode: 0 or 2, the default, has the controller queue set-points, 1 take the newest; a VE026A has 0 and 1.",
+                      "スレーブモード: 0 と 2 (既定) は位置指令をキューに積み、1 は最新のみ使う。VE026A は 0 と 1。"),
         ),
-    ] = 2,
+    ] = None,
     pose: Annotated[
         str | None,
         Parameter(help=pick("What set-points are: J joints, P positions, T transformations; by default as the file has it.",
@@ -89,8 +92,12 @@ def stream(
 
     Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM brings the arm to rest within its limits.
     """
-    job = _job(trajectory, mode, pose, record, speed, model, retime=retime, move=move, motor=not no_motor)
+    job = _job(
+        connection.known_dialect, trajectory, mode, pose, record, speed, model,
+        retime=retime, move=move, motor=not no_motor,
+    )  # fmt: skip
     with notes_shown(), connection.open(url) as controller, controller.robot() as robot, Bar() as bar:
+        job.options = job.read(robot.client.dialect)
         try:
             with Interrupts() as interrupts, errors_told(controller, url):
                 report = _carry_out(robot, job, interrupts, bar)
@@ -113,7 +120,8 @@ class _Job:
     Attributes:
         path: of the trajectory.
         kind: of its set-points.
-        options: of slave mode.
+        read: reads the options of slave mode for a dialect.
+        options: what it has read.
         speed: percent.
         retime, move, motor: what is done before.
         progress: how far it is.
@@ -122,6 +130,7 @@ class _Job:
 
     path: Path
     kind: PoseKind
+    read: Callable[[Dialect], Options]
     options: Options
     speed: float
     retime: bool
@@ -132,8 +141,8 @@ class _Job:
 
 
 def _job(
-    trajectory: str, mode: int, pose: str | None, record: str | None, speed: float, model: str | None, *,
-    retime: bool, move: bool, motor: bool,
+    dialect: Dialect, trajectory: str, mode: int | None, pose: str | None, record: str | None, speed: float,
+    model: str | None, *, retime: bool, move: bool, motor: bool,
 ) -> _Job:  # fmt: skip
     """Return what the command line wants; all that can be wrong with it is said before anything is connected."""
     from orinkit.client._slave_options import PERIOD, read_options
@@ -143,12 +152,16 @@ def _job(
     kind: PoseKind = load_csv(path)[0] if pose is None else _kind(pose)
     if record is not None:
         _check_record(Path(record))
-    options = read_options(
-        mode, kind, _RECEIVED[kind], mini=None, hand=None, user=None, user_window=None,
-        limits=None if model is None else _limits_of(model, kind), speed=speed, period=PERIOD, queue=100, idle=None,
-        on_range="clamp", record=record,
-    )  # fmt: skip
-    return _Job(path, kind, options, speed, retime, move, motor)
+    limits = None if model is None else _limits_of(model, kind)
+
+    def read(dialect: Dialect) -> Options:
+        return read_options(
+            dialect, dialect.slave_mode if mode is None else mode, kind, _RECEIVED[kind],
+            mini=None, hand=None, user=None, user_window=None, limits=limits, speed=speed, period=PERIOD, queue=100,
+            idle=None, on_range="clamp", record=record,
+        )  # fmt: skip
+
+    return _Job(path, kind, read, read(dialect), speed, retime, move, motor)
 
 
 def _kind(pose: str) -> PoseKind:
@@ -226,7 +239,12 @@ def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Poi
     from orinkit.slave.trajectory import read_trajectory
 
     options, period = job.options, job.options.period
-    limits = limits_for(options, "" if options.limits is not None else robot.execute("GetRobotTypeName"))
+    if options.limits is not None:
+        type_name = ""
+    else:
+        dialect = robot.client.dialect
+        type_name = robot.execute("GetRobotTypeName") if dialect.slave_formats else dialect.name
+    limits = limits_for(options, type_name)
     axes = len(limits.lower) if isinstance(limits, Limits) else _ROBOT_AXES
     points = read_trajectory(job.path, job.kind, axes, period=period)
     if job.retime:

@@ -12,6 +12,7 @@ from typing import Final
 
 from orinkit.client import _motion_common as common
 from orinkit.client._async_motion import AsyncMover, AsyncTrack
+from orinkit.client._common import motor_state
 from orinkit.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
 from orinkit.transport.drive import Deadline, apause
 
@@ -122,10 +123,12 @@ class AsyncArm(AsyncHolding):
         self._keep = keep
 
     async def _take(self) -> None:
-        await self._robot.execute("TakeArm", [self._group, int(self._keep)])
+        if self._robot.client.dialect.takes_arm:
+            await self._robot.execute("TakeArm", [self._group, int(self._keep)])
 
     async def _give(self) -> None:
-        await self._robot.execute("GiveArm")
+        if self._robot.client.dialect.takes_arm:
+            await self._robot.execute("GiveArm")
 
 
 class AsyncMotor(AsyncHolding):
@@ -134,8 +137,8 @@ class AsyncMotor(AsyncHolding):
     __slots__ = ()
 
     async def _take(self) -> None:
-        await self._robot.execute("Motor", [1, 0])
+        await self._robot.execute("Motor", motor_state(self._robot.client.dialect, on=True))
 
     async def _give(self) -> None:
-        await self._robot.execute("Motor", [0, 0])
+        await self._robot.execute("Motor", motor_state(self._robot.client.dialect, on=False))
         self._track.at_rest = True

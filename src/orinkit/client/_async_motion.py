@@ -146,7 +146,10 @@ class AsyncMover(AsyncOwner):
         """
         track = self._track
         track.halted = track.newest
-        await self._call(f.robot_halt, option)
+        if self.client.dialect.takes_arm:
+            await self._call(f.robot_halt, option)
+        else:  # nothing but slave mode moves it
+            await self._call(f.robot_execute, "slvChangeMode", 0)
         track.at_rest = track.sure = True
         track.paused = track.passing = False
 
@@ -202,7 +205,14 @@ class AsyncMover(AsyncOwner):
         return self._parent if isinstance(self._parent, AsyncOwner) else self
 
     async def _ask(self, name: str, parameter: Value = None) -> Any:
+        variable = self.client.dialect.variables.get(name)
+        if variable is not None:
+            return await self._read(variable)
         return await self._call(f.robot_execute, name, parameter)
+
+    async def _read(self, name: str) -> Any:
+        async with await self.variable(name) as variable:
+            return await variable.get_value()
 
 
 async def _told(owner: AsyncOwner, name: str) -> Any:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections import deque
 from datetime import datetime
+from operator import index
 from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit import hresult
+from orinkit.bcap.wire import LEAST_TRIES, MOST_TRIES, STREAM, WIRES, Wire
+from orinkit.cao.dialect import DIALECTS, VE026A, Dialect
 from orinkit.cao.table import Function
 from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.errors import CallError, InvalidValue, ProtocolError, error_for
 from orinkit.language import pick
-from orinkit.variant import Value
+from orinkit.transport.address import Address, PtyAddress, SerialAddress, parse_address
+from orinkit.transport.links import for_servers
+from orinkit.variant import Value, Variant, VarType
 
 RC8: Final = "CaoProv.DENSO.VRC"
 """The provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
 
-DEFAULT_TIMEOUT: Final = 3.0
+DEFAULT_TIMEOUT: Final = STREAM.timeout
 T = TypeVar("T", str, bytes)
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
@@ -117,6 +122,38 @@ def service_option(option: str | None, timeout: float) -> str | None:
     return f"WDT={round(interval * 1000)}" if interval > _LEAST_WDT + 0.001 else None
 
 
+def motor_state(dialect: Dialect, *, on: bool) -> Value:
+    """Return the parameter of Motor: that it is to be waited for too, where that can be said."""
+    return Variant(VarType.I2, int(on)) if dialect.short_numbers else [int(on), 0]
+
+
+def no_code(dialect: Dialect) -> Value:
+    """Return the parameter of ClearError (VE026A table 5-2: a code that is not used)."""
+    return Variant(VarType.I2, 0) if dialect.short_numbers else None
+
+
+def dialect_of(name: str | None, provider: str) -> Dialect | None:
+    """Return the dialect of that name, or that a provider's name tells; ``None`` where nothing does.
+
+    Raises:
+        InvalidValue: there is no dialect of that name.
+    """
+    if name is not None:
+        dialect = DIALECTS.get(str(name).lower())
+        if dialect is None:
+            known = ", ".join(DIALECTS)
+            raise InvalidValue(
+                pick(f"dialect: {name!r}; possible: {known}", f"dialect: {name!r} は使えません ({known})")
+            )
+        return dialect
+    return VE026A if not provider or is_ve026a(provider) else None
+
+
+def is_ve026a(told: object) -> bool:
+    """Whether the name of a provider, or a version, is that of a VE026A."""
+    return VE026A.name.upper() in str(told).upper()
+
+
 def check_timeout(seconds: float) -> float:
     """Return a time-out in seconds.
 
@@ -131,6 +168,44 @@ def check_timeout(seconds: float) -> float:
             )
         )
     return float(seconds)
+
+
+def check_tries(number: int) -> int:
+    """Return how often a request is sent in all: 1 to 7, what is below counts as 1, what is above as 7 (RC8 table 5-1).
+
+    Raises:
+        InvalidValue: it is no whole number.
+    """
+    try:
+        whole = index(number)
+    except TypeError:
+        raise InvalidValue(
+            pick(
+                f"tries must be a whole number from {LEAST_TRIES} to {MOST_TRIES}, not {number!r:.80}",
+                f"tries は {LEAST_TRIES}～{MOST_TRIES} の整数でなければなりません ({number!r:.80})",
+            )
+        ) from None
+    return min(max(whole, LEAST_TRIES), MOST_TRIES)
+
+
+def opening_of(url: str, timeout: float | None, tries: int) -> tuple[Address | SerialAddress, Wire, float]:
+    """Return what a URL says, how packets travel there, and how many seconds opening the link may take.
+
+    Args:
+        url: of the controller.
+        timeout: seconds of a try, ``None`` for what is usual on the wire.
+        tries: how often a request is sent.
+
+    Raises:
+        InvalidAddress: the URL cannot be used by a client.
+        InvalidValue: timeout or tries cannot be used.
+    """
+    address = parse_address(url)
+    if isinstance(address, PtyAddress):
+        raise for_servers()
+    wire = WIRES[address.scheme]
+    seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
+    return address, wire, seconds * times if wire.lossy else seconds
 
 
 def _is_number(value: object) -> bool:

@@ -10,6 +10,7 @@ from typing import Final, Literal, NoReturn, TypeAlias
 
 from orinkit._pose_checks import brief, finite
 from orinkit.arms import model_of_type
+from orinkit.cao.dialect import Dialect
 from orinkit.cao.slave_formats import (
     POSE_SIZES,
     Receive,
@@ -77,7 +78,7 @@ class Options:
 
 
 def read_options(
-    mode: int, pose: str, recv: Iterable[str], *, mini: int | None, hand: int | None, user: tuple[int, bytes] | None,
+    dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, mini: int | None, hand: int | None, user: tuple[int, bytes] | None,
     user_window: tuple[int, int] | None, limits: Limits | PathLimits | None, speed: float, period: float, queue: int,
     idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
 ) -> Options:  # fmt: skip
@@ -93,6 +94,8 @@ def read_options(
     outputs = read_outputs(mini, hand, user)
     window = _window(user_window)
     number = _receive(recv) | (Receive.USER if window else 0)
+    if not dialect.slave_formats:
+        number = _plain(mode, pose, number, outputs)
     if on_range not in ("clamp", "refuse"):
         _refuse("on_range", on_range, "clamp, refuse")
     if limits is not None and not isinstance(limits, Limits if wanted.kind == "J" else PathLimits):
@@ -110,6 +113,22 @@ def read_options(
     )  # fmt: skip
     check_outputs(options, outputs)
     return options
+
+
+def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
+    """Return the receive format of a controller that knows no formats (VE026A 2.2).
+
+    Raises:
+        InvalidValue: something is wanted that it does not have.
+    """
+    if mode == 2 or pose != "J" or number & ~int(Receive.TIME) != _POSES[frozenset()] or outputs != Outputs():
+        raise InvalidValue(
+            pick(
+                'this controller has slave modes 0 and 1 for pose "J" only, answers the joints only, and takes no outputs',
+                'このコントローラのスレーブモードは位置形式 "J" のモード 0 と 1 のみで、応答は関節のみ、出力は送信できません',
+            )
+        )
+    return _POSES[frozenset()]
 
 
 def check_outputs(options: Options, outputs: Outputs) -> None:

@@ -9,21 +9,25 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from orinkit import hresult
 from orinkit.bcap.client import Trace
+from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao import functions as f
+from orinkit.cao.dialect import VE026A
 from orinkit.cao.table import Function
 from orinkit.client._common import (
-    DEFAULT_TIMEOUT,
     RC8,
     ErrorInfo,
     NodeFunctions,
     check_content,
+    dialect_of,
     error_count,
     error_info,
     file_data,
     file_option,
     file_text,
     is_no_file,
+    is_ve026a,
     moment,
+    no_code,
     no_such_error,
     service_option,
     text_list,
@@ -486,7 +490,7 @@ class Controller(Owner):
 
     def clear_error(self) -> None:
         """Clear the controller's errors (RC8 3.3.6)."""
-        self.execute("ClearError")
+        self.execute("ClearError", no_code(self.client.dialect))
 
     def error_description(self, code: int) -> str:
         """Return the controller's own text for a code."""
@@ -524,34 +528,60 @@ def open_controller(
     name: str = "",
     machine: str = "localhost",
     option: str = "",
-    timeout: float = DEFAULT_TIMEOUT,
+    timeout: float | None = None,
+    tries: int = DEFAULT_TRIES,
     service: str | None = None,
     limits: Limits = DEFAULT_LIMITS,
     trace: Trace | None = None,
+    dialect: str | None = None,
 ) -> Controller:
     """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
 
     Args:
-        url: ``tcp://192.168.0.1:5007``; DENSO's ``tcp:192.168.0.1:5007`` too.
+        url: ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007``, ``serial:///dev/ttyUSB0?baudrate=38400``; DENSO's
+            ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0`` too.
         provider: provider name; RC9 and COBOTTA PRO want ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
         name: name of the controller in this connection; empty lets the controller choose.
         machine: machine name; controllers take ``localhost`` or their own address.
         option: connection options, for example ``@IfNotMember``.
-        timeout: seconds for connecting and for each call.
-        service: option of Service_Start; by default a watchdog (``WDT=400``), so that a long call outlasts the time-out.
+        timeout: seconds for connecting and for each call; with UDP and serial lines for each try of a call, so that it
+            may take ``timeout * tries`` in all. By default 3.0 with TCP, 0.5 with the others.
+        tries: how often a request is sent in all with UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry); the
+            controller carries it out once. With TCP nothing is sent twice.
+        service: option of Service_Start; by default a watchdog (``WDT=400``), so that a long call outlasts the time-out. On
+            a serial line none: there the answer to a repeated request tells that the controller is still at work.
         limits: bounds on what is received.
         trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
+        dialect: ``"rc8"`` or ``"ve026a"``. By default the second where the provider's name is empty or has ``VE026A`` in
+            it, and on a serial line where the controller's ``@VERSION`` has; otherwise the first.
 
     Raises:
         InvalidAddress: the URL cannot be used.
+        InvalidValue: there is no such dialect.
         ConnectFailed: nobody there.
+        CallTimeout: nobody answers.
         CallError: the controller refuses.
+        MissingExtra: serial lines need serialx.
     """
-    client = Client.open(url, timeout=timeout, limits=limits, trace=trace)
+    known = dialect_of(dialect, provider)
+    client = Client.open(url, timeout=timeout, tries=tries, limits=limits, trace=trace)
     try:
-        client.call(f.service_start, service_option(service, timeout))
+        client.dialect = known or client.dialect
+        quiet = client.wire.shared or not client.dialect.takes_options
+        client.call(f.service_start, service_option("" if quiet and service is None else service, client.timeout))
         handle = client.call(f.controller_connect, name, provider, machine, option)
+        controller = Controller(client, handle, name or provider)
+        if known is None and client.wire.shared and is_ve026a(_version(controller)):
+            client.dialect = VE026A
     except BaseException:
         client.close()
         raise
-    return Controller(client, handle, name or provider)
+    return controller
+
+
+def _version(controller: Controller) -> Any:
+    try:
+        with controller.variable("@VERSION") as version:
+            return version.get_value()
+    except CallError:  # it does not tell
+        return ""

@@ -11,12 +11,13 @@ from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
 from orinkit.bcap.client import Conversation, Reply, Trace
+from orinkit.bcap.wire import DEFAULT_TRIES, STREAM, Wire
+from orinkit.cao.dialect import Dialect
 from orinkit.cao.table import Function
-from orinkit.client._common import DEFAULT_TIMEOUT, Garbage, check_timeout
-from orinkit.errors import ConnectionLost, ProtocolError
-from orinkit.transport.address import parse_address
+from orinkit.client._common import Garbage, check_timeout, check_tries, opening_of
+from orinkit.errors import ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.drive import LentLink, Link, run
-from orinkit.transport.tcp import TcpLink
+from orinkit.transport.links import open_link
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 P = ParamSpec("P")
@@ -29,56 +30,105 @@ class Client:
     Calls are carried out one at a time; several threads may use one client. A call that times out leaves
     the connection in step: its answer, should it come, is dropped.
 
+    Where packets may be lost (UDP, serial lines), a request that is not answered in time is sent again, and the
+    controller carries it out once: it knows a request again.
+
+    Args:
+        link: to the controller.
+        timeout: seconds, see below; by default what is usual on the wire.
+        tries: see below.
+        limits: bounds on what is received; those of the wire count too.
+        trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
+        wire: how packets travel over the link.
+
     Attributes:
-        timeout: seconds that a call waits for its answer; every S_EXECUTING from the controller starts it anew.
+        timeout: seconds that a call waits for its answer, on UDP and serial lines in each of its tries; every
+            S_EXECUTING from the controller starts it anew.
+        tries: how often a request is sent in all on UDP and serial lines, 1 to 7.
+        wire: how packets travel.
     """
 
     def __init__(
         self,
         link: Link,
         *,
-        timeout: float = DEFAULT_TIMEOUT,
+        timeout: float | None = None,
+        tries: int = DEFAULT_TRIES,
         limits: Limits = DEFAULT_LIMITS,
         trace: Trace | None = None,
+        wire: Wire = STREAM,
     ) -> None:
-        self._timeout = check_timeout(timeout)
+        self._timeout = check_timeout(wire.timeout if timeout is None else timeout)
+        self._tries = check_tries(tries)
         self._link: Link = link
-        self._conversation = Conversation(limits, trace)
+        self._conversation = Conversation(limits, trace, wire)
         self._lock = threading.RLock()
         self.garbage = Garbage()
 
     @property
     def timeout(self) -> float:
-        """Seconds that a call waits for its answer; may be set."""
+        """Seconds that a call waits for its answer, on UDP and serial lines in each of its tries; may be set."""
         return self._timeout
 
     @timeout.setter
     def timeout(self, seconds: float) -> None:
         self._timeout = check_timeout(seconds)
 
+    @property
+    def tries(self) -> int:
+        """How often a request is sent in all on UDP and serial lines; may be set (RC8 table 5-1: TORetry)."""
+        return self._tries
+
+    @tries.setter
+    def tries(self, number: int) -> None:
+        self._tries = check_tries(number)
+
+    @property
+    def dialect(self) -> Dialect:
+        """Dialect of the controller; may be set once it is known."""
+        return self._conversation.dialect
+
+    @dialect.setter
+    def dialect(self, dialect: Dialect) -> None:
+        self._conversation.dialect = dialect
+
+    @property
+    def wire(self) -> Wire:
+        """How packets travel."""
+        return self._conversation.wire
+
     @classmethod
     def open(
         cls,
         url: str,
         *,
-        timeout: float = DEFAULT_TIMEOUT,
+        timeout: float | None = None,
+        tries: int = DEFAULT_TRIES,
         limits: Limits = DEFAULT_LIMITS,
         trace: Trace | None = None,
     ) -> Self:
         """Open a connection and nothing more: Service_Start is yours to call.
 
         Args:
-            url: ``tcp://host:port`` or ``tcp:host:port``.
-            timeout: seconds for connecting and for each call.
-            limits: bounds on what is received.
+            url: ``tcp://host:port``, ``udp://host:port`` or ``serial:///dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``;
+                ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0`` too.
+            timeout: seconds for connecting and for each call; with UDP and serial lines for each try of a call, so that
+                it may take ``timeout * tries`` in all. By default 3.0 with TCP, 0.5 with the others; a slow serial line
+                needs longer where packets are long.
+            tries: how often a request is sent in all with UDP and serial lines, 1 to 7: below is 1, above is 7
+                (RC8 table 5-1: TORetry). With TCP nothing is sent twice.
+            limits: bounds on what is received; a packet with UDP has at most 504 bytes, on a serial line 65,536.
             trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
 
         Raises:
             InvalidAddress: the URL cannot be used.
-            ConnectFailed: nobody there.
+            InvalidValue: timeout or tries cannot be used.
+            ConnectFailed: nobody there; with UDP that shows with the first call.
+            MissingExtra: serial lines need serialx.
         """
-        link = TcpLink(parse_address(url), check_timeout(timeout))
-        return cls(link, timeout=timeout, limits=limits, trace=trace)
+        address, wire, seconds = opening_of(url, timeout, tries)
+        link = open_link(address, seconds)
+        return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, wire=wire)
 
     def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of the table (:mod:`orinkit.functions`) and return its result.
@@ -88,6 +138,7 @@ class Client:
             InvalidValue: an argument does not fit its type; nothing was sent.
             CallError: the controller answered with an error code.
             CallTimeout: it did not answer in time.
+            ConnectFailed: with UDP, nobody listens there.
             ConnectionLost: the connection broke.
             ProtocolError: what came back is not b-CAP.
         """
@@ -105,7 +156,7 @@ class Client:
         Args:
             function: an entry of the table.
             arguments: its arguments.
-            timeout: seconds, instead of the client's.
+            timeout: seconds, of each try where there are several, instead of the client's.
             exact: give the result as a :class:`~orinkit.variant.Variant` with its type.
         """
         seconds = self.timeout if timeout is None else check_timeout(timeout)
@@ -121,8 +172,9 @@ class Client:
         exact: bool = False,
     ) -> tuple[int, Any]:
         try:
-            return run(self._conversation.call(function, arguments, seconds, exact=exact), self._link)
-        except ConnectionLost:
+            operation = self._conversation.call(function, arguments, seconds, exact=exact, tries=self._tries)
+            return run(operation, self._link)
+        except (ConnectFailed, ConnectionLost):
             self._link.close()
             raise
         except ProtocolError as error:

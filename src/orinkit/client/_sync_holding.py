@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Final
 
 from orinkit.client import _motion_common as common
+from orinkit.client._common import motor_state
 from orinkit.client._sync_motion import Mover, Track
 from orinkit.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
 from orinkit.transport.drive import Deadline, pause
@@ -120,10 +121,12 @@ class Arm(Holding):
         self._keep = keep
 
     def _take(self) -> None:
-        self._robot.execute("TakeArm", [self._group, int(self._keep)])
+        if self._robot.client.dialect.takes_arm:
+            self._robot.execute("TakeArm", [self._group, int(self._keep)])
 
     def _give(self) -> None:
-        self._robot.execute("GiveArm")
+        if self._robot.client.dialect.takes_arm:
+            self._robot.execute("GiveArm")
 
 
 class Motor(Holding):
@@ -132,8 +135,8 @@ class Motor(Holding):
     __slots__ = ()
 
     def _take(self) -> None:
-        self._robot.execute("Motor", [1, 0])
+        self._robot.execute("Motor", motor_state(self._robot.client.dialect, on=True))
 
     def _give(self) -> None:
-        self._robot.execute("Motor", [0, 0])
+        self._robot.execute("Motor", motor_state(self._robot.client.dialect, on=False))
         self._track.at_rest = True

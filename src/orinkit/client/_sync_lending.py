@@ -12,6 +12,7 @@ from typing import Final, Self
 
 from orinkit import hresult
 from orinkit.client import _slave_common as common
+from orinkit.client._common import motor_state, no_code
 from orinkit.client._slave_options import Options, limits_for
 from orinkit.client._sync_motion import Mover
 from orinkit.errors import CallError, OrinError
@@ -79,12 +80,14 @@ class SlaveMode:
         robot, client, options = self._robot, self._robot.client, self._options
         self._failure, self._told = None, False
         self._forget()
-        streaming = Streaming(client.descriptor())
+        streaming = Streaming(client.descriptor(), client.wire.name)
         self._streaming = streaming
         try:
-            robot.execute("slvSendFormat", int(options.send))
-            robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
-            type_name = "" if options.limits else robot.execute("GetRobotTypeName")
+            type_name = client.dialect.name
+            if client.dialect.slave_formats:
+                robot.execute("slvSendFormat", int(options.send))
+                robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
+                type_name = "" if options.limits else robot.execute("GetRobotTypeName")
             self.limits = limits_for(options, type_name)
             start, beyond = self._start()
             self._until(lambda: streaming.real_time is not None)
@@ -108,14 +111,15 @@ class SlaveMode:
         return Setup(
             self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
             options.window, self._outputs, options.period, self.limits, start, beyond, serial, self._robot.client.timeout,
-            options.idle, os.getpid(),
+            options.idle, os.getpid(), self._robot.client.dialect.name,
+            self._robot.client.tries,
         )  # fmt: skip
 
     def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return where the arm stands, once its encoders do; and the joints that there are no limits for."""
         robot = self._robot
-        deadline = Deadline(common.SETTLE)
-        while not robot.motion_complete(1) and not deadline.passed:
+        deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
+        while not deadline.passed and not robot.motion_complete(1):
             pause(common.POLL)
         if self._kind == "P":
             return tuple(robot.get_position()), ()
@@ -193,8 +197,9 @@ class SlaveMode:
         self._leave(Order.LEAVE)
         for attempt in range(common.TRIES):
             try:
-                self._robot._controller().execute("ClearError")  # noqa: SLF001 - its own controller
-                self._robot.execute("Motor", [1, 0])
+                dialect = self._robot.client.dialect
+                self._robot._controller().execute("ClearError", no_code(dialect))  # noqa: SLF001 - its own controller
+                self._robot.execute("Motor", motor_state(dialect, on=True))
                 self._enter()
             except CallError as error:
                 if error.code not in _NOT_YET or attempt == common.TRIES - 1:

@@ -145,7 +145,10 @@ class Mover(Owner):
         """
         track = self._track
         track.halted = track.newest
-        self._call(f.robot_halt, option)
+        if self.client.dialect.takes_arm:
+            self._call(f.robot_halt, option)
+        else:  # nothing but slave mode moves it
+            self._call(f.robot_execute, "slvChangeMode", 0)
         track.at_rest = track.sure = True
         track.paused = track.passing = False
 
@@ -201,7 +204,14 @@ class Mover(Owner):
         return self._parent if isinstance(self._parent, Owner) else self
 
     def _ask(self, name: str, parameter: Value = None) -> Any:
+        variable = self.client.dialect.variables.get(name)
+        if variable is not None:
+            return self._read(variable)
         return self._call(f.robot_execute, name, parameter)
+
+    def _read(self, name: str) -> Any:
+        with self.variable(name) as variable:
+            return variable.get_value()
 
     @property
     def joints(self) -> J:

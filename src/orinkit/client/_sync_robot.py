@@ -64,7 +64,7 @@ class Robot(Mover):
 
     def slave_mode(
         self,
-        mode: int = 2,
+        mode: int | None = None,
         pose: str = "J",
         recv: Iterable[Wanted] = ("time", "joints"),
         *,
@@ -88,8 +88,9 @@ class Robot(Mover):
                 stream.run(trajectory)
 
         Args:
-            mode: 0 and 2 have the controller queue three set-points: 2 lets its answers wait until there is room, 0 says
-                that there is none; 1 has it keep the newest one only (RC8 4.3).
+            mode: 0 and 2 have the controller queue three set-points: 2, the default, lets its answers wait until there is
+                room, 0 says that there is none; 1 has it keep the newest one only (RC8 4.3). A VE026A has 0, a set-point
+                in every cycle, and 1, its default (VE026A 2.2.1).
             pose: ``"J"`` joints, ``"P"`` positions, ``"T"`` homogeneous transformations.
             recv: what comes back with each set-point: ``"joints"``, ``"position"`` or ``"trans"`` (joints can come with
                 either), ``"mini"``, ``"hand"`` I/O, ``"current"`` of the motors; the controller's time always.
@@ -111,8 +112,9 @@ class Robot(Mover):
         from orinkit.client._slave_options import read_options
         from orinkit.client._sync_slave import Stream  # most programs need none of this
 
+        dialect = self.client.dialect
         options = read_options(
-            mode, pose, recv, mini=mini, hand=hand, user=user, user_window=user_window, limits=limits, speed=speed,
+            dialect, dialect.slave_mode if mode is None else mode, pose, recv, mini=mini, hand=hand, user=user, user_window=user_window, limits=limits, speed=speed,
             period=period, queue=queue, idle=idle, on_range=on_range, record=record,
         )  # fmt: skip
         return Stream(self, options)
@@ -390,10 +392,6 @@ class Robot(Mover):
     def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
         command = f"{common.kind_of(pose, wanted)}2{wanted}"
         return common.read_pose(kind, command, self._ask(command, pose_text(pose)))
-
-    def _read(self, name: str) -> Any:
-        with self.variable(name) as variable:
-            return variable.get_value()
 
     @property
     def ext_speed(self) -> float:

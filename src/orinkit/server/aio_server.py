@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from collections.abc import Iterable
 from types import TracebackType
@@ -12,14 +11,14 @@ from orinkit.cao.provider import Provider
 from orinkit.cao.session import Host
 from orinkit.errors import ConnectFailed
 from orinkit.language import pick
-from orinkit.server.tcp import Connections
-from orinkit.transport.address import Address, parse_address
+from orinkit.server.connections import Connections, Listener
+from orinkit.server.tcp import TcpListener
+from orinkit.transport.address import Address, AnyAddress, SerialAddress, parse_address
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.server")
 
 DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
-_BACKLOG: Final = 512
 _GRACE: Final = 1.0  # seconds for clients to take their last answers and for handlers to end
 
 
@@ -28,13 +27,18 @@ class AsyncServer:
 
     Args:
         providers: one provider or several; each is reached by its provider names.
-        urls: where to listen; loopback and port 5007 unless told otherwise; port 0 takes a free one.
+        urls: where to listen: ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``serial:///dev/ttyUSB0?baudrate=38400``, or
+            ``pty://``, which opens a pair of pseudo-terminals. Loopback and port 5007 on TCP unless told otherwise; port
+            0 takes a free one.
         clients: how many clients at a time.
         objects: how many objects one client may hold.
         limits: bounds on packets.
         invoke_timeout: seconds that a call may take unless the client says otherwise.
 
     Use it with ``async with``, or call :meth:`start` and :meth:`close`.
+
+    Attributes:
+        urls: every address that is served, with its real port or path.
     """
 
     def __init__(
@@ -49,12 +53,12 @@ class AsyncServer:
         self._addresses = [parse_address(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
         self._connections = Connections(self._host, limits, clients, invoke_timeout)
-        self._servers: list[asyncio.Server] = []
+        self._listeners: list[Listener] = []
         self.urls: list[str] = []
 
     @property
     def url(self) -> str:
-        """The first address that is served, with its real port."""
+        """The first address that is served, with its real port or path."""
         return self.urls[0]
 
     @property
@@ -67,31 +71,17 @@ class AsyncServer:
 
         Raises:
             ConnectFailed: one cannot be opened; none is then.
+            MissingExtra: a package is not there that serial ports need.
         """
         for address in self._addresses:
             try:
-                await self._listen(address)
+                listener = await _listen(address, self._connections)
             except BaseException:
                 await self._stop()  # the providers stay as they are: they may be served elsewhere
                 raise
-
-    async def _listen(self, address: Address) -> None:
-        loop = asyncio.get_running_loop()
-        try:
-            server = await loop.create_server(
-                self._connections.make, address.host, address.port, backlog=_BACKLOG, reuse_address=True
-            )
-        except (OSError, ValueError) as error:
-            raise ConnectFailed(
-                pick(
-                    f"cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
-                    f"{address} で待ち受けできません: {error}。対処: 別のポートか、空きポートを選ぶ 0 を指定してください",
-                )
-            ) from error
-        self._servers.append(server)
-        port = server.sockets[0].getsockname()[1]
-        self.urls.append(str(Address(address.scheme, address.host, port)))
-        logger.info("listening on %s", self.urls[-1])
+            self._listeners.append(listener)
+            self.urls.append(listener.url)
+            logger.info("listening on %s", listener.url)
 
     async def close(self) -> None:
         """Stop listening, let every client go, close the providers."""
@@ -101,9 +91,9 @@ class AsyncServer:
 
     async def _stop(self) -> None:
         await self._connections.refuse()
-        for server in self._servers:
-            server.close()
-        self._servers.clear()
+        for listener in self._listeners:
+            await listener.close()
+        self._listeners.clear()
         await self._connections.close(_GRACE)
 
     async def __aenter__(self) -> Self:
@@ -114,3 +104,30 @@ class AsyncServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self.close()
+
+
+async def _listen(address: AnyAddress, shared: Connections) -> Listener:
+    """Open one address."""
+    if isinstance(address, Address):
+        return await _listen_at(address, shared)
+    from orinkit.server import serial_line  # few servers have a serial line
+
+    if isinstance(address, SerialAddress):
+        return await serial_line.PortListener.open(address, shared)
+    return await serial_line.PtyListener.open(address, shared)
+
+
+async def _listen_at(address: Address, shared: Connections) -> Listener:
+    try:
+        if address.scheme == "udp":
+            from orinkit.server.udp import UdpListener
+
+            return await UdpListener.open(address, shared)
+        return await TcpListener.open(address, shared)
+    except (OSError, ValueError) as error:
+        raise ConnectFailed(
+            pick(
+                f"cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
+                f"{address} で待ち受けできません: {error}。対処: 別のポートか、空きポートを選ぶ 0 を指定してください",
+            )
+        ) from error

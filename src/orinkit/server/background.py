@@ -44,7 +44,7 @@ class Server:
 
     @property
     def url(self) -> str:
-        """The first address that is served, with its real port."""
+        """The first address that is served, with its real port or path."""
         return self._server.url
 
     @property
@@ -96,7 +96,8 @@ def serve(
 
     Raises:
         InvalidAddress: a URL cannot be used.
-        ConnectFailed: an address cannot be opened.
+        ConnectFailed: an address cannot be opened; none is then.
+        MissingExtra: a package is not there that serial ports need.
     """
     from orinkit.server.aio_server import AsyncServer
 

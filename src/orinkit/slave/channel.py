@@ -66,7 +66,7 @@ def describe(error: Exception) -> dict[str, Any]:
     if isinstance(error, CallError):
         return {"kind": "CallError", "code": error.code, "detail": error.detail, "function": error.function}
     if isinstance(error, CallTimeout):
-        return {"kind": "CallTimeout", "function": error.function, "seconds": error.seconds}
+        return {"kind": "CallTimeout", "function": error.function, "seconds": error.seconds, "tries": error.tries}
     known = next((name for name, kind in _KINDS.items() if isinstance(error, kind)), "")
     return {"kind": known or "StreamError", "text": str(error) if known else f"{type(error).__name__}: {error}"}
 
@@ -77,5 +77,5 @@ def rebuild(message: dict[str, Any]) -> OrinError:
     if kind == "CallError":
         return error_for(hresult.unsigned(message["code"]), message["detail"], message["function"])
     if kind == "CallTimeout":
-        return CallTimeout(message["function"], message["seconds"])
+        return CallTimeout(message["function"], message["seconds"], message["tries"])
     return _KINDS.get(str(kind), StreamError)(message.get("text", ""))

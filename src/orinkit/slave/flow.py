@@ -74,15 +74,9 @@ class Filling:
                 sleep_until(self._tick)
             else:
                 if delivery.code == hresult.S_BUF_FULL:
-                    self._pause()
+                    self._tick = _next_tick(self._tick, self._period)
+                    sleep_until(self._tick)
                 return delivery
-
-    def _pause(self) -> None:
-        now = monotonic()
-        self._tick += self._period
-        if not now < self._tick <= now + self._period:  # it has been late, or was not needed for a while
-            self._tick = now + self._period
-        sleep_until(self._tick)
 
 
 class Ticking:
@@ -101,11 +95,11 @@ class Ticking:
         """Hand over; returns when the controller has taken it, or a period later where it does not tell its time."""
         first = self._call(parameter)
         began = first.answer.timestamp
-        self._tick = first.sent
         if began is None:
-            self._tick += self._period
+            self._tick = _next_tick(self._tick, self._period)
             sleep_until(self._tick)
             return first
+        self._tick = first.sent
         end = first.sent + _PATIENCE
         while True:
             self._tick += self._period / _LOOKS
@@ -113,6 +107,13 @@ class Ticking:
             again = self._call(parameter)
             if again.answer.timestamp != began or again.sent > end:
                 return again._replace(sent=first.sent)
+
+
+def _next_tick(tick: float, period: float) -> float:
+    """Return the tick behind one, or a period from now where that is past or far: it has been late, or was not needed."""
+    now = monotonic()
+    following = tick + period
+    return following if now < following <= now + period else now + period
 
 
 def sleep_until(moment: float) -> None:

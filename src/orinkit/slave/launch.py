@@ -23,7 +23,7 @@ _START: Final = """
 import sys
 sys.path[:] = {path!r}
 from orinkit.slave.process import main
-main({channel}, {link}, {memory})
+main({channel}, {link}, {memory}, {kind!r})
 """
 _PATIENCE: Final = 15.0  # s; a call of the streaming process is over by then, whatever the controller does
 _LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
@@ -34,6 +34,7 @@ class Streaming:
 
     Args:
         link: descriptor of the connection that it is to have.
+        kind: of the connection: ``"tcp"``, ``"udp"`` or ``"serial"``.
 
     Attributes:
         shared: memory that it reads and writes.
@@ -50,7 +51,7 @@ class Streaming:
         MissingExtra: a package is missing.
     """
 
-    def __init__(self, link: int) -> None:
+    def __init__(self, link: int, kind: str) -> None:
         load_ruckig()  # what the process is going to import; said here, where somebody reads it
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
@@ -73,7 +74,7 @@ class Streaming:
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours)
         try:
-            self._process = _start(theirs.fileno(), link, self.shared.descriptor)
+            self._process = _start(theirs.fileno(), link, self.shared.descriptor, kind)
         except OSError as error:
             self._channel.close()
             self.shared.close()
@@ -156,7 +157,7 @@ class Streaming:
         self.shared.close()
 
 
-def _start(channel: int, link: int, memory: int) -> subprocess.Popen[bytes]:
+def _start(channel: int, link: int, memory: int, kind: str) -> subprocess.Popen[bytes]:
     """Start a process that has these descriptors.
 
     Raises:
@@ -167,7 +168,7 @@ def _start(channel: int, link: int, memory: int) -> subprocess.Popen[bytes]:
         # where a standard stream is closed, one of these may have its number, which the new process needs for that
         numbers.extend(fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (channel, link, memory))
         path = [str(place) for place in sys.path]
-        program = _START.format(path=path, channel=numbers[0], link=numbers[1], memory=numbers[2])
+        program = _START.format(path=path, channel=numbers[0], link=numbers[1], memory=numbers[2], kind=kind)
         return subprocess.Popen(  # noqa: S603 - this very Python
             [sys.executable, "-c", program],
             stdin=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""The streaming process itself: ``python -c "...; orinkit.slave.process.main(3, 4, 5)"``, started by ``launch``."""
+"""The streaming process itself: ``python -c "...; orinkit.slave.process.main(3, 4, 5, 'tcp')"``, started by ``launch``."""
 
 from __future__ import annotations
 
@@ -13,51 +13,53 @@ from orinkit.slave.channel import Channel, describe
 from orinkit.slave.planners import planner_for
 from orinkit.slave.setup import Setup
 from orinkit.slave.shared import Shared
-from orinkit.slave.streamer import Streamer, Watch, Wire
-from orinkit.transport.tcp import AdoptedTcpLink
+from orinkit.slave.streamer import Connection, Streamer, Watch
+from orinkit.transport.links import adopt
 
 _FOREVER = 1e6
 
 
-def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int) -> None:
-    """Stream for the program at the other end of the channel."""
+def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int, kind: str) -> None:
+    """Stream for the program at the other end of the channel, over a link of a kind of :data:`orinkit.bcap.wire.WIRES`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which says what is to be done
     channel = Channel(socket.socket(fileno=channel_descriptor))
     shared = Shared(memory_descriptor)
-    link = AdoptedTcpLink(link_descriptor)
+    link = adopt(kind, link_descriptor)
     obtained = realtime.obtain()
     channel.send({"ready": True, "priority": obtained.priority, "locked": obtained.locked})
     message = channel.receive(_FOREVER)
     if message is None:
         return
     setup = Setup.from_message(message)
-    wire = Wire(link, setup)
+    connection = Connection(link, setup, kind)
     watch = Watch(channel, setup.program)
     signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
     outcome: dict[str, Any] = {"reason": "", "error": None}
     try:
-        _stream(setup, wire, shared, watch, channel, outcome)
+        _stream(setup, connection, shared, watch, channel, outcome)
     except CallError as error:
-        first = wire.first_error(error)
-        wire.leave()
+        first = connection.first_error(error)
+        connection.leave()
         outcome["error"] = describe(first)
     except ConnectionLost as error:
         outcome["error"] = describe(error)
     except OrinError as error:
-        wire.leave()
+        connection.leave()
         outcome["error"] = describe(error)
     except Exception as error:  # noqa: BLE001 - the program is told
         outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
     outcome["ended"] = True
-    outcome["serial"] = wire.conversation.serial
+    outcome["serial"] = connection.conversation.serial
     channel.send(outcome)
     link.release()
     channel.receive(_FOREVER)  # until the program lets go: what it asks of this process's memory is then done
 
 
-def _stream(setup: Setup, wire: Wire, shared: Shared, watch: Watch, channel: Channel, outcome: dict[str, Any]) -> None:
+def _stream(
+    setup: Setup, connection: Connection, shared: Shared, watch: Watch, channel: Channel, outcome: dict[str, Any]
+) -> None:
     planner = planner_for(setup.limits, setup.period, setup.start, setup.mode.kind)
-    wire.execute("slvChangeMode", setup.mode.number)
+    connection.execute("slvChangeMode", setup.mode.number)
     channel.send({"streaming": True})
-    outcome["reason"] = Streamer(setup, wire, shared, watch, planner).run()
-    wire.execute("slvChangeMode", OFF)
+    outcome["reason"] = Streamer(setup, connection, shared, watch, planner).run()
+    connection.execute("slvChangeMode", OFF)

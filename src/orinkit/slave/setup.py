@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
+from orinkit.cao.dialect import DIALECTS, RC8
 from orinkit.cao.slave_formats import ReceiveFormat, Send, SlaveMode, UserWindow, mode_of
 from orinkit.slave.limits import Limits, PathLimits
 from orinkit.slave.shared import Outputs
@@ -28,6 +29,8 @@ class Setup:
         timeout: seconds that an answer may take.
         idle: seconds without a set-point in the queue after which slave mode is left, ``None`` for never.
         program: number of the program's process.
+        dialect: name of the controller's.
+        tries: how often a request is sent in all where packets may be lost.
     """
 
     controller: int
@@ -45,6 +48,13 @@ class Setup:
     timeout: float
     idle: float | None
     program: int
+    dialect: str = RC8.name
+    tries: int = 1
+
+    @property
+    def plain(self) -> bool:
+        """Whether slvMove takes the joints and nothing else (VE026A 2.2)."""
+        return not DIALECTS[self.dialect].slave_formats
 
     def to_message(self) -> dict[str, Any]:
         """Return it as JSON can have it; :meth:`from_message` is the other way."""

@@ -9,7 +9,9 @@ from typing import Any, Final, Literal
 
 from orinkit import hresult
 from orinkit.bcap.client import Conversation
+from orinkit.bcap.wire import WIRES
 from orinkit.cao import functions
+from orinkit.cao.dialect import DIALECTS
 from orinkit.cao.slave_formats import (
     OFF,
     SetPoint,
@@ -31,6 +33,8 @@ _RESTS: Final = 3  # equal set-points at the end; two tell the controller that t
 _AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
 _WATCH: Final = 0.02  # s between two looks at the program's process
 _MOST_SECONDS: Final = 1.0  # for the answer to a set-point
+_CYCLES: Final = 2  # that a set-point waits for its answer before it is sent again, where packets may be lost
+_TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
 _STOPPED: Final = frozenset(b"Tt")
@@ -84,28 +88,51 @@ class Watch:
         return bool(state) and state[0][0] in _STOPPED
 
 
-class Wire:
-    """The connection, while this process has it."""
+class Connection:
+    """The connection, while this process has it.
 
-    def __init__(self, link: Link, setup: Setup) -> None:
+    Args:
+        link: to the controller.
+        setup: what this process was told.
+        kind: how packets travel, of :data:`orinkit.bcap.wire.WIRES`.
+    """
+
+    def __init__(self, link: Link, setup: Setup, kind: str) -> None:
         self._link = link
         self._controller = setup.controller
         self._handle = setup.handle
         self._timeout = setup.timeout
+        self._tries = setup.tries
+        self._cycle = setup.period
+        self._trip = 0.0  # s that a command took
         self._receive = setup.receive
-        self.conversation = Conversation()
+        self.conversation = Conversation(wire=WIRES[kind], dialect=DIALECTS[setup.dialect])
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
         """Execute a command of the robot; returns code and result."""
-        return self._call(functions.robot_execute, (self._handle, command, parameter), self._timeout)
+        began = monotonic()
+        answer = self._call(functions.robot_execute, (self._handle, command, parameter), self._timeout, self._tries)
+        self._trip = monotonic() - began
+        return answer
 
     def move(self, parameter: Any) -> Delivery:
         """Send slvMove."""
         arguments = (self._handle, "slvMove", parameter)
+        seconds, tries = self._patience()
         sent = monotonic()
-        code, value = self._call(functions.robot_execute, arguments, min(self._timeout, _MOST_SECONDS))
+        code, value = self._call(functions.robot_execute, arguments, seconds, tries)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
+
+    def _patience(self) -> tuple[float, int]:
+        """Return how long to wait for the answer to a set-point, and how often it is sent: one that is lost is soon felt."""
+        wire = self.conversation.wire
+        if not wire.lossy:
+            return min(self._timeout, _MOST_SECONDS), 1
+        seconds = _CYCLES * self._cycle
+        if wire.shared:  # a slow line is busy with one set-point for longer than that
+            seconds = max(seconds, min(_TRIPS * self._trip, self._timeout))
+        return seconds, max(1, int(_MOST_SECONDS / seconds))
 
     def leave(self) -> None:
         """Turn slave mode off after an error; most errors have done so already."""
@@ -114,9 +141,11 @@ class Wire:
         except OrinError:
             pass
 
-    def _call(self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float) -> tuple[int, Any]:
+    def _call(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, tries: int
+    ) -> tuple[int, Any]:
         try:
-            return run(self.conversation.call(function, arguments, seconds), self._link)
+            return run(self.conversation.call(function, arguments, seconds, tries=tries), self._link)
         except CallError as error:  # which command it was says more than the function
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
@@ -141,7 +170,8 @@ class Wire:
         return error_for(error.code, "; ".join(filter(None, (*reasons, error.detail))), error.function)
 
     def _ask(self, command: str, parameter: Any) -> Any:
-        return self._call(functions.controller_execute, (self._controller, command, parameter), self._timeout)[1]
+        arguments = (self._controller, command, parameter)
+        return self._call(functions.controller_execute, arguments, self._timeout, self._tries)[1]
 
 
 @dataclass(slots=True)
@@ -167,20 +197,22 @@ class Streamer:
 
     Args:
         setup: what and how.
-        wire: the connection.
+        connection: to the controller.
         shared: memory that the program writes to and reads from.
         watch: looks at the program.
         planner: within whose limits all is done.
     """
 
-    def __init__(self, setup: Setup, wire: Wire, shared: Shared, watch: Watch, planner: Planner) -> None:
+    def __init__(self, setup: Setup, connection: Connection, shared: Shared, watch: Watch, planner: Planner) -> None:
         self._setup = setup
-        self._wire = wire
         self._shared = shared
         self._watch = watch
         self._planner = planner
-        call: Call = wire.move
-        self._flow = FLOWS[setup.mode.buffering](call, setup.period)
+        call: Call = connection.move
+        buffering = setup.mode.buffering
+        if setup.plain and buffering == 0:  # a VE026A lets its answer wait for the cycle (VE026A 2.2.1: response style)
+            buffering = 2
+        self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _Clock(setup.receive.microseconds)
         self._outputs = setup.outputs
         self._outputs_seen = 0
@@ -296,6 +328,8 @@ class Streamer:
 
     def _parameter(self, command: tuple[float, ...]) -> Any:
         setup, outputs = self._setup, self._outputs
+        if setup.plain:
+            return [*command, *setup.beyond]
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))

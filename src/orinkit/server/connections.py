@@ -1,0 +1,104 @@
+"""What the clients of one server share, whatever they are connected by."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Final, Protocol
+
+from orinkit.cao.session import Host
+from orinkit.variant_bytes import Limits
+
+if TYPE_CHECKING:
+    from orinkit.server.peer import Peer
+
+_CHUNK: Final = 65536
+_TURNS: Final = 100
+
+
+class Listener(Protocol):
+    """Where clients come in.
+
+    Attributes:
+        url: where it really is.
+    """
+
+    url: str
+
+    async def close(self) -> None:
+        """Take no more clients; those who are there are closed by :meth:`Connections.close`."""
+
+
+class Connections:
+    """What the clients of one server share.
+
+    Args:
+        host: the providers.
+        limits: bounds on packets; the wire may have narrower ones.
+        clients: how many clients at a time; one more is answered with E_MAX_CONNECT.
+        invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
+
+    Attributes:
+        open: the clients.
+        all: whatever has to be closed: these, connections that are being refused, serial lines without a client.
+        opening: how many connections have been accepted and are not in ``all`` yet.
+        closing: no more connections.
+        empty: is set when the last of ``all`` has gone.
+        tasks: handlers at work, also those whose client has gone.
+        view: where data is read to; all connections share it, for it is handled at once.
+    """
+
+    def __init__(self, host: Host, limits: Limits, clients: int, invoke_timeout: float) -> None:
+        self.host = host
+        self.limits = limits
+        self.clients = clients
+        self.invoke_timeout = invoke_timeout
+        self.open: set[Peer] = set()
+        self.all: set[Peer] = set()
+        self.opening = 0
+        self.closing = False
+        self.empty = asyncio.Event()
+        self.tasks: set[asyncio.Task[None]] = set()
+        self.buffer = bytearray(_CHUNK)
+        self.view = memoryview(self.buffer)
+
+    def discard(self, peer: Peer) -> None:
+        """Forget one of ``all``: it has been closed."""
+        self.all.discard(peer)
+        if not self.all:
+            self.empty.set()
+
+    async def refuse(self) -> None:
+        """Take no more connections, and see those through that are just being accepted.
+
+        To be called before the listeners are closed: asyncio forgets a connection that it accepts meanwhile.
+        """
+        self.closing = True
+        for turn in range(_TURNS):
+            if turn > 2 and not self.opening:  # accepted, made, connected: a turn each
+                break
+            await asyncio.sleep(0)
+
+    async def close(self, seconds: float) -> None:
+        """Close all connections and let the handlers end; what is not done within the seconds is cut off."""
+        for peer in list(self.all):
+            peer.close()
+        if not await self._emptied(seconds):  # a client does not take its last answers
+            for peer in list(self.all):
+                peer.abort()
+            await self._emptied(seconds)
+        await asyncio.sleep(0)
+        if self.tasks:
+            await asyncio.wait(self.tasks, timeout=seconds)
+        for task in self.tasks:
+            task.cancel()
+        await asyncio.sleep(0)
+
+    async def _emptied(self, seconds: float) -> bool:
+        if self.all:
+            self.empty.clear()
+            try:
+                async with asyncio.timeout(seconds):
+                    await self.empty.wait()
+            except TimeoutError:
+                return False
+        return True

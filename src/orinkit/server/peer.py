@@ -1,0 +1,210 @@
+"""A b-CAP client, server side: the shell around conversation and session that all kinds of connections have in common."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from orinkit import hresult
+from orinkit.bcap.server import Action, Close, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.wire import Wire
+from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.session import Pending, Reply, Session
+from orinkit.server.connections import Connections
+from orinkit.server.waiting import result_of
+
+logger = logging.getLogger("orinkit.server")
+
+_TURNS_OF_A_LOOK: Final = 3
+
+
+class Peer:
+    """One client, or one who may become one.
+
+    A kind of connection derives from it, sets the first three attributes once it is connected, and gives what it
+    receives to :meth:`_act`.
+
+    Args:
+        shared: what all clients of the server share.
+        loop: the event loop that it lives in.
+        wire: how its packets travel.
+
+    Attributes:
+        _name: who it is, for the log.
+        _send: sends bytes, or drops them where nobody takes them; never waits.
+        _is_gone: tells whether there is nobody any more to whom anything could be sent.
+        _session: its objects; ``None`` while it is no client.
+    """
+
+    _name: str
+    _send: Callable[[bytes], None]
+    _is_gone: Callable[[], bool]
+
+    def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop, wire: Wire) -> None:
+        self._shared = shared
+        self._loop = loop
+        self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, wire, shared.host.dialect)
+        self._session: Session | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._cancellable = False
+        self._alarm: asyncio.TimerHandle | None = None
+        self._waiting: Iterator[Action] | None = None
+        self._slow = False
+
+    # --- who it is ------------------------------------------------------------------------------------------------
+
+    def _admit(self) -> Session | None:
+        """Make it a client, if there is room for one more."""
+        shared = self._shared
+        if shared.closing or len(shared.open) >= shared.clients:
+            logger.warning("%s refused: %d clients are connected", self._name, len(shared.open))
+            return None
+        self._session = Session(shared.host, self._about())
+        shared.open.add(self)
+        logger.info("%s connected", self._name)
+        return self._session
+
+    def _leave(self, reason: object = None) -> None:
+        """It is a client no more: whatever it held is released, what it waits for is cancelled.
+
+        Work in a thread goes on, as a thread cannot be cancelled; an object that it makes is released then.
+        """
+        self._set_alarm(None)
+        self._waiting = None
+        self._shared.open.discard(self)
+        session, self._session = self._session, None  # they know each other: without this only the collector ends them
+        task, self._task = self._task, None
+        if task is not None and self._cancellable:
+            task.cancel()
+        if session is not None:
+            logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
+            session.close()
+
+    def _about(self) -> ClientInfo:
+        """Return who it is, for the device."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close it from this side, once what was written has been sent."""
+        raise NotImplementedError
+
+    def abort(self) -> None:
+        """Close it at once, whatever was to be sent."""
+        raise NotImplementedError
+
+    def look(self, handled: Callable[[], None]) -> None:
+        """Call back once everything that has arrived by now has been handled; may be called from any thread.
+
+        The next turn of the loop asks for what has arrived, the one behind it has handled that. One more, because the
+        loop may just have asked and not begun to handle. A loop that is closed handles nothing any more.
+        """
+        turns = iter(range(_TURNS_OF_A_LOOK - 1))
+
+        def turn() -> None:
+            if next(turns, None) is None:
+                handled()
+            else:
+                self._loop.call_soon(turn)
+
+        try:
+            self._loop.call_soon_threadsafe(turn)
+        except RuntimeError:  # the server has been closed
+            handled()
+
+    # --- what the conversation says ---------------------------------------------------------------------------------
+
+    def _act(self, actions: Iterator[Action]) -> None:
+        for action in actions:
+            if self._is_gone():  # what else it asked for is for nobody
+                return
+            if type(action) is Execute:
+                session = self._session
+                if session is None:
+                    session = self._newcomer()
+                if session is None:
+                    self._refuse(action)
+                else:
+                    self._execute(session, action)
+            elif type(action) is Send:
+                self._send(action.data)
+            elif type(action) is Close:
+                logger.warning("%s: closed: %s", self._name, action.reason)
+                self.close()
+                return
+            elif type(action) is Reset:
+                self._rest(action.reason)
+            if self._slow:
+                self._waiting = actions
+                return
+
+    def _newcomer(self) -> Session | None:
+        """Return the session for a call of one who is no client; ``None`` refuses it."""
+        return None
+
+    def _rest(self, reason: object = None) -> None:
+        """It is a client no more, but may become one again."""
+        self._leave(reason)
+
+    def _refuse(self, call: Execute) -> None:
+        self._answer(call, Reply(hresult.E_MAX_CONNECT))
+
+    def _execute(self, session: Session, call: Execute) -> None:
+        outcome = session.invoke(call.function_id, call.arguments)
+        if type(outcome) is Reply:
+            self._answer(call, outcome)
+        elif type(outcome) is Pending:
+            self._task = self._loop.create_task(self._finish(session, call, outcome))
+            self._cancellable = type(outcome.work) is not Blocking
+            self._shared.tasks.add(self._task)
+            self._task.add_done_callback(self._shared.tasks.discard)
+            self._set_alarm(self._conversation.deadline())
+
+    async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
+        try:
+            result = await result_of(pending.work)
+        except BaseException as error:
+            if isinstance(error, asyncio.CancelledError) and not self._serves(session):
+                raise  # it is the client that has gone
+            reply = session.fail(pending, error)
+        else:
+            reply = session.complete(pending, result, told=not self._conversation.timed_out)
+        if self._serves(session):
+            self._task = None
+            self._set_alarm(None)
+            self._answer(call, reply)
+
+    def _serves(self, session: Session) -> bool:
+        """Whether the client whose session it is is still there; another one may have come in its place."""
+        return self._session is session and not self._is_gone()
+
+    def _answer(self, call: Execute, reply: Reply) -> None:
+        data = self._conversation.finish(call, reply.code, reply.result)
+        if data:
+            self._send(data)
+
+    def _set_alarm(self, when: float | None) -> None:
+        if self._alarm is not None:
+            self._alarm.cancel()
+        self._alarm = None if when is None else self._loop.call_at(when, self._tick)
+
+    def _tick(self) -> None:
+        data = self._conversation.tick(self._loop.time())
+        if data:
+            self._send(data)
+        self._set_alarm(self._conversation.deadline())
+
+
+class Caller(Peer):
+    """A client without a connection: its first call makes it one, until Service_Stop."""
+
+    def _newcomer(self) -> Session | None:
+        return self._admit()
+
+    def _answer(self, call: Execute, reply: Reply) -> None:
+        data = self._conversation.finish(call, reply.code, reply.result)
+        if self._conversation.stopped:
+            self._rest()
+        if data:
+            self._send(data)

@@ -1,0 +1,135 @@
+"""A pair of pseudo-terminals as a transport: a serial line without any hardware (POSIX)."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tty
+from collections.abc import Callable
+from typing import Final
+
+_CHUNK: Final = 65536
+_HIGH: Final = 65536
+
+
+class PseudoTerminal(asyncio.WriteTransport):
+    """This program's end of the pair; clients open the other one by its path.
+
+    The other end is kept open here as well, so that the line goes on when a client closes it.
+
+    Args:
+        loop: the event loop.
+        protocol: makes who is told what comes, from the path.
+
+    Attributes:
+        path: of the other end, such as ``/dev/pts/3``.
+
+    Raises:
+        OSError: there is none to be had.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, protocol: Callable[[str], asyncio.Protocol]) -> None:
+        super().__init__()
+        self._loop = loop
+        self._waiting = bytearray()
+        self._high = _HIGH
+        self._paused = False
+        self._closing = False
+        self._closed = False
+        self._end, self._other_end = os.openpty()
+        try:
+            tty.setraw(self._other_end)
+            os.set_blocking(self._end, False)
+            self.path = os.ttyname(self._other_end)
+        except BaseException:
+            self._close_both()
+            raise
+        self._protocol = protocol(self.path)
+        loop.add_reader(self._end, self._readable)
+        self._protocol.connection_made(self)
+
+    def _readable(self) -> None:
+        try:
+            data = os.read(self._end, _CHUNK)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as error:
+            self._finish(error)
+            return
+        self._protocol.data_received(data)
+
+    def _writable(self) -> None:
+        sent = self._take(self._waiting)
+        del self._waiting[:sent]
+        if self._waiting or self._closed:
+            return
+        self._loop.remove_writer(self._end)
+        if self._closing:
+            self._finish(None)
+        elif self._paused:
+            self._paused = False
+            self._protocol.resume_writing()
+
+    def _take(self, data: bytes | bytearray | memoryview) -> int:
+        """Write what the line takes now; returns how much that was."""
+        try:
+            return os.write(self._end, data)
+        except (BlockingIOError, InterruptedError):
+            return 0
+        except OSError as error:
+            self._finish(error)
+            return 0
+
+    def _finish(self, error: OSError | None) -> None:
+        if self._closed:
+            return
+        self._closing = self._closed = True
+        self._loop.remove_reader(self._end)
+        self._loop.remove_writer(self._end)
+        self._waiting.clear()
+        self._close_both()
+        self._loop.call_soon(self._protocol.connection_lost, error)
+
+    def _close_both(self) -> None:
+        os.close(self._end)
+        os.close(self._other_end)
+
+    # --- asyncio.WriteTransport -------------------------------------------------------------------------------------
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """Send what the line takes now, and the rest as soon as it takes it."""
+        if self._closing:
+            return
+        if not self._waiting:
+            data = data[self._take(data) :]
+            if not data or self._closed:
+                return
+            self._loop.add_writer(self._end, self._writable)
+        self._waiting += data
+        if len(self._waiting) > self._high and not self._paused:
+            self._paused = True
+            self._protocol.pause_writing()
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:  # noqa: ARG002 - it resumes when nothing waits
+        """Set how many bytes may wait before the protocol is asked to pause."""
+        self._high = _HIGH if high is None else high
+
+    def get_write_buffer_size(self) -> int:
+        """Return how many bytes wait to be sent."""
+        return len(self._waiting)
+
+    def is_closing(self) -> bool:
+        """Whether it has been closed, or is being closed."""
+        return self._closing
+
+    def close(self) -> None:
+        """Close it when what was written has been taken."""
+        if not self._closing:
+            self._closing = True
+            self._loop.remove_reader(self._end)
+            if not self._waiting:
+                self._finish(None)
+
+    def abort(self) -> None:
+        """Close it at once."""
+        self._finish(None)

@@ -1,0 +1,76 @@
+"""Links on the caller's own thread, by address or by descriptor; the twin is :mod:`orinkit.transport.aio_links`."""
+
+from __future__ import annotations
+
+import os
+
+from orinkit.errors import InvalidAddress
+from orinkit.language import pick
+from orinkit.transport.address import Address, AnyAddress, SerialAddress
+from orinkit.transport.drive import Link
+
+
+def open_link(address: AnyAddress, seconds: float) -> Link:
+    """Open a link to an address.
+
+    Args:
+        address: of the controller.
+        seconds: that it may take.
+
+    Raises:
+        InvalidAddress: it is one for servers.
+        ConnectFailed: it cannot be opened.
+        MissingExtra: a serial port needs a package.
+    """
+    if isinstance(address, Address):
+        if address.scheme == "udp":
+            from orinkit.transport.udp import UdpLink  # a program has one kind of link, most have TCP
+
+            return UdpLink.connect(address, seconds)
+        from orinkit.transport.tcp import TcpLink
+
+        return TcpLink.connect(address, seconds)
+    if isinstance(address, SerialAddress):
+        from orinkit.transport import serial_settings
+
+        if os.name == "nt":
+            from orinkit.transport.port_link import PortLink
+
+            return PortLink(serial_settings.open_port(address))
+        from orinkit.transport.serial_port import SerialLink
+
+        return SerialLink(serial_settings.open_file(address))
+    raise for_servers()
+
+
+def adopt(kind: str, descriptor: int) -> Link:
+    """Use a link that another process has opened, by its descriptor, which is this link's from then on.
+
+    Args:
+        kind: ``"tcp"``, ``"udp"`` or ``"serial"``.
+        descriptor: of the socket or the port.
+    """
+    if kind == "serial":
+        from orinkit.transport.serial_port import SerialLink
+        from orinkit.transport.serial_settings import as_file
+
+        return SerialLink(as_file(descriptor))
+    import socket
+
+    if kind == "udp":
+        from orinkit.transport.udp import UdpLink
+
+        return UdpLink(socket.socket(fileno=descriptor), heard=True)
+    from orinkit.transport.tcp import TcpLink
+
+    return TcpLink(socket.socket(fileno=descriptor))
+
+
+def for_servers() -> InvalidAddress:
+    """Return the exception for an address that a client cannot use."""
+    return InvalidAddress(
+        pick(
+            "'pty://' is an address for servers; connect to the serial:// address that the server tells",
+            "'pty://' はサーバ用のアドレスです。サーバが表示する serial:// のアドレスに接続してください",
+        )
+    )

@@ -1,0 +1,116 @@
+"""Serial ports for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.aio_serial`.
+
+serialx opens and sets a port (:mod:`orinkit.transport.serial_settings`). Its bytes then go over its descriptor, so that
+another thread can end a wait and another process can have the port; in Windows, where a port is no such file, they go
+through serialx (:mod:`orinkit.transport.port_link`).
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+from io import FileIO
+from time import monotonic
+
+from orinkit.errors import ConnectionLost
+from orinkit.language import pick
+from orinkit.transport.link_errors import closed
+from orinkit.transport.serial_settings import CHUNK, gone
+
+
+class SerialLink:
+    """A serial port, used by the thread that calls.
+
+    Args:
+        port: does not block, and is this link's from then on.
+    """
+
+    def __init__(self, port: FileIO) -> None:
+        self._port = port
+        self._woken, self._wake = (FileIO(end, mode) for end, mode in zip(os.pipe(), "rw", strict=True))
+        self._open = True
+        self._closing = threading.Lock()  # is taken once
+        self._using = threading.RLock()
+        self._reading = self._poll(select.POLLIN)
+
+    def _poll(self, event: int) -> select.poll:
+        poll = select.poll()
+        poll.register(self._woken, select.POLLIN)
+        poll.register(self._port, event)
+        return poll
+
+    def fileno(self) -> int:
+        """Descriptor of the port, to be lent to another process.
+
+        Raises:
+            ConnectionClosed: it has been closed.
+        """
+        self._check()
+        return self._port.fileno()
+
+    def send(self, data: bytes, seconds: float) -> None:
+        """Send all of the bytes; what the line does not take within the seconds is dropped, as if lost on the way.
+
+        Raises:
+            ConnectionLost: the port is gone.
+            ConnectionClosed: the link was closed before.
+        """
+        end = monotonic() + seconds
+        with self._using:
+            while data:
+                self._check()
+                try:
+                    data = data[self._port.write(data) or 0 :]
+                except OSError as error:
+                    raise self._gone(error) from error
+                if data and not self._poll(select.POLLOUT).poll(_milliseconds(end)):
+                    return
+
+    def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``None`` when the seconds have passed.
+
+        Raises:
+            ConnectionLost: the port is gone.
+            ConnectionClosed: the link was closed before.
+        """
+        end = monotonic() + seconds
+        with self._using:
+            while True:
+                self._check()
+                if not self._reading.poll(_milliseconds(end)):  # without, a port that asyncio has set gives b""
+                    return None
+                self._check()
+                try:
+                    data = self._port.read(CHUNK)
+                except OSError as error:
+                    raise self._gone(error) from error
+                if data:
+                    return data
+                if data is not None:
+                    raise self._gone(pick("it was pulled out", "取り外されました"))
+
+    def _check(self) -> None:
+        if not self._open:
+            raise closed()
+
+    def _gone(self, reason: object) -> ConnectionLost:
+        self.close()
+        return gone(reason)
+
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
+        self.close()
+
+    def close(self) -> None:
+        """Close; a receive that another thread is in ends at once."""
+        if self._closing.acquire(blocking=False):
+            self._open = False
+            self._wake.write(b"\0")
+            with self._using:
+                for file in (self._port, self._woken, self._wake):
+                    file.close()
+
+
+def _milliseconds(end: float) -> float:
+    return max(0.0, end - monotonic()) * 1e3

@@ -1,0 +1,107 @@
+"""What TCP and UDP have in common on the caller's own thread."""
+
+from __future__ import annotations
+
+import socket
+from typing import Final
+
+from orinkit.errors import TransportError
+from orinkit.language import pick
+from orinkit.transport.link_errors import closed, lost
+
+CHUNK: Final = 65536
+
+
+class SocketLink:
+    """A socket that is connected, used by the thread that calls.
+
+    Args:
+        connection: is this link's from then on.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket = connection
+        self._open = True
+        self._seconds = -1.0
+        self._sendall = connection.sendall
+        self._recv = connection.recv
+
+    def fileno(self) -> int:
+        """Descriptor of the connection, to be lent to another process.
+
+        Raises:
+            ConnectionClosed: it has been closed.
+        """
+        if not self._open:
+            raise closed()
+        return self._socket.fileno()
+
+    def send(self, data: bytes, seconds: float) -> None:
+        """Send all of the bytes; if that does not succeed the link is closed, for the stream would have a torn packet.
+
+        Raises:
+            ConnectionLost: the link broke, or the other side did not take the bytes within the seconds.
+            ConnectionClosed: the link was closed before.
+        """
+        try:
+            self._set_timeout(seconds)
+            self._sendall(data)
+        except BaseException as error:
+            was_open = self._open
+            self.close()
+            if not was_open:
+                raise closed() from error
+            if isinstance(error, TimeoutError):
+                raise lost(
+                    pick(
+                        f"the other side did not take {len(data)} bytes within {seconds:g} s",
+                        f"相手が {len(data)} バイトを {seconds:g} 秒以内に受信しませんでした",
+                    )
+                ) from error
+            if isinstance(error, OSError):
+                raise self._broken(error) from error
+            raise
+
+    def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.
+
+        Raises:
+            ConnectionLost: the link broke.
+            ConnectionClosed: the link was closed before.
+        """
+        try:
+            self._set_timeout(seconds)
+            data = self._recv(CHUNK)
+        except TimeoutError:
+            return None
+        except OSError as error:
+            was_open = self._open
+            self.close()
+            raise (self._broken(error) if was_open else closed()) from error
+        if not data and not self._open:  # the end of the stream is another thread's close()
+            raise closed()
+        return data
+
+    def _set_timeout(self, seconds: float) -> None:
+        if seconds != self._seconds:  # a system call each time
+            self._socket.settimeout(seconds)
+            self._seconds = seconds
+
+    def _broken(self, error: OSError) -> TransportError:
+        """Return the exception for what the system says."""
+        return lost(error)
+
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
+        self._open = False
+        self._socket.close()
+
+    def close(self) -> None:
+        """Close; a receive that another thread is in ends at once."""
+        if self._open:
+            self._open = False
+            try:
+                self._socket.shutdown(socket.SHUT_RDWR)
+            except OSError:  # the other side may have gone first
+                pass
+            self._socket.close()

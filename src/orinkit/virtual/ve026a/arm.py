@@ -1,0 +1,354 @@
+"""The arm: its motor, its error, the works that take their time, and who moves it."""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from orinkit import hresult
+from orinkit.arms import Model
+from orinkit.cao.provider import Later
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.variant import ARRAY, Value, Variant, VarType
+from orinkit.virtual.rc8.cycle import PERIOD, Cycles
+from orinkit.virtual.rc8.kinematics import Kinematics
+from orinkit.virtual.rc8.motion.path import Joints
+from orinkit.virtual.rc8.motion.queue import MotionQueue
+from orinkit.virtual.rc8.robot.servo import Servo
+from orinkit.virtual.rc8.slave.pace import Look
+from orinkit.virtual.ve026a.codes import EMERGENCY_STOP, OUT_OF_RANGE_AXIS1, ROBOT_RUNNING, refusal
+from orinkit.virtual.ve026a.parameters import OFF, VALUES
+from orinkit.virtual.ve026a.slave import Slave
+
+logger = logging.getLogger("orinkit.ve026a")
+
+LONGEST_WAIT: Final = 0.5
+"""Seconds that slvChangeMode waits until the arm stands (2.2.1)."""
+
+_R4_ARRAY: Final = int(VarType.R4) | ARRAY
+_R4: Final = struct.Struct(f"<{VALUES}f")
+
+
+class Operator:
+    """A client.
+
+    Args:
+        look: of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
+
+    Attributes:
+        look: as given.
+        robots: how many Robot objects it has; without one it has gone.
+    """
+
+    def __init__(self, look: Look | None) -> None:
+        self.look = look
+        self.robots = 0
+
+
+class Work(Enum):
+    """What the controller is busy with."""
+
+    MOTOR_ON = "motor on"
+    MOTOR_OFF = "motor off"
+    CLEAR_ERROR = "clear error"
+
+
+@dataclass(slots=True)
+class _Job:
+    """A work, the cycles that it still takes, and who waits for it."""
+
+    work: Work
+    cycles: int
+    done: Later[None] = field(default_factory=Later)
+
+
+@dataclass(slots=True)
+class _Change:
+    """A slvChangeMode that waits until the arm stands."""
+
+    operator: Operator
+    mode: int
+    cycles: int = 0
+    done: Later[None] = field(default_factory=Later)
+
+
+class Arm:
+    """The arm and everything that moves it.
+
+    Args:
+        model: which arm it is.
+        cycles: the controller's cycle.
+        joints: where it stands, one for each axis, deg.
+        motor_seconds: how long Motor takes.
+        clear_seconds: how long ClearError takes.
+
+    Attributes:
+        error: code of the error that it is in, 0 for none. The first one counts, until it is cleared.
+        motor_on: whether the motor is on.
+        emergency: whether the emergency stop is pressed.
+        queue: the command.
+        servo: the encoders.
+        slave: slave mode.
+    """
+
+    def __init__(
+        self, model: Model, cycles: Cycles, joints: Joints, motor_seconds: float, clear_seconds: float
+    ) -> None:
+        self.model = model
+        self.kinematics = Kinematics(model)
+        self.queue = MotionQueue(model, joints)
+        self.servo = Servo(model, joints)
+        self.slave = Slave(self, cycles)
+        self.error = hresult.S_OK
+        self.motor_on = self.emergency = False
+        self._cycles = cycles
+        self._seconds = {
+            Work.MOTOR_ON: motor_seconds,
+            Work.MOTOR_OFF: motor_seconds,
+            Work.CLEAR_ERROR: clear_seconds,
+        }
+        self._job: _Job | None = None
+        self._change: _Change | None = None
+        self._cut = False  # the motor goes off as soon as it stands
+        self._following = False  # the encoders are on their way to where the command stands
+
+    @property
+    def standing(self) -> bool:
+        """Whether it stands still, encoders too."""
+        return not self.queue.moving and self.queue.standing and not self._following
+
+    def exceeded(self, joints: Joints) -> int:
+        """Return the axes that joints (deg) are beyond the range of, as bits; J1 is bit 0."""
+        return self.kinematics.limits_exceeded(joints)
+
+    def place(self, joints: Joints) -> None:
+        """Put it somewhere without moving, before anything runs."""
+        self.queue.place(joints)
+        self.servo.place(joints)
+
+    def angles(self) -> Variant:
+        """Return where the encoders are: VT_R4 array of eight, deg; the last one is 0."""
+        return Variant(_R4_ARRAY, list(_R4.unpack(_R4.pack(*self.servo.encoder, 0.0))))
+
+    # --- what clients do ----------------------------------------------------------------------------------------
+
+    def switch_motor(self, operator: Operator, on: bool) -> Later[None] | None:
+        """Begin to switch the motor, kept when that is done; ``None`` where it is so already. A moving arm brakes first.
+
+        Raises:
+            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; the error that it is in, when it is to go on.
+        """
+        self._require(operator, no_error=on)
+        if self._change is not None:
+            raise _busy()
+        if on == self.motor_on:
+            return None
+        if not on:
+            self.stop(hresult.E_ABORT)
+        return self._begin(Work.MOTOR_ON if on else Work.MOTOR_OFF)
+
+    def clear_error(self, operator: Operator) -> Later[None]:
+        """Begin to clear the error, kept when it is gone; broken with it where its cause is still there.
+
+        Raises:
+            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; that, too, while slave mode is on.
+        """
+        self._require(operator)
+        if self.slave.on or self._change is not None:
+            raise _busy(pick("slave mode is on", "スレーブモード中です"))
+        return self._begin(Work.CLEAR_ERROR)
+
+    def change_mode(self, operator: Operator, mode: int) -> Later[None] | None:
+        """Enter slave mode, or leave it; ``None`` where that is done at once, else kept when it is.
+
+        Where it is on, it is left after its last set-point; an arm that moves then brakes.
+
+        Raises:
+            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; to enter it, the error that it is in, E_FAIL without motor.
+                The promise is broken with ROBOT_RUNNING when the arm does not stand after :data:`LONGEST_WAIT`.
+        """
+        self._require(operator, no_error=mode != OFF)
+        if self._change is not None:
+            raise _busy()
+        if mode != OFF and not self.motor_on:
+            raise error_for(hresult.E_FAIL, pick("the motor is off (Motor 1)", "モータが OFF です (Motor 1)"))
+        self._leave()
+        change = _Change(operator, mode)
+        if self.standing and not self.slave.on:
+            self._finish(change)
+            return None
+        self._change = change
+        self._cycles.wake()
+        return change.done
+
+    def move(self, operator: Operator, read: Callable[[], Joints]) -> Value | Later[Value]:
+        """Take a set-point of slave mode; the answer is :meth:`angles`.
+
+        Args:
+            operator: whose.
+            read: gives it, deg; what it raises is the answer.
+
+        Raises:
+            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; the error that it is in; E_FAIL, slave mode is off. OUT_OF_RANGE_AXISn
+                is the error from then on.
+        """
+        self._require(operator, no_error=True)
+        if self._change is not None:
+            raise _busy()
+        if not self.slave.on:
+            raise error_for(
+                hresult.E_FAIL,
+                pick("slave mode is off (slvChangeMode)", "スレーブモードではありません (slvChangeMode)"),
+            )
+        joints = read()
+        exceeded = self.exceeded(joints)
+        if exceeded:
+            index = (exceeded & -exceeded).bit_length() - 1
+            axis = self.model.axes[index]
+            given, lower, upper = f"{joints[index]:.6g}", f"{axis.lower:g}", f"{axis.upper:g}"
+            detail = pick(f"{given} deg; {lower} to {upper}", f"{given} 度 ({lower}～{upper})")
+            self.fail(OUT_OF_RANGE_AXIS1 + index, detail)
+            raise refusal(OUT_OF_RANGE_AXIS1 + index, detail)
+        return self.slave.put(joints)
+
+    def forget(self, operator: Operator) -> None:
+        """A client has gone: what it moves is brought to rest."""
+        if self._change is not None and self._change.operator is operator:
+            self._break_change(hresult.E_ABORT)
+        if self.slave.owner is operator:
+            self.stop(hresult.E_ABORT)
+
+    # --- what stops it ------------------------------------------------------------------------------------------
+
+    def stop(self, code: int) -> None:
+        """Leave slave mode and brake; a slvMove that waits is answered with a code."""
+        if self.slave.on:
+            self.slave.end(code)
+        if self.queue.moving:
+            self.queue.halt()
+            self._cycles.wake()
+
+    def fail(self, code: int, detail: str = "") -> None:
+        """Be in an error from now on; the arm brakes, slave mode is off."""
+        if self.error == hresult.S_OK:
+            self.error = code
+            logger.info("%s", refusal(code, detail))
+        self._break_change(code)
+        self.stop(code)
+
+    def press_emergency(self) -> None:
+        """Press the emergency stop: the arm brakes, then the motor goes off at once."""
+        self.emergency = True
+        self.fail(EMERGENCY_STOP)
+        if self._job is not None and self._job.work is Work.MOTOR_ON:
+            job, self._job = self._job, None
+            job.done.fail(refusal(EMERGENCY_STOP))
+        self._cut = True
+        if self.standing:
+            self._cut_off()
+        self._cycles.wake()
+
+    def close(self) -> None:
+        """The controller is switched off: whoever waits for anything is told that it will not come."""
+        self.slave.end(hresult.E_ABORT)
+        self._break_change(hresult.E_ABORT)
+        if self._job is not None:
+            job, self._job = self._job, None
+            job.done.fail(error_for(hresult.E_ABORT))
+        self.motor_on = False
+        self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
+
+    # --- a cycle ------------------------------------------------------------------------------------------------
+
+    def step(self) -> bool:
+        """Do one cycle; returns whether there is more to do."""
+        if self.slave.on:
+            self.slave.step()
+        self.queue.step()
+        self._following = self.servo.step(self.queue.joints)
+        if self.slave.on:
+            self.slave.settle()
+        if self.standing:
+            self._cut_off()
+            self._work()
+        if self._change is not None:
+            self._leave()
+            self._wait(self._change)
+        return not self.standing or self._job is not None or self._change is not None or self.slave.pending
+
+    def _cut_off(self) -> None:
+        if self._cut:
+            self._cut = self.motor_on = False
+
+    def _work(self) -> None:
+        job = self._job
+        if job is None:
+            return
+        if job.work is Work.MOTOR_OFF:
+            self.motor_on = False
+        job.cycles -= 1
+        if job.cycles > 0:
+            return
+        self._job = None
+        if job.work is Work.CLEAR_ERROR and self.emergency:
+            self.error = EMERGENCY_STOP
+            job.done.fail(refusal(EMERGENCY_STOP, pick("release it first", "先に解除してください")))
+            return
+        if job.work is Work.CLEAR_ERROR:
+            self.error = hresult.S_OK
+        elif job.work is Work.MOTOR_ON:
+            self.motor_on = True
+        job.done.finish()
+
+    def _leave(self) -> None:
+        if self.slave.on and self.slave.empty:
+            self.stop(hresult.E_ABORT)
+
+    def _wait(self, change: _Change) -> None:
+        change.cycles += 1
+        if self.standing and not self.slave.on:
+            self._change = None
+            self._finish(change)
+            change.done.finish()
+        elif change.cycles * PERIOD > LONGEST_WAIT:
+            self._break_change(ROBOT_RUNNING)
+
+    # --- helpers ------------------------------------------------------------------------------------------------
+
+    def _require(self, operator: Operator, *, no_error: bool = False) -> None:
+        """Check what every command needs: that nobody else moves the arm, and that nothing else is being done."""
+        self._cycles.require_open()
+        owner = self._change.operator if self._change is not None else self.slave.owner
+        if owner is not None and owner is not operator:
+            raise error_for(
+                hresult.E_ACCESSDENIED,
+                pick("another client is in slave mode", "他のクライアントがスレーブモード中です"),
+            )
+        if self._job is not None:
+            raise _busy(pick("Motor or ClearError is at work", "Motor または ClearError の実行中です"))
+        if no_error and self.error != hresult.S_OK:
+            raise refusal(self.error, pick("clear it first (ClearError)", "先に ClearError でクリアしてください"))
+
+    def _begin(self, work: Work) -> Later[None]:
+        self._job = job = _Job(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))
+        self._cycles.wake()
+        return job.done
+
+    def _finish(self, change: _Change) -> None:
+        if change.mode != OFF:
+            self.slave.begin(change.operator, change.mode, change.operator.look)
+
+    def _break_change(self, code: int) -> None:
+        change, self._change = self._change, None
+        if change is not None:
+            change.done.fail(refusal(code))
+
+
+def _busy(detail: str = "") -> CallError:
+    return error_for(hresult.E_ROBOTISBUSY, detail)

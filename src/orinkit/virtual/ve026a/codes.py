@@ -1,0 +1,66 @@
+"""The return codes of a VE026A's own, beside those of table 3-5: THE TABLE of their names and texts.
+
+Table 3-4 leaves 0x80040200 to 0x8004FFFF to the device. The document names one error of it, 600B, without saying how it goes
+over the wire; here it is 0x8004 and that number. The others are this project's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+
+AXES: Final = 7
+
+ROBOT_RUNNING: Final = 0x8004600B
+SET_POINT_MISSED: Final = 0x80040201
+EMERGENCY_STOP: Final = 0x80040202
+OUT_OF_RANGE_AXIS1: Final = 0x80040211
+TOO_FAST_AXIS1: Final = 0x80040221
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One return code.
+
+    Attributes:
+        value: the code.
+        name: its symbol.
+        en: short text.
+        ja: the same in Japanese.
+    """
+
+    value: int
+    name: str
+    en: str
+    ja: str
+
+    @property
+    def text(self) -> str:
+        """The text in the language in force."""
+        return pick(self.en, self.ja)
+
+
+# fmt: off
+_ROWS: Final = (
+    Code(ROBOT_RUNNING, "ROBOT_RUNNING", "600B: the robot is running", "600B: ロボットが動作中"),
+    Code(SET_POINT_MISSED, "SET_POINT_MISSED", "synchronous slave mode: no slvMove came in time for a cycle of 8 ms",
+         "同期スレーブモードで、8 ms 周期に slvMove が間に合わなかった"),
+    Code(EMERGENCY_STOP, "EMERGENCY_STOP", "emergency stop", "非常停止"),
+    *(Code(OUT_OF_RANGE_AXIS1 + n - 1, f"OUT_OF_RANGE_AXIS{n}", f"axis {n}: the set-point is outside the range",
+           f"第{n}軸: 位置指令が動作範囲外") for n in range(1, AXES + 1)),
+    *(Code(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", f"axis {n}: faster than the axis can",
+           f"第{n}軸: 指令速度が過大") for n in range(1, AXES + 1)),
+)
+# fmt: on
+
+CODES: Final = {code.value: code for code in _ROWS}
+"""All of them, by value."""
+
+
+def refusal(code: int, detail: str = "") -> CallError:
+    """Return the exception for a code, whose text is told with the detail if it is one of these."""
+    known = CODES.get(code)
+    return error_for(code, ": ".join(filter(None, (known.text if known else "", detail))))

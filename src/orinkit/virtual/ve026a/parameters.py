@@ -1,0 +1,122 @@
+"""Parameters of the commands, in the types of tables 5-2 and 5-3 and as clients really send them.
+
+Clients send numbers in every type and as texts, modes in hexadecimal too, and poses as arrays of R4 or R8, as VARIANT
+arrays and as one text.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from orinkit import hresult
+from orinkit.cao import coerce
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.virtual.ve026a.codes import AXES
+
+OFF: Final = 0x000
+SYNCHRONOUS: Final = 0x002
+ASYNCHRONOUS: Final = 0x102
+MODES: Final = (OFF, SYNCHRONOUS, ASYNCHRONOUS)
+"""The modes of slvChangeMode (table 2-1; 0 is said in 2.2.1)."""
+
+VALUES: Final = 8
+"""Values of a pose: the seven axes and 0, as the printed samples have them."""
+
+_R4_ARRAY: Final = int(VarType.R4) | ARRAY
+_EMPTY: Final = (VarType.EMPTY, VarType.NULL)
+_HEXADECIMAL: Final = re.compile(r"\s*(?:0x|&h)([0-9a-f]{1,8})\s*", re.IGNORECASE)
+_LONGEST: Final = 1024  # characters of a pose as a text
+_OFF_OR_ON: Final = {0: False, 1: True, -1: True}  # VT_BOOL is -1
+
+
+def motor(parameter: Variant) -> bool:
+    """Return whether the motor is to be on: VT_I2, 1 on and 0 off (table 5-3).
+
+    Raises:
+        CallError: E_INVALIDARG, another number; E_INVALIDARGTYPE, no number.
+    """
+    number = coerce.to_integer(parameter)
+    if number not in _OFF_OR_ON:
+        raise error_for(hresult.E_INVALIDARG, pick(f"Motor {number}; 0 or 1", f"Motor {number} (0 か 1)"))
+    return _OFF_OR_ON[number]
+
+
+def mode(parameter: Variant) -> int:
+    """Return one of :data:`MODES`: VT_I2, VT_I4, or a text as ``"258"`` and ``"0x102"``.
+
+    Raises:
+        CallError: E_INVALIDARG, there is no such mode; E_INVALIDARGTYPE, it is no number.
+    """
+    parameter = coerce.single(parameter)
+    found = _HEXADECIMAL.fullmatch(parameter.value) if isinstance(parameter.value, str) else None
+    number = int(found[1], 16) if found else coerce.to_integer(parameter)
+    if number not in MODES:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick(
+                f"slvChangeMode {number:#x}; 0, 0x2 or 0x102", f"slvChangeMode {number:#x} (0、0x2、0x102 のいずれか)"
+            ),
+        )
+    return number
+
+
+def error_code(parameter: Variant) -> int:
+    """Return the error that is to be cleared, unsigned; 0 where nothing is given. Every error is cleared, whatever it is.
+
+    Raises:
+        CallError: E_INVALIDARG, no code is that large or has a fraction; E_INVALIDARGTYPE, it is no number.
+    """
+    parameter = coerce.single(parameter)
+    if parameter.type in _EMPTY or parameter.value == "":
+        return 0
+    number = coerce.to_real(parameter)
+    if number != int(number) or not -(2**31) <= number < 2**32:
+        raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no code", f"{number} はエラーコードではありません"))
+    return hresult.unsigned(int(number))
+
+
+def joints(parameter: Variant) -> tuple[float, ...]:
+    """Return the seven joints of a pose, deg; an eighth value has no meaning.
+
+    Raises:
+        CallError: E_INVALIDARG, not seven or eight numbers, one is not finite; E_INVALIDARGTYPE, one is no number.
+    """
+    values = _numbers(parameter)
+    if not all(map(math.isfinite, values)):
+        raise error_for(hresult.E_INVALIDARG, pick("a joint is no finite number", "関節角に有限でない値があります"))
+    return tuple(values[:AXES])
+
+
+def _numbers(parameter: Variant) -> Sequence[float]:
+    if isinstance(parameter.value, str):
+        parts = parameter.value[: _LONGEST + 1].split(",")
+        _require_pose(len(parts) if len(parameter.value) <= _LONGEST else 0)
+        return [coerce.to_real(Variant(VarType.BSTR, part)) for part in parts]
+    if not parameter.type & ARRAY:
+        raise coerce.wrong_type(parameter, "VT_R4|VT_ARRAY")
+    _require_pose(len(parameter.value))
+    if parameter.type in (_R4_ARRAY, R8_ARRAY):
+        return list(parameter.value)
+    if parameter.type == VARIANT_ARRAY:
+        return [coerce.to_real(each) for each in parameter.value]
+    return [coerce.to_real(Variant(parameter.type & ~ARRAY, each)) for each in parameter.value]
+
+
+def _require_pose(count: int) -> None:
+    if count not in (AXES, VALUES):
+        raise _count(count)
+
+
+def _count(count: int) -> CallError:
+    return error_for(
+        hresult.E_INVALIDARG,
+        pick(
+            f"{count} values; a pose has {AXES} or {VALUES}",
+            f"値が {count} 個あります (ポーズは {AXES} か {VALUES} 個)",
+        ),
+    )

@@ -1,0 +1,68 @@
+"""demo ve026a: the procedure of VE026A 6.2, in both languages, and what is said when an answer is wrong."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.cli import _demo_ve026a
+from orinkit.cli._errors import Failure
+from orinkit.cli._transcript import Transcript
+
+
+def test_the_procedure(run):
+    done = run("demo", "ve026a")
+    assert done.code == 0, done.err
+    assert "A virtual VE026A is at serial:///" in done.out
+    assert "[VE026A 6.2 (5)]" in done.out
+    assert "slvMove" in done.out
+    assert "answers are as the document says" in done.out
+    assert "more ..." in done.out
+
+
+def test_the_procedure_for_programs(run):
+    done = run("demo", "ve026a", "--json")
+    told = json.loads(done.out)
+    assert told["as_documented"] is True
+    assert [step["number"] for step in told["steps"]] == [1, 2, 3, 4, 5, 6, 7]
+    assert all(step["packets"] for step in told["steps"])
+
+
+def test_no_picture(refused):
+    assert "--picture is for rc8" in refused("demo", "ve026a", "--picture", "x.png", code=2)
+
+
+@pytest.mark.parametrize("reply", [Packet(1, 0x80004005, [], 1), Packet(2, 0, [], 1), Packet(1, 0, [], 0)])
+def test_a_wrong_answer(reply):
+    transcript = Transcript()
+    transcript(">", packet.encode(Packet(1, 1, [], 1), crc=True))
+    transcript("<", packet.encode(reply, crc=True))
+    demo = _demo_ve026a.Demo(lambda _line: None, fields=False)
+    with pytest.raises(Failure, match="step"):
+        demo._check(transcript.packets, "step")
+
+
+def test_a_busy_computer_gets_another_try(monkeypatch):
+    """The detector finds a set-point missing: the error is cleared, and the wave begins anew from where the arm is."""
+    said: list[str] = []
+    wave, waves = _demo_ve026a.Demo._wave, []
+
+    def torn(self, robot, angles):
+        waves.append(angles)
+        if len(waves) == 1:
+            for cycle in range(1, 40):
+                robot.execute("slvMove", [angles[0] + 0.002 * cycle**2, *angles[1:]])
+            time.sleep(0.2)
+            robot.execute("slvMove", angles)
+        return wave(self, robot, angles)
+
+    monkeypatch.setattr(_demo_ve026a.Demo, "_wave", torn)
+    told = _demo_ve026a.run(said.append, fields=False)
+    assert len(waves) > 1
+    assert waves[0][0] != waves[1][0]
+    assert any("too busy" in line for line in said)
+    assert [step["number"] for step in told["steps"]] == [1, 2, 3, 4, 5, 6, 7]

@@ -1,0 +1,145 @@
+"""The client and a VE026A: the dialect is found, and what the arm does not have is not asked of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import orinkit
+from both import Both
+from orinkit import hresult
+from orinkit.errors import CallError, InvalidValue, StreamError
+from orinkit.poses import J
+from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.ve026a import VirtualVE026A
+
+HOME = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def device() -> VirtualVE026A:
+    return VirtualVE026A(motor_seconds=0.05, clear_seconds=0.05)
+
+
+@pytest.fixture
+def urls(device: VirtualVE026A) -> Iterator[list[str]]:
+    with orinkit.serve(device, "pty://", "tcp://127.0.0.1:0") as server:
+        yield server.urls
+
+
+def until(condition: Any) -> None:
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize(
+    ("place", "options"),
+    [(0, {}), (0, {"provider": ""}), (1, {"provider": ""}), (1, {"provider": "CaoProv.DENSO.VE026A"}), (1, {"dialect": "VE026A"})],
+)  # fmt: skip
+def test_the_dialect_is_found(both: Both, urls: list[str], place: int, options: dict[str, Any]) -> None:
+    rc = both.connect(urls[place], **options)
+    assert rc.client.dialect.name == "ve026a"
+    both.run(rc.close())
+
+
+def test_an_rc8_on_a_serial_line_is_none(both: Both) -> None:
+    with orinkit.serve(VirtualRC8(), "pty://") as server:
+        rc8 = both.connect(server.url)
+        assert rc8.client.dialect.name == "rc8"
+        both.run(rc8.close())
+        forced = both.connect(server.url, dialect="rc8")
+        assert both.run(forced.execute("GetCurErrorCount")) == 0
+        both.run(forced.close())
+
+
+@pytest.mark.parametrize("name", ["rc7", "", 5])
+def test_there_is_no_such_dialect(name: Any) -> None:
+    with pytest.raises(InvalidValue, match="rc8, ve026a"):
+        orinkit.connect("tcp://127.0.0.1:1", dialect=name)
+
+
+@pytest.mark.parametrize("place", [0, 1], ids=["serial", "tcp"])
+def test_motor_joints_and_errors(both: Both, device: VirtualVE026A, urls: list[str], place: int) -> None:
+    rc = both.connect(urls[place], provider="")
+    robot = both.run(rc.robot("VE"))
+
+    def look(_: Any) -> None:
+        assert device.servo_on
+        joints = robot.joints if both.kind == "sync" else both.run(robot.get_joints())
+        assert joints[:7] == HOME
+        both.run(robot.halt())
+
+    both.within(robot.arm(), lambda _: both.within(robot.motor(), look))
+    assert not device.servo_on
+    device.emergency_stop()
+    with pytest.raises(CallError):
+        both.run(robot.execute("Motor", 1))
+    device.release_emergency_stop()
+    both.run(rc.clear_error())
+    assert device.error == 0
+    with pytest.raises(CallError) as caught:
+        both.run(robot.move(1, "P1"))
+    assert caught.value.code == hresult.E_NOTIMPL
+    with pytest.raises(CallError) as caught:
+        both.run(robot.execute("slvMode", 2))
+    assert caught.value.code == hresult.E_INVALIDCOMMAND
+    both.run(rc.close())
+
+
+@pytest.mark.parametrize("mode", [None, 0, 1])
+@pytest.mark.parametrize("place", [0, 1], ids=["serial", "tcp"])
+def test_slave_mode(both: Both, device: VirtualVE026A, urls: list[str], place: int, mode: int | None) -> None:
+    rc = both.connect(urls[place], provider="")
+    robot = both.run(rc.robot())
+
+    def stream(entered: Any) -> None:
+        assert device.slave_mode == (0x002 if mode == 0 else 0x102)
+        entered.target = J(10, *HOME[1:])
+        until(lambda: entered.latest.joints is not None and abs(entered.latest.joints[0] - 10) < 0.01)
+        assert device.joints[0] == pytest.approx(10, abs=0.01)
+
+    for attempt in range(3):
+        try:
+            both.within(robot.motor(), lambda _: both.within(robot.slave_mode(mode, speed=50.0), stream))
+        except CallError:  # synchronous, on a machine that stood still for longer than 8 ms
+            assert mode == 0
+            assert attempt < 2
+            both.run(rc.clear_error())
+        else:
+            break
+    assert device.slave_mode == 0
+    both.run(rc.close())
+
+
+def test_the_hand_moves_too(device: VirtualVE026A, urls: list[str]) -> None:
+    with orinkit.connect(urls[0]) as rc, rc.robot() as robot, robot.motor(), robot.slave_mode() as stream:
+        stream.target = (*HOME[:6], 20.0)
+        until(lambda: abs(device.joints[6] - 20.0) < 0.01)
+        stream.target = (*HOME[:6], 0.0)
+        until(lambda: abs(device.joints[6]) < 0.01)
+
+
+def test_recovery(device: VirtualVE026A, urls: list[str]) -> None:
+    with orinkit.connect(urls[0]) as rc, rc.robot() as robot, robot.motor(), robot.slave_mode() as stream:
+        stream.target = J(10, *HOME[1:])
+        time.sleep(0.1)
+        device.emergency_stop()
+        until(lambda: stream.error is not None)
+        device.release_emergency_stop()
+        stream.recover()
+        stream.target = J(*HOME)
+        until(lambda: abs(device.joints[0]) < 0.01)
+        assert device.error == 0
+
+
+@pytest.mark.parametrize(
+    "options", [{"mode": 2}, {"pose": "P"}, {"recv": ("position",)}, {"recv": ("joints", "current")}, {"mini": 1}]
+)
+def test_slave_mode_that_it_does_not_have(urls: list[str], options: dict[str, Any]) -> None:
+    with orinkit.connect(urls[0]) as rc, rc.robot() as robot, pytest.raises((InvalidValue, StreamError)):
+        robot.slave_mode(**options)

@@ -1,0 +1,478 @@
+"""The server on UDP, seen from the wire: datagrams in, datagrams out."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import logging
+import random
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from callers import (
+    CONNECT,
+    EXECUTE,
+    GET,
+    GET_VARIABLE,
+    PATIENCE,
+    PUT,
+    START,
+    STOP,
+    Counting,
+    UdpRaw,
+    until,
+)
+
+import orinkit
+from devices import Call, Recorder, Workshop
+from orinkit import aio, hresult
+from orinkit.bcap import packet
+from orinkit.cao.session import Session
+from orinkit.errors import ConnectFailed
+from orinkit.server import udp
+from orinkit.server.background import Server
+from orinkit.virtual.rc8 import VirtualRC8
+from peers import RawClient
+
+VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+DESCRIPTORS = Path("/proc/self/fd")
+
+
+@pytest.fixture(autouse=True)
+def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    yield
+    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+
+
+@pytest.fixture
+def shop() -> Counting:
+    return Counting()
+
+
+@pytest.fixture
+def server(shop: Counting) -> Iterator[Server]:
+    with orinkit.serve([shop, VirtualRC8()], "udp://127.0.0.1:0") as served:
+        yield served
+
+
+@pytest.fixture
+def raw(server: Server) -> Iterator[UdpRaw]:
+    with UdpRaw(server.url) as client:
+        yield client
+
+
+def forgotten_after(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
+    monkeypatch.setattr(udp, "FORGOTTEN_AFTER", seconds)
+
+
+# --- requests and answers ---------------------------------------------------------------------------------------------
+
+
+def test_section_3_1_is_answered_as_printed(raw: UdpRaw) -> None:
+    """RC8 3.1.1 to 3.1.5, byte for byte where an answer is printed; serial 1 comes twice, for another call."""
+    printed = {
+        v["line"]: bytes.fromhex(v["hex"]) for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] < 400
+    }
+    for line, answered in ((236, None), (251, 262), (270, 279), (291, 297), (305, 312), (324, None), (338, None), (354, None)):  # fmt: skip
+        raw.send(printed[line])
+        answer = raw.packet()
+        assert (answer.code, answer.reserved, answer.serial) == (0, 0, packet.decode(printed[line]).serial)
+        if answered is not None:
+            assert packet.encode(answer) == printed[answered] or answer.arguments == []
+
+
+def test_a_request_that_comes_twice_is_carried_out_once(raw: UdpRaw, shop: Counting) -> None:
+    handle = raw.open_workshop()
+    request = raw.encode(100, EXECUTE, handle, "Count", "a", reserved=100)
+    for _ in range(5):
+        raw.send(request)
+    answers = [raw.packet() for _ in range(5)]
+    assert [(answer.serial, answer.code, answer.arguments) for answer in answers] == [(100, 0, [1])] * 5
+    assert shop.counts == ["a"]
+
+
+def test_a_retry_is_answered_with_the_stored_answer_under_its_own_serial(raw: UdpRaw, shop: Counting) -> None:
+    handle = raw.open_workshop()
+    for serial in (100, 101, 102, 65535, 1):
+        raw.request(EXECUTE, handle, "Count", "a", serial=serial, reserved=100)
+        answer = raw.packet()
+        assert (answer.serial, answer.reserved, answer.code, answer.arguments) == (serial, 0, 0, [1])
+    raw.request(EXECUTE, handle, "Count", "a", serial=103, reserved=103)
+    assert raw.packet().arguments == [2]
+    assert shop.counts == ["a", "a"]
+
+
+def test_an_old_client_that_leaves_the_reserved_field_0(raw: UdpRaw, shop: Counting) -> None:
+    """It repeats with the same serial; the next serial is another request."""
+    handle = raw.open_workshop()
+    for serial, count in ((100, 1), (100, 1), (102, 2), (102, 2), (104, 3)):
+        raw.request(EXECUTE, handle, "Count", "same", serial=serial)
+        assert raw.packet().arguments == [count]
+    assert shop.counts == ["same"] * 3
+
+
+def test_a_retry_of_a_call_at_work_is_told_that_it_is(raw: UdpRaw, shop: Counting) -> None:
+    handle = raw.open_workshop()
+    raw.request(EXECUTE, handle, "CountLater", 1, serial=100, reserved=100)
+    assert shop.at_work.acquire(timeout=PATIENCE)
+    for serial in (101, 102, 103):
+        raw.request(EXECUTE, handle, "CountLater", 1, serial=serial, reserved=100)
+        answer = raw.packet()
+        assert (answer.serial, answer.code) == (serial, hresult.S_EXECUTING)
+    raw.request(EXECUTE, handle, "Count", 2, serial=104, reserved=104)
+    answer = raw.packet()
+    assert (answer.serial, answer.code) == (104, hresult.E_BUSY_PROC)
+    shop.gate.set()
+    answer = raw.packet()
+    assert (answer.serial, answer.code, answer.arguments) == (103, 0, [1])
+    raw.request(EXECUTE, handle, "CountLater", 1, serial=105, reserved=100)  # as if that had been lost
+    answer = raw.packet()
+    assert (answer.serial, answer.code, answer.arguments) == (105, 0, [1])
+    assert shop.counts == [1]
+
+
+def test_executing_is_reported_by_wdt(raw: UdpRaw, shop: Counting) -> None:
+    assert raw.ask(START, "WDT=100") is None
+    serial = raw.request(EXECUTE, raw.open_workshop(), "Block", 7)
+    for _ in range(3):
+        notice = raw.packet()
+        assert (notice.serial, notice.code) == (serial, hresult.S_EXECUTING)
+    shop.gate.set()
+    answer = raw.packet()
+    while answer.code == hresult.S_EXECUTING:
+        answer = raw.packet()
+    assert (answer.serial, answer.arguments) == (serial, [7])
+
+
+def test_an_answer_that_fits_no_datagram(raw: UdpRaw) -> None:
+    handle = raw.open_workshop()
+    assert raw.ask(EXECUTE, handle, "Large", 478) == bytes(478)  # and 10 bytes around them: 488
+    assert raw.ask(EXECUTE, handle, "Large", 479) == hresult.E_TOO_MUCH_DATA
+    assert raw.ask(EXECUTE, handle, "Echo", "alive") == "alive"
+
+
+def test_the_device_is_told_who_calls(raw: UdpRaw, shop: Counting) -> None:
+    raw.open_workshop()
+    (visitor,) = shop.visitors
+    assert (visitor.transport, visitor.address, visitor.port) == ("udp", "127.0.0.1", raw.port)
+    handled = threading.Event()
+    assert visitor.look is not None
+    visitor.look(handled.set)
+    assert handled.wait(PATIENCE)
+
+
+# --- what is no request -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "datagram",
+    [
+        b"",
+        b"\x01",
+        b"\x04",
+        b"GET / HTTP/1.1\r\n\r\n",
+        bytes(2000),
+        b"\xff" * 65507,
+        packet.pack(1, START, 0, b"")[:-1],
+        packet.pack(1, START, 0, b"")[1:],
+        packet.pack(1, START, 0, b"") + b"\x04",
+        packet.pack(1, START, 0, b"") * 2,
+        b"\0" + packet.pack(1, START, 0, b""),
+    ],
+)
+def test_garbage_is_dropped_and_makes_no_client(raw: UdpRaw, server: Server, datagram: bytes) -> None:
+    raw.send(datagram)
+    with UdpRaw(server.url) as other:
+        assert other.ask(START) is None  # what came before has been handled
+        assert server.clients == 1
+    assert raw.ask(START) is None
+    assert server.clients == 2
+
+
+def test_every_truncation_of_a_request(raw: UdpRaw, shop: Counting) -> None:
+    handle = raw.open_workshop()
+    request = raw.encode(50, EXECUTE, handle, "Count", "x")
+    for end in range(len(request)):
+        raw.send(request[:end])
+    assert raw.ask(EXECUTE, handle, "Echo", 1) == 1
+    assert shop.counts == []
+
+
+def test_packets_that_are_refused_make_no_client(server: Server) -> None:
+    """Longer than a datagram may be; wrong inside. They are answered, and nothing is kept."""
+    for refused, code in (
+        (packet.pack(7, EXECUTE, 1, bytes(489)), hresult.E_PACKETSIZEOVER),
+        (packet.pack(7, EXECUTE, 1, b""), hresult.E_INVALIDRCVPACKET),
+    ):
+        with UdpRaw(server.url) as raw:
+            raw.send(refused)
+            answer = raw.packet()
+            assert answer.serial == 7
+            assert hresult.family(answer.code) is hresult.Family.PACKET or answer.code == code
+            assert server.clients == 0
+
+
+def test_many_kinds_of_bytes_do_no_harm(server: Server) -> None:
+    dice = random.Random(5)
+    with UdpRaw(server.url) as raw, UdpRaw(server.url) as other:
+        handle = other.open_workshop()
+        for number in range(2000):
+            request = bytearray(raw.encode(dice.randrange(1, 65536), dice.choice((1, 3, 9, 17, 101)), 2, "x", 3))
+            for _ in range(dice.randrange(3)):
+                request[dice.randrange(len(request))] = dice.randrange(256)
+            raw.send(bytes(request))
+            if number % 50 == 0:  # more would be too much for the socket's buffer, and for its neighbour's
+                assert other.ask(EXECUTE, handle, "Echo", number) == number
+
+
+# --- clients come and go ------------------------------------------------------------------------------------------------
+
+
+def test_clients_are_told_apart_by_their_addresses(server: Server, shop: Counting) -> None:
+    callers = [UdpRaw(server.url) for _ in range(20)]
+    for number, raw in enumerate(callers):
+        handle = raw.open_workshop()
+        variable = raw.ask(GET_VARIABLE, handle, "v", "")
+        assert raw.ask(PUT, variable, number) is None
+    assert server.clients == 20
+    for number, raw in enumerate(callers):
+        assert raw.ask(GET, 3) == number
+        raw.close()
+
+
+def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
+    with orinkit.serve(shop, "tcp://127.0.0.1:0", "udp://127.0.0.1:0", clients=2) as server:
+        tcp, udp_url = server.urls
+        with RawClient(tcp) as one, UdpRaw(udp_url) as two, UdpRaw(udp_url) as three:
+            assert one.ask(START) is None
+            assert two.ask(START) is None
+            for _ in range(3):
+                assert three.ask(START) == hresult.E_MAX_CONNECT
+            with RawClient(tcp) as four:
+                assert four.ask(START) == hresult.E_MAX_CONNECT
+            assert server.clients == 2
+            assert two.ask(STOP) is None
+            assert server.clients == 1
+            assert three.ask(START) is None
+            assert two.ask(START) == hresult.E_MAX_CONNECT
+            assert server.clients == 2
+
+
+def test_service_stop_releases_everything_and_its_answer_is_kept(server: Server, raw: UdpRaw, shop: Counting) -> None:
+    handle = raw.open_workshop()
+    raw.ask(GET_VARIABLE, handle, "v", "")
+    raw.request(STOP, serial=200, reserved=200)
+    assert raw.packet().code == 0
+    assert server.clients == 0
+    assert shop.released == ["v", "Controller"]
+    for serial in (200, 201, 202):  # the answer may have been lost
+        raw.request(STOP, serial=serial, reserved=200)
+        answer = raw.packet()
+        assert (answer.serial, answer.code) == (serial, 0)
+    assert server.clients == 0
+    raw.request(GET, handle, serial=203, reserved=203)  # whatever it asks then, it is a client again, with nothing
+    assert raw.packet().code == hresult.E_HANDLE
+    assert server.clients == 1
+    assert raw.open_workshop() == 2
+
+
+def test_a_client_that_falls_silent_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    forgotten_after(monkeypatch, 0.5)
+    recorder = Recorder()
+    with orinkit.serve(recorder, "udp://127.0.0.1:0") as server, UdpRaw(server.url) as raw:
+        controller = raw.ask(CONNECT, "RC", "Test.Recorder", "", "")
+        robot = raw.ask(7, controller, "Arm", "")
+        raw.ask(GET_VARIABLE, controller, "a", "")
+        raw.ask(62, robot, "b", "")
+        assert server.clients == 1
+        assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
+        assert [call.path for call in recorder.calls[-4:]] == ["RC/Arm/b", "RC/a", "RC/Arm", "RC"]
+        until(lambda: server.clients == 0)
+        assert raw.ask(GET, robot) == hresult.E_HANDLE  # it may come back, as a new one
+
+
+def test_a_client_that_talks_is_not_forgotten(server: Server, shop: Counting, monkeypatch: pytest.MonkeyPatch) -> None:
+    forgotten_after(monkeypatch, 0.5)
+    with UdpRaw(server.url) as busy, UdpRaw(server.url) as silent:
+        handle = busy.open_workshop()
+        for _ in range(3):
+            assert silent.ask(START) is None
+            while server.clients == 2:
+                assert busy.ask(EXECUTE, handle, "Echo", 1) == 1
+        assert shop.released == []
+    until(lambda: server.clients == 0)
+    assert shop.released == ["Controller"]
+
+
+def test_a_client_whose_call_is_at_work_is_not_forgotten(
+    server: Server, shop: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And then it has the whole time again, from the end of the call on."""
+    forgotten_after(monkeypatch, 0.4)
+    with UdpRaw(server.url) as patient, UdpRaw(server.url) as clock:
+        handle = patient.open_workshop()
+        serial = patient.request(EXECUTE, handle, "Wait", "done")
+        assert shop.at_work.acquire(timeout=PATIENCE)
+        for _ in range(3):
+            assert clock.ask(START) is None
+            until(lambda: server.clients == 1)
+        shop.gate.set()
+        answer = patient.packet()
+        assert (answer.serial, answer.arguments) == (serial, ["done"])
+        assert patient.ask(EXECUTE, handle, "Echo", 1) == 1
+    until(lambda: server.clients == 0)
+
+
+def test_those_who_said_goodbye_are_forgotten_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    forgotten_after(monkeypatch, 0.1)
+    with UdpRaw(server.url) as raw:
+        assert raw.ask(STOP) is None
+        assert len(known(server)) == 1
+    until(lambda: not known(server))
+
+
+def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting) -> None:
+    """Anybody can say Service_Stop from thousands of addresses within ten seconds."""
+    with orinkit.serve(shop, "udp://127.0.0.1:0", clients=5) as server:
+        for _ in range(50):
+            with UdpRaw(server.url) as raw:
+                assert raw.ask(START) is None
+                assert raw.ask(STOP) is None
+        assert server.clients == 0
+        assert len(known(server)) == 5
+
+
+def test_clients_that_come_and_go_leave_nothing_behind(
+    server: Server, shop: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forgotten_after(monkeypatch, 0.3)
+    gc.collect()
+    before = sum(isinstance(thing, (Session, udp.UdpCaller)) for thing in gc.get_objects())
+    for number in range(200):
+        with UdpRaw(server.url) as raw:
+            handle = raw.open_workshop()
+            raw.ask(GET_VARIABLE, handle, "v", "")
+            if number % 3 == 0:
+                raw.ask(STOP)
+            elif number % 3 == 1:
+                raw.request(EXECUTE, handle, "EchoLater", [number, 2])
+    until(lambda: server.clients == 0 and not known(server))
+    assert shop.released.count("v") == shop.released.count("Controller") == 200
+    shop.visitors.clear()  # they know the way back to their clients
+    gc.collect()
+    assert sum(isinstance(thing, (Session, udp.UdpCaller)) for thing in gc.get_objects()) == before
+
+
+def known(server: Server) -> dict[Any, Any]:
+    """The callers that the first listener remembers."""
+    listener: Any = server._server._listeners[0]
+    callers: dict[Any, Any] = listener._sockets[0]._callers
+    return callers
+
+
+def test_answers_that_the_socket_does_not_take_are_dropped(server: Server, raw: UdpRaw) -> None:
+    handle = raw.open_workshop()
+    listener: Any = server._server._listeners[0]
+    at = listener._sockets[0]
+    at.pause_writing()  # as asyncio does
+    raw.request(EXECUTE, handle, "Count", "x", serial=90, reserved=90)
+    assert raw.nothing_comes()
+    at.resume_writing()
+    raw.request(EXECUTE, handle, "Count", "x", serial=91, reserved=90)
+    assert raw.packet().arguments == [1]
+
+
+# --- start and end of a server ------------------------------------------------------------------------------------------
+
+
+def test_port_zero_and_several_addresses(shop: Counting) -> None:
+    with orinkit.serve(shop, "udp://127.0.0.1:0", "tcp://127.0.0.1:0", "udp:127.0.0.1:0") as server:
+        assert [url.partition("://")[0] for url in server.urls] == ["udp", "tcp", "udp"]
+        assert all(not url.endswith(":0") for url in server.urls)
+        with UdpRaw(server.urls[0]) as one, UdpRaw(server.urls[2]) as two, RawClient(server.urls[1]) as three:
+            assert [raw.ask(START) for raw in (one, two, three)] == [None] * 3
+            assert server.clients == 3
+
+
+def test_localhost_is_every_address_that_it_has(shop: Counting) -> None:
+    addresses = {(family, place[0]) for family, *_, place in socket.getaddrinfo("localhost", 0, type=socket.SOCK_DGRAM)}
+    with orinkit.serve(shop, "udp://localhost:0") as server:
+        for family, host in addresses:
+            with UdpRaw(server.url, family, str(host)) as raw:
+                assert raw.ask(START) is None
+
+
+def test_a_port_in_use(server: Server, raw: UdpRaw) -> None:
+    with pytest.raises(ConnectFailed, match=f"cannot listen on {server.url}"):
+        orinkit.serve(Workshop(), server.url)
+    assert raw.ask(START) is None
+
+
+def test_an_address_of_another_machine() -> None:
+    with pytest.raises(ConnectFailed, match=r"192\.0\.2\.1"):
+        orinkit.serve(Workshop(), "udp://192.0.2.1:0")
+
+
+def test_if_one_address_fails_none_is_served(server: Server) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        free = probe.getsockname()[1]
+    with pytest.raises(ConnectFailed):
+        orinkit.serve(Workshop(), f"tcp://127.0.0.1:{free}", f"udp://127.0.0.1:{free}", server.url)
+    with orinkit.serve(Workshop(), f"udp://127.0.0.1:{free}", f"tcp://127.0.0.1:{free}"):
+        pass
+
+
+def test_closing_lets_every_client_go(shop: Counting) -> None:
+    before = left_over()
+    server = orinkit.serve(shop, "udp://127.0.0.1:0")
+    callers = [UdpRaw(server.url) for _ in range(10)]
+    for raw in callers:
+        raw.ask(GET_VARIABLE, raw.open_workshop(), "v", "")
+    for raw in callers[:3]:
+        raw.request(EXECUTE, 2, "Wait")
+    for raw in callers[3:6]:
+        raw.request(EXECUTE, 2, "Tidy")
+    callers[9].ask(STOP)
+    for _ in range(6):
+        assert shop.at_work.acquire(timeout=PATIENCE)
+    url = server.url
+    server.close()
+    for _ in range(6):
+        assert shop.cancelled.acquire(timeout=PATIENCE)
+    assert shop.released.count("v") == 10
+    assert shop.closed == 1
+    for raw in callers:
+        raw.close()
+    with orinkit.serve(Counting(), url), UdpRaw(url) as raw:
+        assert raw.ask(START) is None
+    assert left_over() == before
+
+
+def left_over() -> tuple[int, list[str]]:
+    """Open descriptors, and threads; those of asyncio's executor end by themselves when their loop has been closed."""
+    for thread in threading.enumerate():
+        if thread.name.startswith("asyncio"):
+            thread.join(PATIENCE)
+    return (
+        len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.exists() else 0,
+        sorted(thread.name for thread in threading.enumerate()),
+    )
+
+
+def test_the_async_server(shop: Counting) -> None:
+    async def body() -> None:
+        async with aio.serve(shop, "udp://127.0.0.1:0") as server:
+            with UdpRaw(server.url) as raw:
+                assert await asyncio.to_thread(raw.ask, START) is None
+                assert server.clients == 1
+            with pytest.raises(ConnectFailed):
+                await aio.serve(Workshop(), server.url).start()
+        assert shop.closed == 1
+        assert len(asyncio.all_tasks()) == 1
+
+    asyncio.run(body())

@@ -1,0 +1,538 @@
+"""UDP and serial ports, on the caller's own thread and in asyncio: one body for all."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import gc
+import os
+import select
+import socket
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from both import Both
+from orinkit.errors import ConnectFailed, ConnectionClosed, ConnectionLost, InvalidAddress, MissingExtra, TransportError
+from orinkit.transport import aio_links, links
+from orinkit.transport.address import Address, PtyAddress, SerialAddress
+from orinkit.transport.aio_port_link import AsyncPortLink
+from orinkit.transport.port_link import PortLink
+from orinkit.transport.serial_settings import open_port
+
+PATIENT = 20.0  # a time-out that no test may reach
+SHORT = 0.05  # a time-out that is meant to pass
+
+
+Openers = tuple[Callable[[Any, float], Any], Callable[[Any, float], Any]]
+
+
+class UdpPeer:
+    """The other side, over UDP."""
+
+    kind = "udp"
+    openers: Openers = (links.open_link, aio_links.open_link)
+
+    def __init__(self) -> None:
+        self._socket = socket.socket(type=socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(PATIENT)
+        self._client: tuple[str, int] | None = None
+        self.address = Address("udp", *self._socket.getsockname())
+
+    def receive(self, count: int) -> bytes:
+        data, self._client = self._socket.recvfrom(65536)
+        return data
+
+    def send(self, data: bytes) -> None:
+        assert self._client is not None
+        self._socket.sendto(data, self._client)
+
+    def send_from_elsewhere(self, data: bytes) -> None:
+        assert self._client is not None
+        with socket.socket(type=socket.SOCK_DGRAM) as other:
+            other.sendto(data, self._client)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class SerialPeer:
+    """The other side, over a pair of pseudo-terminals."""
+
+    kind = "serial"
+    openers: Openers = (links.open_link, aio_links.open_link)
+
+    def __init__(self) -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.address = SerialAddress(os.ttyname(self._slave), 115200)
+
+    def receive(self, count: int) -> bytes:
+        data = b""
+        while len(data) < count:
+            assert select.select([self._master], [], [], PATIENT)[0]
+            data += os.read(self._master, count - len(data))
+        return data
+
+    def send(self, data: bytes) -> None:
+        os.write(self._master, data)
+
+    def pull_out(self) -> None:
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = -1
+
+    def close(self) -> None:
+        if self._master >= 0:
+            self.pull_out()
+
+
+class PortPeer(SerialPeer):
+    """The same for the links that Windows has, with the serialx of this system."""
+
+    openers = (lambda address, seconds: PortLink(open_port(address)), AsyncPortLink.open)
+
+
+PEERS = [UdpPeer, SerialPeer, PortPeer]
+PORTS = [SerialPeer, PortPeer]
+
+
+class Way:
+    """A link to a peer, whichever it is."""
+
+    def __init__(self, both: Both, peer: Any) -> None:
+        self._both = both
+        self.peer = peer
+        self.link = self.open(peer.address)
+
+    def do(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call something of the asynchronous side in the event loop."""
+
+        async def body() -> Any:
+            result = function(*arguments)
+            return await result if asyncio.iscoroutine(result) else result
+
+        return function(*arguments) if self._both.loop is None else self._both.run(body())
+
+    def open(self, address: Any) -> Any:
+        return self.do(self.peer.openers[self._both.loop is not None], address, PATIENT)
+
+    def send(self, data: bytes) -> None:
+        self.do(self.link.send, data, *((PATIENT,) if self._both.loop is None else ()))
+
+    def receive(self, seconds: float = PATIENT) -> bytes | None:
+        result: bytes | None = self.do(self.link.receive, seconds)
+        return result
+
+    def hello(self) -> None:
+        """Let both sides know each other."""
+        self.send(b"hello")
+        assert self.peer.receive(5) == b"hello"
+
+    def close(self) -> None:
+        self.do(self.link.close)
+        self.peer.close()
+        if self._both.loop is not None:  # serialx closes ports in a task
+            self._both.loop.run_until_complete(_settled())
+            self._both.loop.run_until_complete(self._both.loop.shutdown_default_executor())
+
+
+async def _settled() -> None:
+    others = asyncio.all_tasks() - {asyncio.current_task()}
+    await asyncio.wait_for(asyncio.gather(*others), PATIENT)
+
+
+@pytest.fixture(params=PEERS)
+def way(request: pytest.FixtureRequest, both: Both) -> Iterator[Way]:
+    made = Way(both, request.param())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def udp(both: Both) -> Iterator[Way]:
+    made = Way(both, UdpPeer())
+    yield made
+    made.close()
+
+
+@pytest.fixture(params=PORTS)
+def serial(request: pytest.FixtureRequest, both: Both) -> Iterator[Way]:
+    made = Way(both, request.param())
+    yield made
+    made.close()
+
+
+# --- all links ------------------------------------------------------------------------------------------------------
+
+
+def test_there_and_back(way: Way) -> None:
+    every_byte = bytes(range(256))  # none of them means anything to a terminal
+    for data in (b"\x00", every_byte, b"\x11\x13\x03\x04\r\n", bytes(488)):
+        way.send(data)
+        assert way.peer.receive(len(data)) == data
+        way.peer.send(data)
+        received = b""
+        while len(received) < len(data):
+            received += way.receive() or b""
+        assert received == data
+
+
+def test_nothing_comes(way: Way) -> None:
+    began = time.monotonic()
+    assert way.receive(SHORT) is None
+    assert time.monotonic() - began >= SHORT * 0.9
+    way.hello()
+    way.peer.send(b"late")
+    assert way.receive() == b"late"
+
+
+def test_a_link_that_was_closed(way: Way) -> None:
+    way.do(way.link.close)
+    way.do(way.link.close)
+    for call in (lambda: way.send(b"x"), lambda: way.receive(SHORT), lambda: way.do(way.link.fileno)):
+        with pytest.raises(ConnectionClosed):
+            call()
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_closing_from_another_thread_ends_a_receive(peer: Any) -> None:
+    way = Way(Both("sync"), peer())
+    closer = threading.Timer(SHORT, way.link.close)
+    closer.start()
+    began = time.monotonic()
+    with pytest.raises(ConnectionClosed):
+        way.receive()
+    assert time.monotonic() - began < PATIENT / 2
+    closer.join()
+    way.close()
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_many_threads_close_a_link(peer: Any) -> None:
+    way = Way(Both("sync"), peer())
+    closers = [threading.Timer(SHORT, way.link.close) for _ in range(8)]
+    for closer in closers:
+        closer.start()
+    with pytest.raises(ConnectionClosed):
+        way.receive()
+    for closer in closers:
+        closer.join()
+    way.close()
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_closing_from_another_task_ends_a_receive(peer: Any) -> None:
+    both = Both("async")
+    way = Way(both, peer())
+
+    async def body() -> None:
+        waiting = asyncio.ensure_future(way.link.receive(PATIENT))
+        await asyncio.sleep(0)
+        way.link.close()
+        way.link.close()
+        with pytest.raises(ConnectionClosed):
+            await waiting
+
+    both.run(body())
+    way.close()
+    both.close()
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_a_cancelled_receive_leaves_the_link_as_it_was(peer: Any) -> None:
+    both = Both("async")
+    way = Way(both, peer())
+    way.hello()
+
+    async def body() -> None:
+        waiting = asyncio.ensure_future(way.link.receive(PATIENT))
+        await asyncio.sleep(0)
+        waiting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await waiting
+
+    both.run(body())
+    way.peer.send(b"after")
+    assert way.receive() == b"after"
+    way.close()
+    both.close()
+
+
+def test_another_process_takes_the_link_over(way: Way) -> None:
+    """What it would be in another process: a link of its own, over a copy of the descriptor."""
+    way.hello()
+    theirs = links.adopt(way.peer.kind, os.dup(way.do(way.link.fileno)))
+    theirs.send(b"set-point", PATIENT)
+    assert way.peer.receive(9) == b"set-point"
+    way.peer.send(b"answer")
+    if way._both.loop is not None:
+        way.do(asyncio.sleep, SHORT)  # the event loop has time to take it, and does not
+    assert theirs.receive(PATIENT) == b"answer"
+    assert theirs.receive(SHORT) is None
+    theirs.release()
+    way.peer.send(b"back")
+    assert way.receive() == b"back"
+
+
+def test_another_process_keeps_the_link(way: Way) -> None:
+    way.hello()
+    theirs = links.adopt(way.peer.kind, os.dup(way.do(way.link.fileno)))
+    way.do(way.link.release)
+    if way._both.loop is not None:
+        way._both.run(_settled())
+    way.peer.send(b"answer")
+    assert theirs.receive(PATIENT) == b"answer"
+    theirs.send(b"set-point", PATIENT)
+    assert way.peer.receive(9) == b"set-point"
+    theirs.close()
+
+
+@pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")
+@pytest.mark.parametrize("peer", [UdpPeer, SerialPeer])
+def test_a_link_is_closed_with_its_last_reference(peer: Any) -> None:
+    other = peer()
+    free = os.dup(0)
+    os.close(free)
+    link = links.open_link(other.address, PATIENT)
+    assert link.fileno() >= free
+    del link
+    gc.collect()
+    again = os.dup(0)
+    os.close(again)
+    assert again == free
+    other.close()
+
+
+def test_pseudo_terminals_are_for_servers(both: Both) -> None:
+    opening = links.open_link if both.loop is None else aio_links.open_link
+    with pytest.raises(InvalidAddress, match="for servers"):
+        both.run(opening(PtyAddress(), PATIENT))
+
+
+# --- UDP ------------------------------------------------------------------------------------------------------------
+
+
+def test_empty_datagrams_are_passed_over(udp: Way) -> None:
+    udp.hello()
+    for data in (b"", b"", b"one", b"", b"two", b""):
+        udp.peer.send(data)
+    assert [udp.receive(), udp.receive(), udp.receive(SHORT)] == [b"one", b"two", None]
+
+
+def test_one_datagram_at_a_time(udp: Way) -> None:
+    udp.hello()
+    sent = [bytes([number]) * number for number in range(1, 60)]
+    for data in sent:
+        udp.peer.send(data)
+    assert [udp.receive() for _ in sent] == sent
+
+
+def test_other_addresses_are_not_heard(udp: Way) -> None:
+    udp.hello()
+    udp.peer.send_from_elsewhere(b"foreign")
+    udp.peer.send(b"right")
+    udp.peer.send_from_elsewhere(b"foreign")
+    assert [udp.receive(), udp.receive(SHORT)] == [b"right", None]
+
+
+def test_nobody_listens(udp: Way) -> None:
+    udp.peer.close()
+    with pytest.raises(ConnectFailed, match="no program listens there") as caught:
+        for _ in range(100):  # the system tells a little later
+            udp.send(b"x")
+            udp.receive(SHORT)
+    assert str(udp.peer.address) in str(caught.value)
+    with pytest.raises(ConnectionClosed):
+        udp.send(b"x")
+
+
+def test_nobody_listens_any_more(udp: Way) -> None:
+    udp.hello()
+    udp.peer.send(b"answer")
+    assert udp.receive() == b"answer"
+    udp.peer.close()
+    with pytest.raises(ConnectionLost, match="any more"):
+        for _ in range(100):
+            udp.send(b"x")
+            udp.receive(SHORT)
+
+
+def test_a_host_that_is_not_known(both: Both) -> None:
+    opening = links.open_link if both.loop is None else aio_links.open_link
+    with pytest.raises(ConnectFailed, match=r"udp://robot\.invalid:5007"):
+        both.run(opening(Address("udp", "robot.invalid", 5007), PATIENT))
+    if both.loop is not None:
+        both.run(both.loop.shutdown_default_executor())
+
+
+def test_a_flood_of_empty_datagrams_does_not_prolong_a_receive(both: Both) -> None:
+    udp = Way(both, UdpPeer())
+    udp.hello()
+    stop = threading.Event()
+
+    def flood() -> None:
+        while not stop.is_set():
+            udp.peer.send(b"")
+
+    flooding = threading.Thread(target=flood)
+    flooding.start()
+    try:
+        began = time.monotonic()
+        assert udp.receive(SHORT * 4) is None
+        assert time.monotonic() - began < PATIENT / 2
+    finally:
+        stop.set()
+        flooding.join()
+        udp.close()
+
+
+# --- serial ports ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["waiting", "between"])
+def test_a_port_that_is_pulled_out(serial: Way, how: str) -> None:
+    serial.hello()
+    pulling = threading.Timer(SHORT if how == "waiting" else 0.0, serial.peer.pull_out)
+    pulling.start()
+    if how == "between":
+        pulling.join()
+    with pytest.raises(ConnectionLost):
+        serial.receive()
+    with pytest.raises(TransportError):
+        serial.send(b"x")
+    pulling.join()
+
+
+def test_writing_to_a_port_that_is_pulled_out(serial: Way) -> None:
+    serial.hello()
+    serial.peer.pull_out()
+    with pytest.raises(ConnectionLost):
+        serial.send(b"x")
+        serial.receive()
+
+
+@pytest.mark.parametrize("kind", PORTS)
+def test_what_came_before_is_thrown_away(both: Both, kind: Any) -> None:
+    peer = kind()
+    peer.send(b"of another program")
+    serial = Way(both, peer)
+    serial.hello()
+    peer.send(b"new")
+    assert serial.receive() == b"new"
+    serial.close()
+
+
+def test_a_port_is_for_one_program(serial: Way) -> None:
+    with pytest.raises(ConnectFailed, match="close the other program that uses it"):
+        serial.open(serial.peer.address)
+    serial.hello()  # the first one has it still
+
+
+def test_a_port_is_free_again(serial: Way) -> None:
+    serial.hello()
+    serial.do(serial.link.close)
+    if serial._both.loop is not None:
+        serial._both.run(_settled())
+    serial.link = serial.open(serial.peer.address)
+    serial.hello()
+
+
+@pytest.mark.parametrize(
+    ("path", "advice"),
+    [
+        ("/dev/there-is-no-such-port", "is it plugged in"),
+        ("/dev/null", "is it a serial port"),
+        ("/dev", "is it a serial port"),
+        ("/dev/null/x", "is it a serial port"),
+    ],
+)
+def test_ports_that_cannot_be_opened(both: Both, path: str, advice: str) -> None:
+    opening = links.open_link if both.loop is None else aio_links.open_link
+    with pytest.raises(ConnectFailed, match=advice) as caught:
+        both.run(opening(SerialAddress(path), PATIENT))
+    assert path in str(caught.value)
+    if both.loop is not None:
+        both.run(both.loop.shutdown_default_executor())
+
+
+@pytest.mark.parametrize(
+    ("number", "advice"),
+    [(errno.EACCES, "dialout"), (errno.EBUSY, "close the other program"), (errno.EIO, "is it a serial port")],
+)
+def test_what_to_try(number: int, advice: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> int:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(ConnectFailed, match=advice):
+        links.open_link(SerialAddress("/dev/ttyUSB0"), PATIENT)
+
+
+@pytest.mark.parametrize("change", [{"baudrate": 12_345_678}, {"flow": 2}, {"flow": 1}, {"parity": "M"}, {"bits": 5}])
+def test_settings_are_taken(both: Both, change: dict[str, Any]) -> None:
+    """A pseudo-terminal takes what it has no use for."""
+    peer = SerialPeer()
+    peer.address = replace(peer.address, **change)
+    serial = Way(both, peer)
+    serial.send(b"\x15")
+    assert peer.receive(1) == b"\x15"
+    serial.close()
+
+
+def test_settings_that_the_system_does_not_have(both: Both) -> None:
+    peer = SerialPeer()
+    peer.address = replace(peer.address, stop=1.5)
+    with pytest.raises(ConnectFailed, match=r"can it be set like this: .*stop=1\.5"):
+        Way(both, peer)
+    peer.close()
+    if both.loop is not None:
+        both.run(both.loop.shutdown_default_executor())
+
+
+def test_without_serialx(both: Both, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("orinkit.extra.find_spec", lambda name: None)
+    opening = links.open_link if both.loop is None else aio_links.open_link
+    with pytest.raises(MissingExtra, match=r"orinkit\[serial\]"):
+        both.run(opening(SerialAddress("/dev/ttyS0"), PATIENT))
+
+
+def test_a_line_that_takes_nothing_does_not_keep_a_program(serial: Way) -> None:
+    """Whatever cannot be sent in time is lost: a request is sent again, a call ends with its time-out."""
+    if serial._both.loop is None:
+        began = time.monotonic()
+        serial.link.send(bytes(200_000), SHORT)
+        assert SHORT * 0.9 <= time.monotonic() - began < PATIENT / 2
+    else:
+        for _ in range(20):
+            serial.send(bytes(200_000))
+    assert serial.receive(SHORT) is None
+
+
+def test_many_bytes_go_out_in_pieces(serial: Way) -> None:
+    data = bytes(range(256)) * 256
+    taken: list[bytes] = []
+    taking = threading.Thread(target=lambda: taken.append(serial.peer.receive(len(data))))
+    taking.start()
+    serial.send(data)
+    while taking.is_alive():
+        serial.receive(SHORT)
+    assert taken == [data]
+
+
+def test_a_port_that_is_pulled_out_while_bytes_wait(serial: Way) -> None:
+    if serial._both.loop is not None:
+        serial.send(bytes(200_000))
+    pulling = threading.Timer(SHORT, serial.peer.pull_out)
+    pulling.start()
+    with pytest.raises(ConnectionLost):
+        if serial._both.loop is None:
+            serial.send(bytes(200_000))
+        serial.receive()
+    pulling.join()
