@@ -21,8 +21,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import orinkit
+from orinkit import hresult
 from orinkit.errors import CallError
-from orinkit.streaming import StreamResult, Timing
+from orinkit.streaming import Progress, StreamResult, Timing
 
 START = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 PERIOD = 0.008
@@ -30,20 +31,20 @@ AMPLITUDE = 10.0  # deg
 CYCLE = 250  # set-points of one sine
 GIGABYTE = 1 << 30
 PIECE = 1 << 25
+LISTENING = {"tcp": ("--tcp", "127.0.0.1:0"), "udp": ("--udp", "127.0.0.1:0"), "pty": ("--pty",)}
 PRIORITY = 70  # of SCHED_FIFO, below that of the streaming process
 
 
 @contextmanager
-def controller(scale: float = 1.0) -> Iterator[str]:
-    """A virtual RC8 in a process of its own; yields its address."""
+def controller(scale: float = 1.0, wire: str = "tcp") -> Iterator[str]:
+    """A virtual RC8 in a process of its own, with a clock so many times as fast; yields its address."""
     command = [
         sys.executable,
         "-m",
         "orinkit",
         "serve",
         "rc8",
-        "--tcp",
-        "127.0.0.1:0",
+        *LISTENING[wire],
         "--motor-on",
         "--time-scale",
         str(scale),
@@ -51,11 +52,9 @@ def controller(scale: float = 1.0) -> Iterator[str]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         assert server.stdout is not None
         try:
-            for line in server.stdout:
-                if "tcp://" in line:
-                    as_if_elsewhere(server.pid)
-                    yield "tcp://" + line.split("tcp://")[1].split()[0].rstrip(".,")
-                    break
+            ready = server.stdout.readline()  # "ready URL"
+            as_if_elsewhere(server.pid)
+            yield ready.split()[1]
         finally:
             server.terminate()
 
@@ -118,13 +117,24 @@ def trajectory(seconds: float) -> list[tuple[float, ...]]:
 
 
 def ours(url: str, seconds: float, mode: int) -> StreamResult:
-    """Stream with orinkit."""
-    with orinkit.connect(url) as rc8:
-        robot = rc8.robot()
-        with robot.arm(), robot.motor():
-            robot.move(orinkit.J(*START), "@E")
-            with robot.slave_mode(mode=mode) as stream:
-                return stream.run(trajectory(seconds))
+    """Stream with orinkit; what an underflow has ended has no samples and no gaps."""
+    sent = 0
+
+    def note(progress: Progress) -> None:
+        nonlocal sent
+        sent = progress.sent
+
+    try:
+        with orinkit.connect(url) as rc8:
+            robot = rc8.robot()
+            with robot.arm(), robot.motor():
+                robot.move(orinkit.J(*START), "@E")
+                with robot.slave_mode(mode=mode) as stream:
+                    return stream.run(trajectory(seconds), progress=note)
+    except CallError as error:
+        if error.code != hresult.COMMAND_DELAY:
+            raise
+        return StreamResult(sent, 1, (), 0, Timing())
 
 
 def plain(url: str, seconds: float) -> tuple[Timing, int, int]:
@@ -197,6 +207,9 @@ def show(what: str, timing: Timing, cycle: float, underflows: int, count: int, o
 
 def show_ours(what: str, result: StreamResult, cycle: float) -> None:
     """Print one line, with what the streaming process itself needs: from an answer to the next set-point (mode 2)."""
+    if not result.samples:
+        print(f"{what:<46} {result.sent:>6} set-points, underflows {result.underflows}, which ended it", flush=True)
+        return
     own = Timing(tuple(b.sent - a.answered for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1))
     text = f"; answer to next set-point p50 {own.p50 * 1e3:.2f} p99 {own.p99 * 1e3:.2f} max {own.max * 1e3:.2f} ms"
     show(what, result.timing, cycle, result.underflows, result.sent, text)
@@ -221,6 +234,13 @@ def short_cycles(seconds: float) -> None:
             result = ours(url, seconds * scale, mode)
             cycle = PERIOD / scale
             show_ours(f"orinkit, {cycle * 1e3:.0f} ms, mode {mode}, 4 busy", result, cycle)
+
+
+def other_wires(seconds: float) -> None:
+    """8 ms over UDP and over a pseudo-terminal, with a busy thread."""
+    for wire in ("udp", "pty"):
+        with controller(wire=wire) as url, busy(1):
+            show_ours(f"orinkit, 8 ms, mode 2, {wire}, 1 busy", ours(url, seconds, 2), PERIOD)
 
 
 def latency(seconds: float) -> None:
@@ -262,6 +282,7 @@ def main() -> None:
     print("Streaming in slave mode; gaps are those between two set-points on the wire.")
     latency(min(20.0, seconds))
     short_cycles(min(30.0, seconds))
+    other_wires(min(60.0, seconds))
     long_run(seconds)
 
 

@@ -14,7 +14,8 @@ Each page of ``PAGES`` is run from top to bottom, in a directory of its own, wit
 Addresses are written as a reader would type them. While a page is run, ``127.0.0.1:5007`` and ``192.168.0.1:5007`` (also
 as plain ``192.168.0.1``) become the address of one virtual RC8, which the test serves unless the page does; any other
 ``127.0.0.1:PORT`` becomes a free port, the same one throughout the page, for what the page serves itself. Port 0 stays.
-Output is compared with the addresses as they are written.
+A pseudo-terminal that ``serve`` has shown (``/dev/pts/3``) becomes the one that it has opened. Output is compared with the
+addresses as they are written.
 """
 
 from __future__ import annotations
@@ -45,8 +46,10 @@ PAGES = [*TWINS, *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs" 
 DOCUMENTS = [*TWINS, "CHANGELOG.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs").rglob("*.md"))]
 
 ADDRESS = re.compile(r"127\.0\.0\.1:(\d+)|192\.168\.0\.1(?::5007)?(?![\d.:])")
+TERMINAL = re.compile(r"/dev/(?:pts/|ttys)\d+")
 VIRTUAL = "127.0.0.1:5007"
-SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))", re.MULTILINE)
+SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a)", re.MULTILINE)
+LISTENING = ("--tcp", "--udp", "--serial", "--pty")
 
 
 @dataclass(frozen=True)
@@ -91,13 +94,15 @@ class Addresses:
 
     def real(self, text: str) -> str:
         """Return a text with the addresses of this run."""
+        text = TERMINAL.sub(lambda match: self._real.get(match[0], match[0]), text)
         return ADDRESS.sub(lambda match: self._of(match[0], match[1]), text)
 
     def written(self, text: str) -> str:
         """Return a text with the addresses as the page has them."""
-        for written, real in self._real.items():
-            text = text.replace(real, written)
-        return text
+        written = {real: name for name, real in self._real.items()}
+        if not written:
+            return text
+        return re.sub(rf"(?:{'|'.join(map(re.escape, written))})(?!\d)", lambda match: written[match[0]], text)
 
     def _of(self, written: str, port: str | None) -> str:
         if port == "0":
@@ -137,7 +142,7 @@ class Terminal:
         program, *arguments = words[len(extra) :]
         assert program == "orinkit", f"a page's console runs orinkit, not {program}"
         if arguments[:1] == ["serve"]:
-            return self._serve(arguments, extra, shown.count("\n"))
+            return self._serve(arguments, extra, shown)
         done = subprocess.run(
             [sys.executable, "-m", "orinkit", *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8", timeout=60, check=False,
@@ -145,8 +150,8 @@ class Terminal:
         self.code = done.returncode
         return done.stdout
 
-    def _serve(self, arguments: list[str], extra: dict[str, str], lines: int) -> str:
-        if not any("tcp" in word for word in arguments):
+    def _serve(self, arguments: list[str], extra: dict[str, str], shown: str) -> str:
+        if not any(word in LISTENING for word in arguments):
             arguments += ["--tcp", self.addresses.real(VIRTUAL)]
         log = Path(f"serve{len(self._served)}.log").open("w+", encoding="utf-8")  # noqa: SIM115 - closed in kill()
         process = subprocess.Popen(
@@ -156,7 +161,10 @@ class Terminal:
         self._served.append((process, log))
         assert process.stdout is not None
         stream: IO[str] = process.stdout
-        return "".join(stream.readline() for _ in range(lines))
+        said = "".join(stream.readline() for _ in range(shown.count("\n")))
+        for written, real in zip(TERMINAL.findall(shown), TERMINAL.findall(said), strict=False):
+            self.addresses.set(written, real)
+        return said
 
     def stop(self) -> None:
         """Stop what is served; each must stop cleanly."""

@@ -31,7 +31,7 @@ HINTS: Final[dict[str, tuple[str, str]]] = {
     "packet": ("The two sides disagree on the packet; decode its bytes to see where.", "双方のパケットの解釈が食い違っています。バイト列を解読して、違う箇所を探してください。"),
     "provider": ("Name the provider of the controller: CaoProv.DENSO.VRC (RC8, COBOTTA), CaoProv.DENSO.VRC9 (RC9).", "コントローラに合ったプロバイダ名を指定してください: CaoProv.DENSO.VRC (RC8, COBOTTA)、CaoProv.DENSO.VRC9 (RC9)。"),
     "restart": ("Restart the controller's service; if it comes back, look at the controller's log.", "コントローラのサービスを再起動してください。再発する場合は、コントローラのログを確認してください。"),
-    "size": ("Split the data over several calls; a packet may hold 16 MiB.", "データを複数回に分けてください。1パケットの上限は16MiBです。"),
+    "size": ("Split the data over several calls; a packet may hold 16 MiB, with UDP 504 bytes.", "データを複数回に分けてください。1パケットの上限は16MiB (UDPでは504バイト) です。"),
     "timeout": ("Allow more time, or check whether the command before is still running.", "タイムアウトを長くするか、前のコマンドがまだ実行中でないか確認してください。"),
     "type": ("Convert the value to the type of the variable or argument.", "変数または引数の型に値を変換してください。"),
     "value": ("Use a value that fits the type.", "型に収まる値を指定してください。"),

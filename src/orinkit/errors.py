@@ -138,10 +138,10 @@ class CallTimeout(OrinError, TimeoutError):
         return pick(
             f"{self.function}: no answer within {self.seconds:g} s; whether the controller executed it is not known"
             f"{f' (it was sent {self.tries} times, and is executed once at most)' if self.tries > 1 else ''}. "
-            "Try: a longer timeout, or service option WDT so that the controller reports that it is still at work",
+            "Try: a longer timeout, or with TCP the service option WDT, so that the controller reports that it is still at work",
             f"{self.function}: {self.seconds:g} 秒以内に応答がありません。実行されたかどうかは不明です"
             f"{f' ({self.tries} 回送信しましたが、実行は多くても 1 回です)' if self.tries > 1 else ''}。"
-            "対処: timeout を長くするか、WDT オプションで実行中通知を有効にしてください",
+            "対処: timeout を長くするか、TCP では WDT オプションで実行中通知を有効にしてください",
         )
 
 

@@ -42,14 +42,14 @@ def until(condition: Any) -> None:
     [(0, {}), (0, {"provider": ""}), (1, {"provider": ""}), (1, {"provider": "CaoProv.DENSO.VE026A"}), (1, {"dialect": "VE026A"})],
 )  # fmt: skip
 def test_the_dialect_is_found(both: Both, urls: list[str], place: int, options: dict[str, Any]) -> None:
-    rc = both.connect(urls[place], **options)
+    rc = both.connect(urls[place], **{"dialect": None, **options})
     assert rc.client.dialect.name == "ve026a"
     both.run(rc.close())
 
 
 def test_an_rc8_on_a_serial_line_is_none(both: Both) -> None:
     with orinkit.serve(VirtualRC8(), "pty://") as server:
-        rc8 = both.connect(server.url)
+        rc8 = both.connect(server.url, dialect=None)
         assert rc8.client.dialect.name == "rc8"
         both.run(rc8.close())
         forced = both.connect(server.url, dialect="rc8")
@@ -65,7 +65,7 @@ def test_there_is_no_such_dialect(name: Any) -> None:
 
 @pytest.mark.parametrize("place", [0, 1], ids=["serial", "tcp"])
 def test_motor_joints_and_errors(both: Both, device: VirtualVE026A, urls: list[str], place: int) -> None:
-    rc = both.connect(urls[place], provider="")
+    rc = both.connect(urls[place], provider="", dialect=None)
     robot = both.run(rc.robot("VE"))
 
     def look(_: Any) -> None:
@@ -94,7 +94,7 @@ def test_motor_joints_and_errors(both: Both, device: VirtualVE026A, urls: list[s
 @pytest.mark.parametrize("mode", [None, 0, 1])
 @pytest.mark.parametrize("place", [0, 1], ids=["serial", "tcp"])
 def test_slave_mode(both: Both, device: VirtualVE026A, urls: list[str], place: int, mode: int | None) -> None:
-    rc = both.connect(urls[place], provider="")
+    rc = both.connect(urls[place], provider="", dialect=None)
     robot = both.run(rc.robot())
 
     def stream(entered: Any) -> None:
@@ -143,3 +143,19 @@ def test_recovery(device: VirtualVE026A, urls: list[str]) -> None:
 def test_slave_mode_that_it_does_not_have(urls: list[str], options: dict[str, Any]) -> None:
     with orinkit.connect(urls[0]) as rc, rc.robot() as robot, pytest.raises((InvalidValue, StreamError)):
         robot.slave_mode(**options)
+
+
+def test_objects_that_share_a_handle(both: Both, device: VirtualVE026A, urls: list[str]) -> None:
+    """The arm gives the same handle to everyone who asks for the same thing; it is released with the last of them."""
+    rc = both.connect(urls[0], dialect=None)
+    robot = both.run(rc.robot())
+    angle = both.run(robot.variable("@CURRENT_ANGLE"))
+    again = both.run(robot.variable("@current_angle"))
+    assert again.handle == angle.handle
+    both.run(again.close())
+    assert both.run(angle.get_value())[:7] == list(HOME)
+    robot = both.run(rc.robot())
+    robot = both.run(rc.robot())
+    assert both.run(robot.get_joints())[:7] == HOME
+    both.run(robot.close())
+    both.run(rc.close())

@@ -88,6 +88,7 @@ class Wire:
         crc: packets have a checksum (VE026A 3.1).
         lossy: packets may be lost.
         shared: one client follows the other on the same line, and the end of one can only be told by the other's beginning.
+        memory: seconds of silence after which a controller forgets a client; 0 where a connection tells of its end.
         packet: longest packet in bytes. UDP: 488 bytes and what is around them (RC8 table 5-1).
         timeout: seconds that a client waits for the answer to one try by default (RC8 table 5-1: 500 ms).
     """
@@ -98,6 +99,7 @@ class Wire:
     crc: bool = False
     lossy: bool = False
     shared: bool = False
+    memory: float = 0.0
     packet: int = DEFAULT_LIMITS.packet
     timeout: float = 3.0
 
@@ -112,7 +114,9 @@ class Wire:
 
 
 STREAM: Final = Wire("tcp", packet.Framer, packet.Framer)
-DATAGRAM: Final = Wire("udp", DatagramFramer, DatagramFramer, lossy=True, packet=488 + packet.OVERHEAD, timeout=0.5)
+DATAGRAM: Final = Wire(
+    "udp", DatagramFramer, DatagramFramer, lossy=True, memory=10.0, packet=488 + packet.OVERHEAD, timeout=0.5
+)
 LINE: Final = Wire(
     "serial", LineFramer, partial(LineFramer, tells=True),
     crc=True, lossy=True, shared=True, packet=65536, timeout=0.5,

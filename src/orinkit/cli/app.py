@@ -65,8 +65,8 @@ def build() -> App:
         ),
     )
     app.command(_command_of("demo"), name="demo", sort_key=1, help=pick(
-        "Watch a client and a virtual RC8 talk, every packet explained.",
-        "クライアントと仮想 RC8 の通信を、全パケットの説明付きで見る。"))  # fmt: skip
+        "Watch a client and a virtual RC8, or VE026A, talk, every packet explained.",
+        "クライアントと仮想 RC8 (または VE026A) の通信を、全パケットの説明付きで見る。"))  # fmt: skip
     app.command(serve)
     app.command(_command_of("get"), name="get", sort_key=3, help=pick(
         "Read a variable of a controller.", "コントローラの変数を読み出す。"))  # fmt: skip

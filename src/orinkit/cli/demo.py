@@ -1,4 +1,4 @@
-"""``orinkit demo``: a client and a virtual RC8 talk over TCP, and every packet is shown and checked."""
+"""``orinkit demo``: a client and a virtual controller talk, and every packet is shown and checked."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ def serve_rc8(
     ] = None,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve a virtual RC8; each listener is told on stdout as "ready tcp://HOST:PORT". Stops on SIGINT and SIGTERM."""
+    """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
     check(listening)
     if control is not None:
         check_control(control)

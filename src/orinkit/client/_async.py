@@ -321,7 +321,7 @@ class AsyncController(AsyncOwner):
         except ObjectNotFound:
             return None
         message = AsyncMessage(self.client, handle, "message", self)
-        self._children[handle] = message
+        self._adopt(message)
         return message
 
     async def extension_names(self, option: str = "") -> list[str]:

@@ -10,14 +10,15 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
+from orinkit import hresult
 from orinkit.bcap.client import Conversation, Reply, Trace
 from orinkit.bcap.wire import DEFAULT_TRIES, STREAM, Wire
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.table import Function
-from orinkit.client._common import Garbage, check_timeout, check_tries, opening_of
-from orinkit.errors import ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after, opening_of
+from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.aio_links import open_link
-from orinkit.transport.drive import AsyncLentLink, AsyncLink, arun
+from orinkit.transport.drive import AsyncLentLink, AsyncLink, Deadline, arun
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 P = ParamSpec("P")
@@ -63,7 +64,8 @@ class AsyncClient:
         self._link: AsyncLink = link
         self._conversation = Conversation(limits, trace, wire)
         self._lock = asyncio.Lock()
-        self.garbage = Garbage()
+        self.handles = Handles()
+        self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
 
     @property
     def timeout(self) -> float:
@@ -170,6 +172,27 @@ class AsyncClient:
         arguments: tuple[Any, ...],
         seconds: float,
         exact: bool = False,
+    ) -> tuple[int, Any]:
+        if self._remembered is not None:
+            return await self._carry_in_time(function, arguments, seconds, exact)
+        return await self._carry_now(function, arguments, seconds, exact)
+
+    async def _carry_in_time(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+    ) -> tuple[int, Any]:
+        """Carry out a call where the controller forgets a client that is silent, and say so where it has."""
+        forgotten = self._remembered is not None and self._remembered.passed
+        try:
+            return await self._carry_now(function, arguments, seconds, exact)
+        except CallError as error:
+            if forgotten and error.code == hresult.E_HANDLE:
+                error.detail = forgotten_after(self.wire.memory)
+            raise
+        finally:
+            self._remembered = Deadline(self.wire.memory)
+
+    async def _carry_now(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
     ) -> tuple[int, Any]:
         try:
             operation = self._conversation.call(function, arguments, seconds, exact=exact, tries=self._tries)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from datetime import datetime
 from operator import index
+from threading import Lock
 from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit import hresult
@@ -152,6 +153,16 @@ def dialect_of(name: str | None, provider: str) -> Dialect | None:
 def is_ve026a(told: object) -> bool:
     """Whether the name of a provider, or a version, is that of a VE026A."""
     return VE026A.name.upper() in str(told).upper()
+
+
+def forgotten_after(seconds: float) -> str:
+    """Return what there is to say of a handle that is not known any more, to a client that was silent so long."""
+    return pick(
+        f"a controller forgets a UDP client that calls nothing for {seconds:g} s, with all its objects. "
+        "Connect again, call something now and then, or use TCP",
+        f"コントローラは {seconds:g} 秒間呼び出しのない UDP クライアントを、オブジェクトも含めて忘れます。"
+        "接続し直すか、定期的に呼び出すか、TCP を使ってください",
+    )
 
 
 def check_timeout(seconds: float) -> float:
@@ -359,11 +370,31 @@ def check_content(kind: type[T], content: T) -> T:
     )
 
 
-class Garbage:
-    """Handles whose objects were dropped without being closed; they are released before the next object is made."""
+class Handles:
+    """Handles that this program holds, and those whose objects were dropped without being closed.
+
+    The latter are released before the next object is made. A controller may answer with one handle for several objects
+    (``@IfNotMember``; a VE026A always does): it is released with the last of them.
+    """
 
     def __init__(self) -> None:
         self._handles: deque[tuple[Function[[int], None], int]] = deque()
+        self._shared: Counter[tuple[int, int]] = Counter()  # by function that releases it, and handle
+        self._lock = Lock()
+
+    def hold(self, release: Function[[int], None], handle: int) -> None:
+        """One more object has this handle."""
+        with self._lock:
+            self._shared[release.id, handle] += 1
+
+    def is_last(self, release: Function[[int], None], handle: int) -> bool:
+        """One object has it no more; tells whether none is left, so that it is to be released."""
+        with self._lock:
+            self._shared[release.id, handle] -= 1
+            if self._shared[release.id, handle] > 0:
+                return False
+            del self._shared[release.id, handle]
+            return True
 
     def add(self, release: Function[[int], None], handle: int) -> None:
         """Note a handle; may be called from anywhere, also while Python collects garbage."""

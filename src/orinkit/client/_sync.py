@@ -453,7 +453,7 @@ class Controller(Owner):
         except ObjectNotFound:
             return None
         message = Message(self.client, handle, "message", self)
-        self._children[handle] = message
+        self._adopt(message)
         return message
 
     def extension_names(self, option: str = "") -> list[str]:

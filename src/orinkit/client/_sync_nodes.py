@@ -66,7 +66,7 @@ class Node:
 
     def __del__(self) -> None:
         if getattr(self, "_open", False) and self._parent is not None and self.handle:
-            self.client.garbage.add(self.functions.release, self.handle)
+            self.client.handles.add(self.functions.release, self.handle)
 
     def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of this object; an error says which object it was."""
@@ -88,9 +88,10 @@ class Node:
 
     def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         self._require_open()
-        while (dropped := self.client.garbage.take()) is not None:
+        while (dropped := self.client.handles.take()) is not None:
             try:
-                self.client.call(*dropped)
+                if self.client.handles.is_last(*dropped):
+                    self.client.call(*dropped)
             except CallError:  # the controller had let go of it already
                 pass
         handle = self.client.call(function, self.handle, name, option)
@@ -100,7 +101,8 @@ class Node:
 
     def _adopt(self, child: Node) -> None:
         """Have a child released with this object."""
-        self._children[child.handle] = child
+        self._children[id(child)] = child
+        self.client.handles.hold(child.functions.release, child.handle)
 
     def close(self) -> None:
         """Release the object and those below it, newest first; does nothing the second time.
@@ -121,6 +123,8 @@ class Node:
                 return False
         if not self.handle:
             return True  # a file that is not there
+        if not self.client.handles.is_last(self.functions.release, self.handle):
+            return True  # another object has the same
         try:
             self.client.call(self.functions.release, self.handle)
         except CallTimeout:

@@ -28,6 +28,7 @@ from orinkit.slave.planners import Planner
 from orinkit.slave.setup import Setup
 from orinkit.slave.shared import Feed, Order, RawSample, Shared
 from orinkit.transport.drive import Link, run
+from orinkit.variant import ARRAY, Variant, VarType
 
 _RESTS: Final = 3  # equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)
 _AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
@@ -329,7 +330,7 @@ class Streamer:
     def _parameter(self, command: tuple[float, ...]) -> Any:
         setup, outputs = self._setup, self._outputs
         if setup.plain:
-            return [*command, *setup.beyond]
+            return Variant(VarType.R4 | ARRAY, [*command, *setup.beyond])
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))

@@ -1,0 +1,84 @@
+"""How things are measured: against a bare reference by turns, with far sides in processes of their own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import os
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+ROUNDS = 9
+CORES = range(os.cpu_count() or 1)
+
+
+def on_core(number: int) -> None:
+    """Stay on one core, where the system lets us: whether two processes share one decides more than all else."""
+    if hasattr(os, "sched_setaffinity") and len(CORES) > 1:
+        os.sched_setaffinity(0, {CORES[number]})
+
+
+@contextmanager
+def process(target: Callable[[multiprocessing.connection.Connection], None]) -> Iterator[str]:
+    """Run one far side in a process of its own, on another core; yields what it sends first: its address."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    child = context.Process(target=target, args=(theirs,), daemon=True)
+    child.start()
+    theirs.close()  # a far side that fails at once is the end of the pipe, not silence
+    try:
+        yield str(ours.recv())
+    finally:
+        child.terminate()
+        child.join()
+
+
+def each_us(action: Callable[[], object], count: int) -> float:
+    """Return the mean time of one action in a tight loop, in microseconds."""
+    begin = time.perf_counter()
+    for _ in range(count):
+        action()
+    return (time.perf_counter() - begin) / count * 1e6
+
+
+def alternate(ours: Callable[[], float], bare: Callable[[], float], rounds: int = ROUNDS) -> tuple[float, float, float]:
+    """Measure two things in turn; returns the median of each and of the ratio, round by round."""
+    pairs = [(ours(), bare()) for _ in range(rounds)]
+    return (
+        statistics.median(a for a, _ in pairs),
+        statistics.median(b for _, b in pairs),
+        statistics.median(a / b for a, b in pairs),
+    )
+
+
+def in_turn(ours: Callable[[], object], bare: Callable[[], object], count: int) -> tuple[float, float, float]:
+    """Do two things by turns, one of each, so that both meet the same machine; returns both medians and their ratio."""
+    clock = time.perf_counter
+    times: tuple[list[float], list[float]] = ([], [])
+    for number in range(count + count // 10):
+        for action, kept in zip((ours, bare), times, strict=True):
+            begin = clock()
+            action()
+            end = clock()
+            if number >= count // 10:
+                kept.append(end - begin)
+    return medians(*times)
+
+
+def medians(ours: list[float], bare: list[float]) -> tuple[float, float, float]:
+    """Return the medians of two lists of seconds, in microseconds, and their ratio."""
+    mine, other = statistics.median(ours) * 1e6, statistics.median(bare) * 1e6
+    return mine, other, mine / other
+
+
+def middle(results: list[tuple[float, float, float]]) -> tuple[float, float, float]:
+    """Return the median of each column."""
+    ours, bare, ratio = (statistics.median(column) for column in zip(*results, strict=True))
+    return ours, bare, ratio
+
+
+def line(what: str, ours: float, bare: float, ratio: float, unit: str, aim: str = "") -> None:
+    """Print one result."""
+    print(f"{what:<58} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")

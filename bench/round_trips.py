@@ -1,0 +1,185 @@
+"""Round trips over TCP, UDP and a pseudo-terminal: a client against a bare socket or a bare port. Part of ``make bench``.
+
+On the far side is a peer that knows one answer, in a process of its own: one for the client, one for the bare reference.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import binascii
+import multiprocessing.connection
+import os
+import socket
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+
+import orinkit
+from measuring import ROUNDS, in_turn, line, medians, middle, on_core, process
+from orinkit import aio, functions, variant_bytes
+from orinkit.bcap import packet
+from orinkit.bcap.client import encode_request
+
+POSE = [0.125, 45.0, 90.0, 0.25, 45.0, 0.5, 0.0, 0.0]
+ARGUMENTS = (3, "slvMove", POSE)
+REQUEST = encode_request(functions.robot_execute, ARGUMENTS, 1)
+REPLY = packet.pack(1, 0, 1, variant_bytes.encode(POSE))
+LINE_REQUEST = encode_request(functions.robot_execute, ARGUMENTS, 1, 1, crc=True)
+LINE_REPLY = packet.pack(1, 0, 1, variant_bytes.encode(POSE), crc=True)
+SERIAL = slice(5, 7)
+
+
+# --- the far sides: as little as a peer can do ------------------------------------------------------------------------
+
+
+def tcp_peer(pipe: multiprocessing.connection.Connection) -> None:
+    """Answer whatever comes with the reply, the request's serial copied into it."""
+    on_core(-1)
+    head, tail = REPLY[: SERIAL.start], REPLY[SERIAL.stop :]
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        pipe.send(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
+        while True:
+            peer, _ = listener.accept()
+            peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            with peer:
+                while data := peer.recv(65536):
+                    peer.sendall(head + data[SERIAL] + tail)
+
+
+def udp_peer(pipe: multiprocessing.connection.Connection) -> None:
+    """The same for datagrams, wherever they come from."""
+    on_core(-1)
+    head, tail = REPLY[: SERIAL.start], REPLY[SERIAL.stop :]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        pipe.send(f"udp://127.0.0.1:{peer.getsockname()[1]}")
+        while True:
+            data, place = peer.recvfrom(65536)
+            peer.sendto(head + data[SERIAL] + tail, place)
+
+
+def pty_peer(pipe: multiprocessing.connection.Connection) -> None:
+    """The same at one end of a pseudo-terminal, with the CRC of every reply computed; the other end is told by its path."""
+    import tty  # Windows has none
+
+    on_core(-1)
+    head, tail = LINE_REPLY[1 : SERIAL.start], LINE_REPLY[SERIAL.stop : -3]
+    ending = struct.Struct("<HB").pack
+    peer, other_end = os.openpty()
+    tty.setraw(other_end)
+    pipe.send(f"serial://{os.ttyname(other_end)}")  # stays open here, so that the line outlives its users
+    while True:
+        data = os.read(peer, 4096)
+        while len(data) < len(LINE_REQUEST):
+            data += os.read(peer, 4096)
+        body = head + data[SERIAL] + tail
+        os.write(peer, b"\x01" + body + ending(binascii.crc_hqx(body, 0xFFFF), packet.EOT))
+
+
+# --- the bare references: one exchange of the same sizes -----------------------------------------------------------------
+
+
+@contextmanager
+def tcp_exchange(url: str, request: bytes = REQUEST) -> Iterator[Callable[[], object]]:
+    """A plain socket, connected to a peer."""
+    host, port = url.removeprefix("tcp://").split(":")
+    with socket.create_connection((host, int(port))) as ours:
+        ours.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+        def exchange() -> None:
+            ours.sendall(request)
+            ours.recv(65536)
+
+        yield exchange
+
+
+@contextmanager
+def udp_exchange(url: str) -> Iterator[Callable[[], object]]:
+    """A plain datagram socket, connected to a peer."""
+    host, port = url.removeprefix("udp://").split(":")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours:
+        ours.connect((host, int(port)))
+
+        def exchange() -> None:
+            ours.send(REQUEST)
+            ours.recv(65536)
+
+        yield exchange
+
+
+@contextmanager
+def pty_exchange(url: str) -> Iterator[Callable[[], object]]:
+    """A plain port, opened by its path; the peer has made it raw."""
+    ours = os.open(url.removeprefix("serial://"), os.O_RDWR | os.O_NOCTTY)
+
+    def exchange() -> None:
+        os.write(ours, LINE_REQUEST)
+        missing = len(LINE_REPLY)
+        while missing:  # a line may hand over a reply in pieces
+            missing -= len(os.read(ours, 4096))
+
+    try:
+        yield exchange
+    finally:
+        os.close(ours)
+
+
+# --- measuring --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way for packets to travel.
+
+    Attributes:
+        name: for the reader.
+        peer: the far side; sends its address first.
+        exchange: one bare exchange with such a peer.
+        aim: of the synchronous client.
+    """
+
+    name: str
+    peer: Callable[[multiprocessing.connection.Connection], None]
+    exchange: Callable[[str], AbstractContextManager[Callable[[], object]]]
+    aim: str = ""
+
+
+WAYS = (
+    Way("TCP", tcp_peer, tcp_exchange, "aim <= 1.1"),
+    Way("UDP", udp_peer, udp_exchange),
+    Way("pty", pty_peer, pty_exchange),
+)
+
+
+def round_trips(count: int) -> None:
+    """Robot_Execute with 8 doubles each way, over everything that this system has."""
+    for way in WAYS:
+        if way.peer is not pty_peer or hasattr(os, "openpty"):
+            with process(way.peer) as url, process(way.peer) as bare_url, way.exchange(bare_url) as bare:
+                results = [synchronous(url, bare, count) for _ in range(ROUNDS)]
+                line(f"{way.name} round trip, 8 doubles each way, sync client", *middle(results), "us", way.aim)
+                results = [asyncio.run(asynchronous(url, bare, count)) for _ in range(ROUNDS)]
+                line(f"{way.name} round trip, 8 doubles each way, async client", *middle(results), "us")
+
+
+def synchronous(url: str, bare: Callable[[], object], count: int) -> tuple[float, float, float]:
+    """Call and exchange by turns; returns both medians and their ratio."""
+    with orinkit.open_client(url) as client:
+        call = client.call
+        return in_turn(lambda: call(functions.robot_execute, *ARGUMENTS), bare, count)
+
+
+async def asynchronous(url: str, bare: Callable[[], object], count: int) -> tuple[float, float, float]:
+    """The same in asyncio."""
+    async with aio.open_client(url) as client:
+        ours, other = [], []
+        for _ in range(count):
+            begin = time.perf_counter()
+            await client.call(functions.robot_execute, *ARGUMENTS)
+            between = time.perf_counter()
+            bare()
+            ours.append(between - begin)
+            other.append(time.perf_counter() - between)
+        return medians(ours, other)
