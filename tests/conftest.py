@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from both import Both
+from both import LISTEN_AT, Both
 from orinkit import language
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a background job of a shell: Ctrl-C is tested too
@@ -35,3 +35,9 @@ def both(request: pytest.FixtureRequest) -> Iterator[Both]:
     client = Both(request.param)
     yield client
     client.close()
+
+
+@pytest.fixture(params=list(LISTEN_AT))
+def listen_at(request: pytest.FixtureRequest) -> str:
+    """Where a server is to listen: over TCP, UDP, and a serial line."""
+    return LISTEN_AT[request.param]

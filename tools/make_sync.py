@@ -54,6 +54,7 @@ REPLACEMENTS = (
     (r"_async_robot\b", "_sync_robot"),
     (r"_async_task\b", "_sync_task"),
     (r"\barun\b", "run"),
+    (r"\basay_goodbye\b", "say_goodbye"),
     (r"\bapause\b", "pause"),
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),

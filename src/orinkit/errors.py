@@ -135,13 +135,23 @@ class CallTimeout(OrinError, TimeoutError):
         self.tries = tries
 
     def __str__(self) -> str:
+        several = self.tries > 1
+        if several and self.function == "Service_Start":  # the first call of all
+            return pick(
+                f"{self.function}: no answer within {self.seconds:g} s (it was sent {self.tries} times). Try: is the controller "
+                "on, and the address right? On a serial line: are rate and parity those of the controller (?baudrate=115200), "
+                "is it the right port and cable, does no other program read from it?",
+                f"{self.function}: {self.seconds:g} 秒以内に応答がありません ({self.tries} 回送信しました)。"
+                "対処: コントローラの電源とアドレスを確認してください。シリアル通信では、通信速度とパリティ (?baudrate=115200)、"
+                "ポートとケーブル、他のプログラムが使用していないことも確認してください",
+            )
         return pick(
             f"{self.function}: no answer within {self.seconds:g} s; whether the controller executed it is not known"
-            f"{f' (it was sent {self.tries} times, and is executed once at most)' if self.tries > 1 else ''}. "
-            "Try: a longer timeout, or with TCP the service option WDT, so that the controller reports that it is still at work",
+            f"{f' (it was sent {self.tries} times, and is executed once at most)' if several else ''}. Try: a longer timeout"
+            f"{'' if several else ', or service option WDT so that the controller reports that it is still at work'}",
             f"{self.function}: {self.seconds:g} 秒以内に応答がありません。実行されたかどうかは不明です"
-            f"{f' ({self.tries} 回送信しましたが、実行は多くても 1 回です)' if self.tries > 1 else ''}。"
-            "対処: timeout を長くするか、TCP では WDT オプションで実行中通知を有効にしてください",
+            f"{f' ({self.tries} 回送信しましたが、実行は多くても 1 回です)' if several else ''}。"
+            f"対処: timeout を長く{'して' if several else 'するか、WDT オプションで実行中通知を有効にして'}ください",
         )
 
 

@@ -13,7 +13,8 @@ from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Execute, Send, ServerConversation
+from orinkit.bcap.repeats import MEMORY
+from orinkit.bcap.server import Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import DATAGRAM, LINE, SILENCE
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
@@ -30,9 +31,13 @@ TRIES = 5
 class Call:
     """A call under way, driven by hand."""
 
-    def __init__(self, conversation, *arguments, function=f.variable_get_value, tries=TRIES, exact=False):
+    def __init__(
+        self, conversation, *arguments, function=f.variable_get_value, tries=TRIES, exact=False, nothing=False
+    ):
         self.wire = conversation.wire
-        self.operation = conversation.call(function, arguments or (3,), TRY, tries=tries, exact=exact)
+        self.operation = conversation.call(
+            function, arguments or (() if nothing else (3,)), TRY, tries=tries, exact=exact
+        )
         self.wait(next(self.operation))
 
     def wait(self, exchange):
@@ -102,12 +107,57 @@ def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
     call = Call(conversation, tries=2)
     call.feed(None)
     call.feed(call.reply(2, code=hresult.E_ROBOTISBUSY))
-    assert call.seconds == TRY
     assert call.result(call.reply(1, 42)) == 42
     again = Call(conversation)
     with pytest.raises(CallError) as caught:
         again.operation.send(again.reply(3, code=hresult.E_ROBOTISBUSY))
     assert caught.value.code == hresult.E_ROBOTISBUSY
+
+
+def test_a_ve026a_that_goes_on_being_busy_is_told_of_in_time():
+    conversation = Conversation(wire=LINE, dialect=VE026A)
+    call = Call(conversation, tries=3)
+    for serial in (2, 3):
+        call.feed(None)
+        call.feed(call.reply(serial, code=hresult.E_ROBOTISBUSY))
+    with pytest.raises(CallError) as caught:
+        call.operation.send(None)
+    assert caught.value.code == hresult.E_ROBOTISBUSY
+
+
+def test_a_line_that_gives_back_what_is_sent(conversation):
+    """A plug that joins both wires, or a converter for RS-485: a request is no answer."""
+    call = Call(conversation)
+    call.feed(packet.encode(call.sent, crc=conversation.wire.crc))
+    assert conversation.dropped == 1
+    assert not conversation.echoes
+    assert call.result(call.reply(1, 42)) == 42
+
+
+def test_an_answer_tells_whether_it_echoes(conversation):
+    call = Call(conversation)
+    assert call.result(packet.encode(Packet(1, 0, [42], 1), crc=conversation.wire.crc)) == 42
+    assert conversation.echoes
+
+
+def test_silence_that_brings_nothing_costs_one_try_only():
+    """Noise before a packet of somebody else: its end is the end of one try."""
+    conversation = Conversation(wire=LINE)
+    call = Call(conversation, tries=3)
+    for number in (2, 3):
+        call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(99, 1))
+        call.feed(None)
+        assert call.sent.serial == number
+    call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(3, code=hresult.S_EXECUTING))
+    call.feed(None)
+    assert call.sent is None
+    assert call.seconds == TRY
+
+
+def test_later_tries_may_wait_longer(conversation):
+    operation = conversation.call(f.variable_get_value, (3,), TRY, tries=3, later=2.0)
+    assert next(operation)[1] == TRY
+    assert operation.send(None)[1] == 2.0
 
 
 def test_rubbish_and_ends(conversation):
@@ -364,8 +414,40 @@ def test_datagrams_that_come_very_late(seed):
     assert told["done"] > 900
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_calls_that_take_longer_than_the_memory(seed):
+    """The answer is remembered from when it was given."""
+    told = check(World(DATAGRAM, Link, seed, slow=MEMORY + 1.5), 60)
+    assert told["done"] > 30
+
+
 def test_a_link_that_carries_nothing():
     world = World(DATAGRAM, lambda rng: Link(rng, loss=1.0), 1)
     assert isinstance(world.call(1), CallTimeout)
     assert world.now == pytest.approx(TRY * TRIES)
     assert world.executed == []
+
+
+def test_a_farewell(conversation):
+    """Service_Stop, said three times, for nobody answers it."""
+    assert conversation.farewell() == [], "the controller knows nothing of it"
+    Call(conversation)
+    packets = [packet.decode(data, crc=conversation.wire.crc) for data in conversation.farewell()]
+    assert packets == [Packet(2, 2, [], 2), Packet(3, 2, [], 2), Packet(4, 2, [], 2)]
+    assert conversation.farewell() == []
+    stop = Call(conversation, function=f.service_stop, nothing=True)
+    assert stop.result(stop.reply(5)) is None
+    assert conversation.farewell() == [], "it has been said already"
+    assert Conversation().farewell() == []
+
+
+def test_a_farewell_ends_what_is_at_work():
+    client, server = Conversation(wire=DATAGRAM), ServerConversation(wire=DATAGRAM)
+    operation = client.call(f.controller_execute, (2, "x", 0), TRY)
+    (call,) = server.receive(next(operation)[0], 0.0)
+    reset, stop = server.receive(client.farewell()[0], 0.0)
+    assert isinstance(reset, Reset)
+    assert isinstance(stop, Execute)
+    assert server.finish(call, 0, None) == b""
+    server.finish(stop, 0, None)
+    assert server.stopped

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both
+from both import Both, only
 from devices import Call, Recorder
 from orinkit import J, P, T, V, aio, hresult, language
 from orinkit.cao import provider as p
@@ -47,8 +47,8 @@ def recorder() -> Recorder:
 
 
 @pytest.fixture
-def recorded(both: Both, recorder: Recorder) -> Iterator[Any]:
-    with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
+def recorded(both: Both, listen_at: str, recorder: Recorder) -> Iterator[Any]:
+    with orinkit.serve(recorder, listen_at) as server:
         controller = both.connect(server.url, provider="Test.Recorder", name="RC")
         yield both.run(controller.robot())
         both.run(controller.close())
@@ -255,8 +255,8 @@ def rc8() -> Iterator[VirtualRC8]:
 
 
 @pytest.fixture
-def url(rc8: VirtualRC8) -> Iterator[str]:
-    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+def url(listen_at: str, rc8: VirtualRC8) -> Iterator[str]:
+    with orinkit.serve(rc8, listen_at) as server:
         yield server.url
 
 
@@ -369,6 +369,7 @@ def test_motions_that_follow_each_other(both: Both, moving: Any) -> None:
     assert both.run(first.get_done()) is True
 
 
+@only("tcp", "udp", because="a line has one client at a time")
 def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url: str) -> None:
     first = both.run(moving.move(THERE, speed=50, wait=False))
     second = both.run(moving.move(HOME, speed=1, wait=False))
@@ -380,6 +381,7 @@ def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url
     assert both.run(first.get_done()) is True
 
 
+@only("tcp", "udp", because="a line has one client at a time")
 def test_a_stop_before_the_follower_has_begun_is_the_followers(both: Both, moving: Any, url: str) -> None:
     both.run(moving.move(THERE, speed=1, wait=False))
     for pose in (HOME, P(380, 0, 250, 180, 0, 180, 5)):
@@ -394,6 +396,7 @@ def halt_from_elsewhere(url: str) -> None:
         other.robot().halt()
 
 
+@only("tcp", "udp", because="a line has one client at a time")
 def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
     motion = both.run(moving.move(THERE, speed=1, wait=False))
     assert both.run(motion.get_progress()) < 1
@@ -413,6 +416,7 @@ def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
     both.run(moving.move(HOME))  # the next one is another matter
 
 
+@only("tcp", "udp", because="a line has one client at a time")
 def test_another_client_halts_a_motion_that_is_waited_for(both: Both, moving: Any, rc8: VirtualRC8, url: str) -> None:
     def halt() -> None:
         until(lambda: bool(rc8.pendant.status()["moving"]))
@@ -581,6 +585,7 @@ def test_a_block_that_fails_halts(both: Both, robot: Any, rc8: VirtualRC8) -> No
     assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
 
 
+@only("tcp", "udp", because="a line has one client at a time")
 def test_a_stop_in_a_block_comes_out_of_it(both: Both, robot: Any, rc8: VirtualRC8, url: str) -> None:
     def body() -> None:
         both.run(robot.move(THERE, speed=1, wait=False))
@@ -601,6 +606,7 @@ def test_keeping_what_is_set(both: Both, robot: Any) -> None:
         both.within(robot.arm(group=99), lambda _: None)
 
 
+@only("tcp", "udp", because="a line has one client at a time")
 def test_an_arm_that_another_one_has(both: Both, robot: Any, url: str) -> None:
     entered = []
     with orinkit.connect(url) as other:
@@ -794,7 +800,9 @@ def device() -> Scripted:
 
 @pytest.fixture
 def scripted(both: Both, device: Scripted) -> Iterator[Any]:
-    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+    with orinkit.serve(
+        device, "tcp://127.0.0.1:0"
+    ) as server:  # elsewhere a call at work is told of, and never times out
         controller = both.connect(server.url, provider="Test.Scripted", timeout=0.25, service="")
         yield both.run(controller.robot())
         device.close()

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both
+from both import Both, only
 from devices import Call, Recorder
 from orinkit import language
 from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
@@ -26,9 +26,9 @@ FAULTY = "Sub Main\n  I[1] = 1\n  I[2] = 1 / (I[1] - 1)\nEnd Sub\n"
 
 
 @pytest.fixture
-def controller(both: Both) -> Iterator[Any]:
+def controller(both: Both, listen_at: str) -> Iterator[Any]:
     device = VirtualRC8(clock=Clock(20), language="en")
-    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+    with orinkit.serve(device, listen_at) as server:
         made = both.connect(server.url)
         yield made
         both.run(made.close())
@@ -263,6 +263,7 @@ def test_a_name_that_cannot_be_is_refused_at_once(both: Both, controller: Any) -
 
 
 @pytest.mark.parametrize("text", ["", "I[1] = 1\r\n", "位置 äö \U0001f916", "\n" * 5000])
+@only("tcp", "serial", because="a datagram takes 488 bytes")
 def test_text(both: Both, controller: Any, text: str) -> None:
     file = store(both, controller, "note.txt", text)
     assert both.run(file.get_text()) == text
@@ -271,6 +272,7 @@ def test_text(both: Both, controller: Any, text: str) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00\xff\x81", bytes(range(256)) * 20, bytearray(b"\x00\x01")])
+@only("tcp", "serial", because="a datagram takes 488 bytes")
 def test_bytes(both: Both, controller: Any, data: bytes) -> None:
     file = both.run(controller.file("data.bin", create=True))
     both.run(file.put_data(data))

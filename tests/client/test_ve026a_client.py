@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 import orinkit
+import orinkit.aio
 from both import Both
 from orinkit import hresult
 from orinkit.errors import CallError, InvalidValue, StreamError
@@ -159,3 +161,37 @@ def test_objects_that_share_a_handle(both: Both, device: VirtualVE026A, urls: li
     assert both.run(robot.get_joints())[:7] == HOME
     both.run(robot.close())
     both.run(rc.close())
+
+
+@pytest.mark.parametrize("place", [0, 1], ids=["serial", "tcp"])
+def test_commands_that_take_long_are_waited_for(both: Both, place: int) -> None:
+    """VE026A 5.3.4: about 3 s, which is longer than most calls may take."""
+    with orinkit.serve(VirtualVE026A(motor_seconds=1.2, clear_seconds=0.7), "pty://", "tcp://127.0.0.1:0") as server:
+        rc = both.connect(server.urls[place], provider="", dialect=None, timeout=0.1, tries=3)
+        robot = both.run(rc.robot())
+        both.within(robot.motor(), lambda _: None)
+        both.run(rc.clear_error())
+        both.run(rc.close())
+
+
+def test_a_motor_whose_task_is_cancelled_goes_off() -> None:
+    """The clean-up waits until the arm is not busy any more."""
+
+    async def cancelled(url: str) -> None:
+        async with orinkit.aio.connect(url, provider="") as rc:
+            robot = await rc.robot()
+            with pytest.raises(TimeoutError):
+                async with asyncio.timeout(0.3):
+                    async with robot.motor():
+                        raise AssertionError
+
+    with orinkit.serve(device := VirtualVE026A(motor_seconds=0.8), "tcp://127.0.0.1:0") as server:
+        asyncio.run(cancelled(server.url))
+        assert not device.servo_on
+
+
+def test_over_udp_its_answers_tell_what_it_is(both: Both, device: VirtualVE026A) -> None:
+    with orinkit.serve(device, "udp://127.0.0.1:0") as server:
+        rc = both.connect(server.url)
+        assert rc.client.dialect.name == "ve026a"
+        both.run(rc.close())

@@ -32,10 +32,12 @@ import orinkit
 from devices import Call, Recorder, Workshop
 from orinkit import aio, hresult
 from orinkit.bcap import packet
-from orinkit.cao.session import Session
+from orinkit.cao.session import Host, Session
 from orinkit.errors import ConnectFailed
 from orinkit.server import udp
 from orinkit.server.background import Server
+from orinkit.server.connections import Connections
+from orinkit.variant_bytes import DEFAULT_LIMITS
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import RawClient
 
@@ -261,6 +263,26 @@ def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
             assert three.ask(START) is None
             assert two.ask(START) == hresult.E_MAX_CONNECT
             assert server.clients == 2
+
+
+def test_many_who_are_refused_do_not_fill_the_log(shop: Counting, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG, "orinkit.server")
+    with orinkit.serve(shop, "udp://127.0.0.1:0", clients=1) as server, UdpRaw(server.url) as one:
+        assert one.ask(START) is None
+        for _ in range(20):
+            with UdpRaw(server.url) as other:
+                assert other.ask(START) == hresult.E_MAX_CONNECT
+    levels = [record.levelno for record in caplog.records if "refused" in record.getMessage()]
+    assert levels == [logging.WARNING] + [logging.DEBUG] * 19
+
+
+def test_a_refusal_is_told_again_after_a_while() -> None:
+    async def levels() -> list[int]:
+        connections = Connections(Host(Counting()), DEFAULT_LIMITS, 1, 3.0)
+        return [connections.refusal_level(now) for now in (0.0, 9.9, 10.1, 20.0, 20.2)]
+
+    warning, debug = logging.WARNING, logging.DEBUG
+    assert asyncio.run(levels()) == [warning, debug, warning, debug, warning]
 
 
 def test_service_stop_releases_everything_and_its_answer_is_kept(server: Server, raw: UdpRaw, shop: Counting) -> None:

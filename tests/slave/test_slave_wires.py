@@ -41,6 +41,7 @@ def test_kill_9_of_the_program(arm: Arm) -> None:
         until(arm.standing)
         until(lambda: gone(streamer))
     came_to_rest(arm)
+    until(arm.free, 5.0)  # the streaming process has said goodbye; over UDP silence would take 10 s to tell
 
 
 def test_the_server_goes_away() -> None:
@@ -57,3 +58,18 @@ def test_the_server_goes_away() -> None:
         stream.target = J(*HOME)
     stream.__exit__(OrinError, stream.error, None)
     rc8.close()
+
+
+@pytest.mark.parametrize("listen", [*WIRES, "tcp://127.0.0.1:0"], ids=["udp", "serial", "tcp"])
+def test_a_client_that_closes_while_it_streams(listen: str) -> None:
+    with served(listen=listen, joints=HOME) as arm:
+        rc8 = orinkit.connect(arm.url)
+        robot = rc8.robot()
+        robot.arm().__enter__()
+        stream = robot.slave_mode().__enter__()
+        stream.target = J(20, 45, 90, 0, 45, 0)
+        until(lambda: len(arm.commands) and arm.commands[-1][0] > 1)
+        rc8.client.close()
+        until(arm.free, 5.0)
+        assert arm.within_limits()
+        stream.__exit__(OrinError, OrinError(), None)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import FrozenInstanceError
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit import language
+from orinkit._pose_checks import brief
 from orinkit.errors import InvalidAddress
 from orinkit.transport.address import Address, PtyAddress, SerialAddress, parse_address
 
@@ -118,6 +120,9 @@ def test_pseudo_terminals() -> None:
         ("", "a host and perhaps a port are needed"),
         ("udp://", "a host and perhaps a port are needed"),
         ("udp://:5007", "a host and perhaps a port are needed"),
+        ("[[]", "a host and perhaps a port are needed"),
+        ("udp://[[::1]]", "a host and perhaps a port are needed"),
+        ("tcp://a[b]:1", "a host and perhaps a port are needed"),
         ("udp://a:b", "port 'b' is not 0 to 65535"),
         ("udp://5007", "5007 is no host"),
         ("http://192.168.0.1", "http is not there yet"),
@@ -162,9 +167,10 @@ def test_what_is_no_address(text: str, reason: str) -> None:
     parse_address(example)  # an example that could not be used would be of no use
 
 
-def test_no_text() -> None:
+@pytest.mark.parametrize("value", [5007, None, b"tcp://a", 10**5000, [10**5000]], ids=brief)
+def test_no_text(value: Any) -> None:
     with pytest.raises(InvalidAddress, match="a text is needed"):
-        parse_address(5007)
+        parse_address(value)
 
 
 def test_in_japanese() -> None:

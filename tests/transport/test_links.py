@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 import tty
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -393,6 +394,32 @@ def test_a_flood_of_empty_datagrams_does_not_prolong_a_receive(both: Both) -> No
         udp.close()
 
 
+def test_datagrams_that_are_there_do_not_keep_other_tasks_from_running() -> None:
+    async def body() -> None:
+        peer = UdpPeer()
+        link: Any = await aio_links.open_link(peer.address, PATIENT)
+        turns = 0
+
+        async def other() -> None:
+            nonlocal turns
+            while True:
+                turns += 1
+                await asyncio.sleep(0)
+
+        link.send(b"hello")
+        peer.receive(5)
+        for number in range(100):
+            peer.send(bytes([number]))
+        task = asyncio.create_task(other())
+        assert [await link.receive(PATIENT) for _ in range(100)] == [bytes([number]) for number in range(100)]
+        assert turns >= 10
+        task.cancel()
+        link.close()
+        peer.close()
+
+    asyncio.run(body())
+
+
 # --- serial ports ---------------------------------------------------------------------------------------------------
 
 
@@ -442,6 +469,35 @@ def test_a_port_is_free_again(serial: Way) -> None:
         serial._both.run(_settled())
     serial.link = serial.open(serial.peer.address)
     serial.hello()
+
+
+def test_an_open_that_was_cancelled_leaves_no_port_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    peer = SerialPeer()
+    begun, go_on, duplicate = threading.Event(), threading.Event(), os.dup
+    opened: list[int] = []
+
+    def slowly(descriptor: int) -> int:
+        begun.set()
+        assert go_on.wait(PATIENT)
+        opened.append(duplicate(descriptor))
+        return opened[-1]
+
+    async def body() -> None:
+        task = asyncio.create_task(aio_links.open_link(peer.address, PATIENT))
+        await asyncio.to_thread(begun.wait, PATIENT)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        go_on.set()
+
+    monkeypatch.setattr(os, "dup", slowly)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        asyncio.run(body())  # the thread is waited for
+    assert [str(each.message) for each in said] == []
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(opened[0])
+    peer.close()
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import pytest
 
 from both import Both
 from orinkit import functions as f
+from orinkit._pose_checks import brief
 from orinkit.bcap import packet
 from orinkit.errors import CallTimeout, ConnectFailed, ConnectionClosed, ConnectionLost, InvalidAddress, InvalidValue
 from peers import BadPeer, Line, reply
@@ -35,7 +36,10 @@ def datagrams(answer: Callable[[packet.Packet, int], bytes | None]) -> Iterator[
                 data, client = server.recvfrom(65536)
                 if not data:
                     return
-                came.append(packet.decode(data))
+                request = packet.decode(data)
+                if request.code == f.service_stop.id:  # the client says goodbye
+                    continue
+                came.append(request)
                 answered = answer(came[-1], len(came) - 1)
                 if answered is not None:
                     server.sendto(answered, client)
@@ -61,18 +65,32 @@ def test_how_often_a_request_is_sent(both: Both, tries: int, sent: int) -> None:
         client = both.client(url, timeout=0.01, tries=tries)
         assert client.tries == sent
         with pytest.raises(CallTimeout) as caught:
-            both.run(client.call(f.service_stop))
+            both.run(client.call(f.service_start))
         both.run(client.close())
     assert caught.value.seconds == pytest.approx(0.01 * sent)
     assert [request.serial for request in came] == list(range(1, sent + 1))
     assert {request.reserved for request in came} == {1}
 
 
-@pytest.mark.parametrize("tries", [2.0, "5", None, float("nan"), [1]])
+@pytest.mark.parametrize("tries", [2.0, "5", None, float("nan"), [1], [10**5000]], ids=brief)
 def test_tries_that_are_no_number(both: Both, tries: Any) -> None:
     for url in ("udp://127.0.0.1:1", "tcp://127.0.0.1:1"):
         with pytest.raises(InvalidValue, match="tries must be a whole number"):
             both.client(url, tries=tries)
+
+
+@pytest.mark.parametrize("seconds", [0, -1, float("nan"), float("inf"), "1", 10**5000, [10**5000]], ids=brief)
+def test_timeouts_that_cannot_be(both: Both, seconds: Any) -> None:
+    for url in ("udp://127.0.0.1:1", "tcp://127.0.0.1:1"):
+        with pytest.raises(InvalidValue, match="timeout must be a positive number"):
+            both.client(url, timeout=seconds)
+
+
+@pytest.mark.parametrize("name", [10**5000, "x" * 100_000], ids=["number", "long"])
+def test_dialects_that_are_none_are_told_shortly(both: Both, name: Any) -> None:
+    with pytest.raises(InvalidValue, match="rc8, ve026a") as caught:
+        both.connect("udp://127.0.0.1:1", dialect=name)
+    assert len(str(caught.value)) < 200
 
 
 def test_tries_and_timeout_may_be_changed(both: Both) -> None:
@@ -81,9 +99,9 @@ def test_tries_and_timeout_may_be_changed(both: Both) -> None:
         assert (client.timeout, client.tries, client.wire.name) == (0.5, 5, "udp")
         client.timeout, client.tries = 0.01, 2
         with pytest.raises(CallTimeout):
-            both.run(client.call(f.service_stop))
+            both.run(client.call(f.service_start))
         with pytest.raises(CallTimeout):
-            both.run(client.request(f.service_stop, timeout=0.02))
+            both.run(client.request(f.service_start, timeout=0.02))
         with pytest.raises(InvalidValue):
             client.tries = 1.5
         both.run(client.close())
@@ -105,9 +123,10 @@ def test_nothing_is_sent_twice_with_tcp(both: Both) -> None:
             came.append(line.request())
 
     with BadPeer(script) as peer:
-        client = both.client(peer.url, timeout=SHORT, tries=7)
+        client = both.client(peer.url, tries=7)
+        client.timeout = SHORT
         with pytest.raises(CallTimeout) as caught:
-            both.run(client.call(f.service_stop))
+            both.run(client.call(f.service_start))
         both.run(client.close())
     assert caught.value.seconds == SHORT
     assert [(request.serial, request.reserved) for request in came] == [(1, 0)]
@@ -139,13 +158,16 @@ def test_nobody_listens(both: Both) -> None:
         both.connect(url)
     client = both.client(url)
     with pytest.raises(ConnectFailed):
-        both.run(client.call(f.service_stop))
+        both.run(client.call(f.service_start))
     with pytest.raises(ConnectionClosed):
-        both.run(client.call(f.service_stop))
+        both.run(client.call(f.service_start))
 
 
 def test_nobody_answers(both: Both) -> None:
-    with datagrams(lambda request, count: None) as (url, _), pytest.raises(CallTimeout, match="is not known") as caught:
+    with (
+        datagrams(lambda request, count: None) as (url, _),
+        pytest.raises(CallTimeout, match="is the controller on") as caught,
+    ):
         both.connect(url, timeout=0.02, tries=3)
     assert (caught.value.function, caught.value.seconds) == ("Service_Start", pytest.approx(0.06))
 
@@ -175,10 +197,10 @@ def test_a_port_that_is_pulled_out_ends_a_call(both: Both) -> None:
     pulling = threading.Thread(target=pull_out)
     pulling.start()
     with pytest.raises(ConnectionLost):
-        both.run(client.call(f.service_stop))
+        both.run(client.call(f.service_start))
     pulling.join()
     with pytest.raises(ConnectionClosed):
-        both.run(client.call(f.service_stop))
+        both.run(client.call(f.service_start))
 
 
 @pytest.mark.parametrize("url", ["pty://", "serial://", "udp://"])

@@ -516,7 +516,7 @@ def test_what_is_no_pose_is_refused_and_is_no_error_of_the_arm(cell, parameter, 
 
 @pytest.mark.parametrize(
     ("command", "parameter"),
-    [("Motor", 0), ("Motor", 1), ("slvChangeMode", 0), ("slvChangeMode", SYNC), ("slvMove", SEVEN)],
+    [("Motor", 1), ("slvChangeMode", SYNC), ("slvChangeMode", ASYNC), ("slvMove", SEVEN)],
 )
 def test_a_second_client_cannot_move_it(cell, command, parameter):
     second = Person(cell.arm, SECOND)
@@ -525,6 +525,51 @@ def test_a_second_client_cannot_move_it(cell, command, parameter):
     assert cell.code(lambda: second.controller.execute("ClearError", variant(0))) == hresult.E_ACCESSDENIED
     assert cell.arm.slave_mode == ASYNC
     assert second.robot.get_variable("@SERVO_ON", "").get_value().value == 1
+
+
+STOPS = [("Motor", 0), ("slvChangeMode", 0)]
+
+
+@pytest.mark.parametrize(("command", "parameter"), STOPS)
+@pytest.mark.parametrize("mode", [SYNC, ASYNC])
+def test_a_second_client_can_stop_it(cell, mode, command, parameter):
+    second = Person(cell.arm, SECOND)
+    cell.on(mode)
+    cell.stream(ramp(0.8, 20))
+    answer = [cell.send(turned(16.8)), cell.send(turned(17.6))][1]
+    done = second(command, parameter)
+    assert cell.arm.slave_mode == 0
+    if mode == SYNC:
+        assert cell.code(lambda: answer) == hresult.E_ABORT
+    refused = cell.code(lambda: cell.send(turned(17.6)))
+    assert refused in (hresult.E_ACCESSDENIED, hresult.E_ROBOTISBUSY)  # until it stands
+    assert cell.run(done) is None
+    assert 16.0 < cell.arm.joints[0] < 30.0
+    assert (cell.arm.error, cell.arm.servo_on) == (0, command != "Motor")
+    assert cell.code(lambda: cell.send(turned(17.6))) == hresult.E_FAIL
+
+
+@pytest.mark.parametrize(("command", "parameter"), STOPS)
+def test_a_second_client_can_stop_one_that_changes_the_mode(cell, command, parameter):
+    second = Person(cell.arm, SECOND)
+    cell.on()
+    cell.stream(ramp(0.8, 20))
+    promise = cell.client("slvChangeMode", SYNC)
+    done = second(command, parameter)
+    assert cell.code(lambda: promise) == hresult.E_ABORT
+    assert cell.run(done) is None
+    assert (cell.arm.error, cell.arm.slave_mode) == (0, 0)
+
+
+@pytest.mark.parametrize(("command", "parameter"), STOPS)
+def test_what_is_being_stopped_is_not_stopped_again(cell, command, parameter):
+    second = Person(cell.arm, SECOND)
+    cell.on()
+    cell.stream(ramp(0.8, 20))
+    promise = cell.client("slvChangeMode", 0)
+    assert cell.code(lambda: second(command, parameter)) == hresult.E_ROBOTISBUSY
+    assert cell.run(promise) is None
+    assert cell.run(second(command, parameter)) is None
 
 
 def test_a_second_client_cannot_come_between_a_change(cell):

@@ -210,6 +210,62 @@ def test_a_huge_set_point_is_out_of_range(cell, value):
     assert cell.code(lambda: cell.client("slvMove", [value, *HOME[1:]])) == OUT_OF_RANGE_AXIS1
 
 
+def braked_beyond(axis, side):
+    """Return a cell whose arm was fast at the edge of an axis, and has come to rest beyond it; and where it is."""
+    edge = MODEL.axes[axis].upper if side > 0 else MODEL.axes[axis].lower
+    poses = [(*HOME[:axis], edge - side * 1.0 * count, *HOME[axis + 1 :]) for count in range(12, -1, -1)]
+    cell = VeCell(joints=poses[0]).on(SYNC)
+    cell.stream(poses)
+    cell.cycle()
+    assert cell.arm.error == SET_POINT_MISSED
+    cell.rest()
+    assert (cell.arm.joints[axis] - edge) * side > 2.0
+    assert cell.clear() == 0
+    return cell, edge, cell.client.robot.get_variable("@CURRENT_ANGLE", "").get_value().value[:7]
+
+
+@pytest.mark.parametrize("axis", range(7))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_arm_beyond_its_range_can_be_held_and_led_back(axis, side):
+    cell, edge, angles = braked_beyond(axis, side)
+    stood = cell.arm.joints
+    cell.on(SYNC).stream([angles] * 10)
+    assert cell.arm.joints == pytest.approx(stood, abs=1e-4)
+    beyond = angles[axis] - edge
+    angles = [*angles]
+    for count in range(19, -2, -1):
+        angles[axis] = edge + beyond * count / 20
+        cell.stream([angles])
+    cell.stream([angles] * LAG)
+    assert (cell.arm.error, cell.arm.slave_mode) == (0, SYNC)
+    assert cell.arm.joints == pytest.approx(angles)
+    angles[axis] = edge + beyond / 20  # it is within the range again
+    assert cell.code(lambda: cell.run(cell.send(angles))) == OUT_OF_RANGE_AXIS1 + axis
+
+
+@pytest.mark.parametrize("axis", [0, 3, 6])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_arm_beyond_its_range_goes_no_farther(axis, side):
+    cell, _, angles = braked_beyond(axis, side)
+    for which in range(7):
+        cell.on(ASYNC).send(angles)
+        cell.cycle()
+        farther = [*angles]
+        if which == axis:
+            farther[which] += side * 0.001
+        else:
+            farther[which] = MODEL.axes[which].upper + 0.001
+        assert cell.code(lambda farther=farther: cell.send(farther)) == OUT_OF_RANGE_AXIS1 + which
+        assert cell.clear() == 0
+    other = [*angles]
+    other[axis] = MODEL.axes[axis].lower - 1.0 if side > 0 else MODEL.axes[axis].upper + 1.0
+    cell.on(ASYNC)
+    assert cell.code(lambda: cell.send(other)) == OUT_OF_RANGE_AXIS1 + axis
+    stood = cell.arm.joints
+    cell.cycle(20)
+    assert cell.arm.joints == stood
+
+
 def test_an_arm_that_moves_brakes_when_a_set_point_is_out_of_range(cell):
     cell.on(ASYNC).stream(ramp(1.0, 20))
     assert cell.code(lambda: cell.send(turned(-90.0))) == OUT_OF_RANGE_AXIS1

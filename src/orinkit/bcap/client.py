@@ -21,8 +21,9 @@ from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
 from orinkit.bcap.wire import SILENCE, STREAM, Wire
 from orinkit.cao.dialect import RC8, Dialect
+from orinkit.cao.functions import service_stop
 from orinkit.cao.table import Argument, Function
-from orinkit.errors import CallTimeout, ConnectionLost, InvalidValue, ProtocolError, error_for
+from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, ProtocolError, error_for
 from orinkit.language import pick
 from orinkit.variant import Variant, VarType, variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
@@ -49,6 +50,7 @@ _SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # serial, reserved
 _HEADER: Final = packet.HEADER.pack
 _FAILED: Final = 0x8000_0000
 _EXECUTING: Final = hresult.S_EXECUTING
+_FAREWELLS: Final = 3
 
 
 class Conversation:
@@ -64,6 +66,7 @@ class Conversation:
         dropped: replies that answered no waiting call: late, repeated, or foreign.
         trace: if set, is told every packet.
         wire: how packets travel.
+        echoes: whether the last answer had its request's reserved field, as those of a VE026A have (UDP, serial lines).
     """
 
     def __init__(
@@ -80,6 +83,8 @@ class Conversation:
         self._framer = wire.framer(self._limits)
         self._tail = wire.tail
         self._serial = 1
+        self.echoes = False
+        self._stopped = True  # the controller has been told that nobody is here, or never that somebody is
         self.dialect = dialect
 
     @property
@@ -115,8 +120,9 @@ class Conversation:
         *,
         exact: bool = False,
         tries: int = 1,
+        later: float = 0.0,
     ) -> Operation:
-        """Call a function; a generator, see the module's docstring.
+        """Call a function; returns a generator, see the module's docstring.
 
         Args:
             function: an entry of the table.
@@ -125,6 +131,8 @@ class Conversation:
             exact: give the result as a :class:`~orinkit.variant.Variant`.
             tries: how often the request is sent in all, where packets may be lost (RC8 table 5-1: TORetry); every
                 S_EXECUTING allows as many again.
+            later: least time-out of the tries after the first one: a line that noise has put out of step has to fall
+                silent before the other side finds its place again.
 
         Raises:
             InvalidValue: an argument does not fit; nothing was sent.
@@ -133,47 +141,29 @@ class Conversation:
             ProtocolError: what came is not b-CAP, or not what the function returns.
             CallError: the controller answered with an error code.
         """
-        serial = self._serial
-        self._serial = serial % 0xFFFF + 1
-        lossy = self.wire.lossy
-        first = serial if lossy else 0
-        request = self._request(function, arguments, serial, first)
-        received = yield request, seconds
+        if self.wire.lossy:
+            return self._call_lossy(function, arguments, seconds, exact, tries, later)
+        return self._call_stream(function, arguments, seconds, exact)
+
+    def _call_stream(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+    ) -> Operation:
+        serial = self._take_serial()
+        received = yield self._request(function, arguments, serial, 0), seconds
         framer = self._framer
-        earlier: tuple[int, ...] = ()
-        left = tries
-        seen = 0  # bytes of an answer that is still coming
         while True:
-            wait: float | None = None
-            if received:
-                frame = framer.take(received)
-            elif received is None and lossy:
-                if framer.pending > seen and framer.begun in (serial, *earlier):  # a long answer over a slow line
-                    seen = framer.pending
-                    received = yield b"", SILENCE
-                    continue
-                seen = 0
-                frame = framer.silence()  # noise before it may have kept the answer from being seen
-                left -= 1
-                if frame is None and left > 0:
-                    earlier += (serial,)
-                    serial = self._serial
-                    self._serial = serial % 0xFFFF + 1
-                    received = yield self._request(function, arguments, serial, first), seconds
-                    continue
-                if frame is None:
-                    raise CallTimeout(function.name, seconds * tries, tries)
-            else:
+            if not received:
                 raise _no_answer(function, received, seconds)
+            wait: float | None = None
+            frame = framer.take(received)
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
                 answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
-                if answered != serial and answered not in earlier:
+                if answered != serial:
                     self.dropped += 1
-                elif code == _EXECUTING or (earlier and code == self._dialect.busy != 0):
+                elif code == _EXECUTING:
                     wait = seconds
-                    left = tries
                 elif code >= _FAILED:
                     raise error_for(code, "", function.name, arguments)
                 else:
@@ -181,13 +171,76 @@ class Conversation:
                 frame = framer.next_frame()
             received = yield b"", wait
 
+    def _call_lossy(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool, tries: int, later: float
+    ) -> Operation:  # fmt: skip
+        first = serial = self._take_serial()
+        requests = {serial: self._request(function, arguments, serial, first)}
+        framer, left, seen = self._framer, tries, 0
+        self._stopped = False
+        busy: CallError | None = None
+        received = yield requests[serial], seconds
+        while True:
+            if received is None and framer.pending > seen and framer.begun in requests:
+                seen = framer.pending  # a long answer over a slow line is still coming
+                received = yield b"", SILENCE
+                continue
+            if received == b"":
+                raise _no_answer(function, received, seconds)
+            seen, executing = 0, False
+            # noise before an answer may have kept it from being seen until the time was up
+            frame = framer.take(received) if received else framer.silence()
+            while frame is not None:
+                if self.trace is not None:
+                    self.trace("<", frame)
+                answered, reserved, code, count = _SERIAL_AND_CODE(frame, 5)
+                if requests.get(answered, frame) == frame:  # foreign, or a line that gives back what is sent
+                    self.dropped += 1
+                elif code == _EXECUTING:
+                    executing, left = True, tries
+                elif len(requests) > 1 and code == self._dialect.busy != 0:
+                    busy = error_for(code, "", function.name, arguments)
+                elif code >= _FAILED:
+                    raise error_for(code, "", function.name, arguments)
+                else:
+                    self.echoes = bool(reserved)
+                    self._stopped = function is service_stop
+                    return code, self._result(function, frame, count, exact)
+                frame = framer.next_frame()
+            if received or executing:
+                received = yield b"", seconds if executing else None
+                continue
+            left -= 1
+            if left <= 0:
+                raise busy or CallTimeout(function.name, seconds * tries, tries)
+            serial = self._take_serial()
+            requests[serial] = self._request(function, arguments, serial, first)
+            received = yield requests[serial], max(seconds, later)
+
+    def farewell(self) -> list[bytes]:
+        """Return packets to be sent where a connection is closed that does not tell of its end: Service_Stop.
+
+        Nothing is waited for, so it is said more than once.
+        """
+        if self._stopped or not self.wire.lossy:
+            return []
+        self._stopped = True
+        first = self._take_serial()
+        serials = [first, *(self._take_serial() for _ in range(_FAREWELLS - 1))]
+        return [self._request(service_stop, (), serial, first) for serial in serials]
+
+    def _take_serial(self) -> int:
+        serial = self._serial
+        self._serial = serial % 0xFFFF + 1
+        return serial
+
     def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:
         """Return the packet of a try, which the trace is told."""
         request = encode_request(
             function, arguments, serial, first, crc=self.wire.crc, error_size=self._limits.error_size
         )
         if len(request) > self._limits.packet:
-            raise _too_long(function, len(request), self._limits)
+            raise _too_long(function, len(request), self._limits, self.wire)
         if self.trace is not None:
             self.trace(">", request)
         return request
@@ -226,12 +279,14 @@ def _no_answer(function: Function[..., Any], received: bytes | None, seconds: fl
     )
 
 
-def _too_long(function: Function[..., Any], length: int, limits: Limits) -> InvalidValue:
+def _too_long(function: Function[..., Any], length: int, limits: Limits, wire: Wire) -> InvalidValue:
+    by_tcp = pick(f" ({wire.name}; with TCP there is room)", f" ({wire.name} の場合。TCP なら送信できます)")
     return InvalidValue(
         pick(
             f"{function.name}: the arguments make a packet of {length} bytes, at most {limits.packet} can be sent",
             f"{function.name}: 引数を含むパケットが {length} バイトになり、上限 {limits.packet} バイトを超えます",
         )
+        + (by_tcp if limits.packet == wire.packet != STREAM.packet else "")
     )
 
 

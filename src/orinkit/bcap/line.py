@@ -93,6 +93,26 @@ class LineFramer:
                 return frame
         return None
 
+    def inside(self) -> bytes | None:
+        """Return a whole packet behind the head of one that is not whole, which is then passed over with all before it.
+
+        For a head that noise has made, where the line never falls silent. A packet that carries others in its content
+        looks the same, so it is to be asked for only when one takes far too long.
+        """
+        buffer = self._buffer
+        start = buffer.find(packet.SOH, 1)
+        while 0 < start <= len(buffer) - LEAST:
+            (length,) = packet.LENGTH.unpack_from(buffer, start + 1)
+            end = start + length
+            if length >= LEAST and end <= len(buffer) and buffer[end - 1] == packet.EOT:
+                frame = bytes(buffer[start:end])
+                if packet.is_right(frame):
+                    self._skip(start)
+                    del buffer[:length]
+                    return frame
+            start = buffer.find(packet.SOH, start + 1)
+        return None
+
     def silence(self) -> bytes | None:
         """Give up what has begun, and return a whole packet that is found inside it.
 

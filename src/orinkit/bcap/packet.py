@@ -178,6 +178,10 @@ class Framer:
         """Nobody asks for it of a stream."""
         return 0
 
+    def inside(self) -> bytes | None:
+        """Return nothing: a stream has no other packet inside a packet."""
+        return None
+
     def silence(self) -> bytes | None:
         """Return nothing: in a stream the rest of a packet comes, however late."""
         return None

@@ -1,9 +1,9 @@
 """What a client has asked lately, so that a request that comes more than once is carried out once (reference: duplicates).
 
 On UDP and on serial lines a request is known by a number: the serial of its first try, which is in the reserved field of
-every try. Old clients leave the field 0: the serial itself is the number then, and only the last request is known again.
-Of the others the latest are, for a datagram may come late. A try that comes when its client has given the request up and
-asked something else is not carried out any more.
+every try. Numbers grow with every request, from 65535 to 1. A request whose number is behind the newest one's comes late:
+its client has been answered, or has given it up and asked something else, so it is not carried out any more. Old clients
+leave the field 0: the serial itself is the number then, and only the newest request is known again.
 """
 
 from __future__ import annotations
@@ -12,24 +12,26 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
+from orinkit import hresult
+
 MEMORY: Final = 10.0
 """Seconds that requests are remembered (reference: UDP clients are dropped after that silence)."""
 
 _SERVICE_START: Final = 1
-_LATE: Final = 1.0  # s that a datagram may be under way; a Service_Start that comes again later is another client's
+_LATE: Final = 1.0  # s that a packet may be under way; a Service_Start that comes again later is another client's
 _ROUND: Final = 0xFFFF  # serial numbers: 1 to 65535
-_BEHIND: Final = 64  # serial numbers by which a try may be behind; what is further behind is not a try that is late
-_KEPT: Final = 64  # requests
+_HALF: Final = _ROUND // 2
+_KEPT: Final = 64  # answers
 
 
 class Verdict(Enum):
     """What is to be done with a request."""
 
     NEW = "carry it out"
+    ANEW = "carry it out: a client begins, and the one before it has gone"
     RUNNING = "it is at work"
     ANSWERED = "say the answer again"
     STALE = "its client has given it up"
-    BUSY = "another one is at work"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,28 +39,39 @@ class Answer:
     """An answer as it was given: all of it but the serial."""
 
     code: int
-    count: int
-    body: bytes
+    count: int = 0
+    body: bytes = b""
+
+
+_BUSY: Final = Answer(hresult.E_BUSY_PROC)
 
 
 @dataclass(slots=True)
 class _Request:
     content: bytes
-    time: float
     reserved: bool
+    time: float  # when it came, and when it was answered
     answer: Answer | None = None
 
 
 class Requests:
-    """The requests of one client."""
+    """The requests of one client, or of one after the other on the same line.
 
-    def __init__(self) -> None:
+    Args:
+        shared: whether one client follows the other on the same line.
+    """
+
+    def __init__(self, *, shared: bool) -> None:
+        self._shared = shared
         self._known: dict[int, _Request] = {}  # by number, the oldest first
         self._newest = 0
-        self._starts: dict[tuple[int, int], float] = {}  # tries of Service_Start, and when they came
+        self._running = 0
+        self._start = 0  # number of the last Service_Start
+        self._started = float("-inf")
+        self._stopped = True
 
     def judge(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Verdict:
-        """Tell what is to be done with a request; one that is :attr:`Verdict.NEW` is the newest from then on.
+        """Tell what is to be done with a request; one that is new is at work from then on, until :meth:`answered`.
 
         Args:
             serial: of this try.
@@ -66,35 +79,27 @@ class Requests:
             function: its id.
             content: function and arguments as bytes.
             now: the time, s.
-            busy: whether a call is at work, so that there can be no new one.
+            busy: whether a call is at work, so that a new request is refused, now and whenever it comes again.
         """
         number = reserved or serial
         known = self._known.get(number)
-        if known is not None and known.content == content and now - known.time < MEMORY:
-            if number == self._newest:
-                known.time = now
-                return Verdict.RUNNING if known.answer is None else Verdict.ANSWERED
-            if reserved and function != _SERVICE_START:
-                return Verdict.STALE if known.answer is None else Verdict.ANSWERED
+        if known is not None and known.content == content:
+            if number == self._running:
+                return Verdict.RUNNING
+            # who says that this is another try means that very request, however long ago it was
+            if (number == self._newest or reserved) and (serial != number or now - known.time < MEMORY):
+                return self._seen(known, function, number, now)
         if function == _SERVICE_START:
-            if self._came_before(serial, reserved, now):
-                return Verdict.STALE
-        elif reserved and self._is_late(number, now):
+            return self._begin(number, _Request(content, bool(reserved), now), busy=busy)
+        if reserved and self._is_late(number, now):
             return Verdict.STALE
-        if busy:
-            return Verdict.BUSY
-        if function == _SERVICE_START:
-            self._known.clear()
-        self._newest = number
-        self._known.pop(number, None)
-        self._known[number] = _Request(content, now, bool(reserved))
-        if len(self._known) > _KEPT:
-            del self._known[next(iter(self._known))]
-        return Verdict.NEW
+        return self._take(number, _Request(content, bool(reserved), now), busy=busy)
 
-    def answered(self, answer: Answer) -> None:
-        """Remember the answer to the newest request."""
-        self._known[self._newest].answer = answer
+    def answered(self, answer: Answer, now: float) -> None:
+        """Remember the answer to the request that is at work."""
+        request = self._known[self._running]
+        request.answer, request.time = answer, now
+        self._running = 0
 
     def answer_to(self, serial: int, reserved: int) -> Answer:
         """Return the answer to a request that has been :attr:`Verdict.ANSWERED`."""
@@ -102,23 +107,58 @@ class Requests:
         assert answer is not None
         return answer
 
-    def forget(self) -> None:
-        """The client has said goodbye: whatever comes next is a new request."""
-        kept = self._known[self._newest]  # of the goodbye itself the answer may be lost
-        kept.reserved = False
-        self._known = {self._newest: kept}
-        self._starts.clear()
+    def stop(self) -> None:
+        """The client has said goodbye: a Service_Start is another one's beginning from now on."""
+        self._stopped = True
+
+    def _seen(self, known: _Request, function: int, number: int, now: float) -> Verdict:
+        if function == _SERVICE_START and number != self._newest:
+            if not self._is_another(now):
+                return Verdict.STALE  # an answer would have a client that begins anew believe that it has begun
+            return self._begin_anew(number, _Request(known.content, known.reserved, now))
+        return Verdict.STALE if known.answer is None else Verdict.ANSWERED
+
+    def _begin(self, number: int, request: _Request, *, busy: bool) -> Verdict:
+        """Judge a Service_Start that is not known."""
+        if number == self._start and not self._is_another(request.time):
+            return Verdict.STALE
+        ahead = 0 < (number - self._newest) % _ROUND <= _HALF
+        if self._shared or self._stopped or not ahead:
+            return self._begin_anew(number, request)
+        self._start, self._started = number, request.time
+        return self._take(number, request, busy=busy)
+
+    def _begin_anew(self, number: int, request: _Request) -> Verdict:
+        verdict = Verdict.NEW if self._stopped else Verdict.ANEW
+        self._known.clear()
+        self._start, self._started, self._stopped = number, request.time, False
+        self._remember(number, request)
+        self._running = number
+        return verdict
+
+    def _is_another(self, now: float) -> bool:
+        """Whether a Service_Start that seems to be known is that of a client who begins anew with the same number."""
+        return self._stopped or now - self._started >= (_LATE if self._shared else MEMORY)
+
+    def _take(self, number: int, request: _Request, *, busy: bool) -> Verdict:
+        self._remember(number, request)
+        if busy:
+            request.answer = _BUSY
+            return Verdict.ANSWERED
+        self._running = number
+        self._stopped = False
+        return Verdict.NEW
+
+    def _remember(self, number: int, request: _Request) -> None:
+        self._newest = number
+        self._known.pop(number, None)
+        self._known[number] = request
+        if len(self._known) > _KEPT:
+            del self._known[next(each for each in self._known if each != self._running)]
 
     def _is_late(self, number: int, now: float) -> bool:
-        """Whether a request that was never seen is older than the newest one."""
+        """Whether a request that was never seen, or long ago, is behind the newest one."""
         newest = self._known.get(self._newest)
         if newest is None or not newest.reserved or now - newest.time >= MEMORY:
             return False
-        return 0 < (self._newest - number) % _ROUND < _BEHIND
-
-    def _came_before(self, serial: int, reserved: int, now: float) -> bool:
-        """Whether this very packet came before; a client that begins anew sends another one, at its second try."""
-        self._starts = {start: time for start, time in self._starts.items() if now - time < _LATE}
-        known = (serial, reserved) in self._starts
-        self._starts[serial, reserved] = now
-        return known
+        return 0 < (self._newest - number) % _ROUND <= _HALF

@@ -31,6 +31,9 @@ _SERVICE_STOP: Final = 2
 _LEAST_MS: Final = 80
 _MOST_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
 _MOST_MS: Final = 0x7FFF_FFFF
+_FAILED: Final = 0x8000_0000
+_OVERDUE: Final = 0.5  # s that the rest of a packet may take on a serial line before one behind its head is believed
+_NEVER: Final = float("inf")
 
 logger = logging.getLogger("orinkit.bcap.server")
 
@@ -98,12 +101,12 @@ class ServerConversation:
         self._dialect = dialect
         self._limits = replace(wire.bound(limits), error_size=dialect.error_size)
         self._framer = wire.server_framer(self._limits)
-        self._requests = Requests() if wire.lossy else None
+        self._requests = Requests(shared=wire.shared) if wire.lossy else None
         self._current: Execute | None = None
         self._serial = 0  # of the latest try of the current call
         self._reserved = 0
         self._next: Action | None = None  # what is to follow what has just been said
-        self._begun = False  # whether there has been a request
+        self._pending_since = _NEVER  # when what is pending was found to be no packet yet
         self.stopped = False
         self.timed_out = False
         self._next_wdt = 0.0
@@ -143,6 +146,7 @@ class ServerConversation:
 
     def _actions(self, first: Callable[[], bytes | None], following: Callable[[], bytes | None]) -> Iterator[Action]:
         take = first
+        took = False
         while True:
             try:
                 frame = take()
@@ -154,14 +158,27 @@ class ServerConversation:
                 take = following
                 continue
             if frame is None:
+                frame = self._inside(took)
+            if frame is None:
                 return
-            take = following
+            take, took = following, True
             action = self._request(frame)
             if action is not None:
                 yield action
             while self._next is not None:
                 action, self._next = self._next, None
                 yield action
+
+    def _inside(self, took: bool) -> bytes | None:
+        """Return a packet that waits behind the head of one that has not come to its end for long (a serial line)."""
+        if not self.pending:
+            self._pending_since = _NEVER
+        elif took or self._pending_since == _NEVER:
+            self._pending_since = self._now
+        elif self._now - self._pending_since >= _OVERDUE:
+            self._pending_since = self._now
+            return self._framer.inside()
+        return None
 
     def go_on(self, now: float) -> None:
         """Tell the time before taking up what :meth:`receive` yields again, where that was put off."""
@@ -173,15 +190,17 @@ class ServerConversation:
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
         end = len(frame) - self._wire.tail
         if self._requests is not None:
-            anew = self._wire.shared and function_id == _SERVICE_START
-            busy = self._current is not None and not anew
+            if not function_id or function_id & _FAILED:  # an answer: to answer it could go on for ever
+                return None
+            goodbye = function_id == _SERVICE_STOP  # there is no connection whose end would say so
+            busy = self._current is not None and not goodbye
             verdict = self._requests.judge(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
-            if verdict is not Verdict.NEW:
-                return self._not_new(self._requests, verdict, serial, reserved)
-            if anew and self._begun and not self.stopped:
+            if verdict is Verdict.ANEW or (verdict is Verdict.NEW and self._current is not None):
                 self._current = None
                 self._next = self._take(frame, serial, reserved, function_id, count, end)
-                return Reset("a client begins")
+                return Reset("it stops while a call is at work" if goodbye else "a client begins")
+            if verdict is not Verdict.NEW:
+                return self._not_new(self._requests, verdict, serial, reserved)
         elif self._current is not None:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         return self._take(frame, serial, reserved, function_id, count, end)
@@ -190,8 +209,6 @@ class ServerConversation:
         """Answer a request that is not to be carried out."""
         if verdict is Verdict.STALE:
             return None
-        if verdict is Verdict.BUSY:
-            return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         if verdict is Verdict.ANSWERED:
             answer = requests.answer_to(serial, reserved)
             return Send(self._pack(serial, reserved, answer.code, answer.count, answer.body))
@@ -200,7 +217,7 @@ class ServerConversation:
 
     def _take(self, frame: bytes, serial: int, reserved: int, function_id: int, count: int, end: int) -> Action:
         """Read a new request, to be executed or refused."""
-        self._begun, self.stopped = True, False
+        self.stopped = False
         self._serial, self._reserved = serial, reserved
         if _MOST_ARGUMENTS < count <= len(frame) // 10:  # not worth reading: no function has so many
             return Send(self._answer(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
@@ -253,7 +270,7 @@ class ServerConversation:
             self.stopped = True
         data = self._answer(code) if result is None else self._answer_with(call, code, result)
         if self.stopped and self._requests is not None:
-            self._requests.forget()
+            self._requests.stop()
         return data
 
     def _answer_with(self, call: Execute, code: int, result: Variant) -> bytes:
@@ -269,7 +286,7 @@ class ServerConversation:
     def _answer(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
         """Return the answer to the current request, which is kept where it may be lost."""
         if self._requests is not None:
-            self._requests.answered(Answer(code, count, body))
+            self._requests.answered(Answer(code, count, body), self._now)
         return self._pack(self._serial, self._reserved, code, count, body)
 
     def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:

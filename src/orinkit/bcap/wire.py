@@ -43,6 +43,9 @@ class Framing(Protocol):
     def next_frame(self) -> bytes | None:
         """Return the next whole packet, ``None`` when more bytes are needed."""
 
+    def inside(self) -> bytes | None:
+        """Return a whole packet behind the head of one that is not whole."""
+
     def silence(self) -> bytes | None:
         """Nothing more comes for what has begun; returns a whole packet that is found inside it."""
 
@@ -70,6 +73,10 @@ class DatagramFramer:
 
     def next_frame(self) -> bytes | None:
         """Return nothing: there is only one packet."""
+        return None
+
+    def inside(self) -> bytes | None:
+        """Return nothing: no packet is ever incomplete."""
         return None
 
     def silence(self) -> bytes | None:

@@ -27,6 +27,7 @@ class Dialect:
         slave_mode: of slave mode by default: 0, 1 or 2.
         busy: code that may answer a repeated request while its first try is at work (VE026A table 3-5: "wait for a
             while"); 0 where there is none, as S_EXECUTING says so.
+        patience: seconds that commands may take which take longer than others, by their names in lower case.
         variables: commands that it does not have, and the robot's variable that tells the same.
     """
 
@@ -42,6 +43,7 @@ class Dialect:
     slave_formats: bool = True
     slave_mode: int = 2
     busy: int = 0
+    patience: Mapping[str, float] = field(default_factory=dict)
     variables: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -69,6 +71,11 @@ VE026A: Final = Dialect(
     slave_formats=False,
     slave_mode=1,  # a line of 38,400 bit/s is too slow for the other one, a set-point in every cycle of 8 ms
     busy=hresult.E_ROBOTISBUSY,
+    patience={
+        "motor": 6.0,
+        "clearerror": 3.0,
+        "slvchangemode": 2.0,
+    },  # about 3, 1 and 0.5 s (VE026A 5.2.4, 5.3.4, 2.2.1)
     variables={"CurJnt": "@CURRENT_ANGLE"},
 )
 """The arm VE026A (b-CAP document for VE026A: figures of 3.1, tables 3-1 and 3-5)."""

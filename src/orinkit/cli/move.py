@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit.cli._connection import Connection, Json, Url
+from orinkit.cli._errors import Failure
 from orinkit.cli._moving import Bar, Interrupts, errors_told, follow, notes_shown, reading, rounded, shown
 from orinkit.client._robot_common import MoveOptions, option_text
 from orinkit.language import pick
@@ -61,6 +62,7 @@ def move(
     mark = mark or ""
     parse_target(to_text(pose, mark))
     with notes_shown(), connection.open(url) as controller, controller.robot() as robot, ExitStack() as stack:
+        _require_motions(robot)
         bar = stack.enter_context(Bar())
         recorder = None
         if record is not None:
@@ -74,6 +76,18 @@ def move(
         print_json({"joints": list(joints), "position": list(position), "record": record})
     else:
         print(f"{rounded(joints)}\n{rounded(position)}")
+
+
+def _require_motions(robot: orinkit.Robot) -> None:
+    """Refuse an arm that has no motions of its own before anything is done."""
+    if robot.client.dialect.takes_arm:
+        return
+    raise Failure(
+        pick(
+            "a VE026A moves in slave mode only. Try: orinkit stream with --move",
+            "VE026A はスレーブモードでのみ動作します。対処: orinkit stream に --move を指定してください",
+        )
+    )
 
 
 def _move(

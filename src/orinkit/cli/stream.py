@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,9 @@ import orinkit
 from orinkit.cli._connection import Connection, Json, Url
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._moving import Bar, Interrupts, errors_told, follow, notes_shown, rounded, shown
+from orinkit.client._motion_common import POLL
 from orinkit.language import pick
+from orinkit.transport.drive import pause
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from orinkit.cli._stream_report import Report
     from orinkit.client._slave_options import Options, Wanted
     from orinkit.client._sync_slave import Stream
+    from orinkit.poses import J, P, T
     from orinkit.slave.limits import Limits, PathLimits
     from orinkit.streaming import Progress
 
@@ -36,6 +40,7 @@ _RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
     "T": ("time", "trans", "joints"),
 }
 _ROBOT_AXES: Final = 6
+_THERE: Final = 1e-3  # deg or mm
 _EACH: Final = 12  # set-points between two looks of the bar, about 0.1 s
 
 
@@ -80,7 +85,8 @@ def stream(
     ] = None,
     move: Annotated[
         bool,
-        Parameter(help=pick("Move to the first set-point before, point to point.", "先に始点へ PTP で移動する。")),
+        Parameter(help=pick("Move to the first set-point before, point to point; a VE026A in slave mode.",
+                            "先に始点へ PTP で移動する。VE026A ではスレーブモードで移動する。")),
     ] = False,
     no_motor: Annotated[
         bool, Parameter(help=pick("Do not switch the motor on; it has to be.", "モータを ON にしない (ON である必要あり)。"))
@@ -211,8 +217,9 @@ def _carry_out(robot: orinkit.Robot, job: _Job, interrupts: Interrupts, bar: Bar
         if job.motor and not robot.motor_on:
             held.enter_context(robot.motor())
         interrupts.check()
-        if job.move:
-            first = POSE_TYPES[job.kind].of(points[0])
+        lead = job.move and not robot.client.dialect.takes_arm
+        first = POSE_TYPES[job.kind].of(points[0])
+        if job.move and not lead:
             follow(robot, robot.move(first, "@E", speed=job.speed, wait=False), interrupts, bar)
         mode = robot.slave_mode(
             job.options.mode.buffering, job.kind, _RECEIVED[job.kind], limits=limits, idle=None,
@@ -220,6 +227,8 @@ def _carry_out(robot: orinkit.Robot, job: _Job, interrupts: Interrupts, bar: Bar
         )  # fmt: skip
         with mode as entered:
             try:
+                if lead:
+                    _lead(entered, first, interrupts, bar)
                 return _streamed(entered, points, job, interrupts, bar)
             except KeyboardInterrupt as interrupt:
                 job.interrupt = interrupt
@@ -270,11 +279,32 @@ def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...]
         check_trajectory(points, limits, start, job.options.period)
 
 
+def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: Bar) -> None:
+    """Have an arm that only slave mode moves go to the first set-point, within the limits of the stream."""
+    entered.target = first
+    whole = _distance(entered, first)
+    while (left := _distance(entered, first)) > _THERE or not entered.at_rest:
+        interrupts.check()
+        if bar.seen:
+            bar.show(pick("moving", "動作中"), max(0.0, 1.0 - left / whole) if whole else 1.0, place(entered))
+        pause(POLL)
+    entered.wait()
+
+
+def _distance(entered: Stream, goal: J | P | T) -> float:
+    """Return how far the command is from a pose: the largest difference of its values."""
+    sample = entered.latest
+    return math.inf if sample is None else max(abs(a - b) for a, b in zip(sample.command, goal, strict=False))
+
+
 def _streamed(entered: Stream, points: Points, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
     from orinkit.cli._stream_report import Report
     from orinkit.cli._stream_trace import trace_of
+    from orinkit.streaming import Progress
 
     watch = Watch(entered, bar)
+
+    job.progress = Progress(0, len(points))
 
     def look(progress: Progress) -> None:
         job.progress = progress
@@ -305,11 +335,13 @@ class Watch:
         sent, total = progress
         if self._bar.seen and total and (sent >= self._next or sent == total):
             self._next = sent + _EACH
-            self._bar.show(pick("streaming", "送信中"), sent / total, f"{sent}/{total}  {self._place()}")
+            self._bar.show(pick("streaming", "送信中"), sent / total, f"{sent}/{total}  {place(self._entered)}")
 
-    def _place(self) -> str:
-        sample = self._entered.latest
-        return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
+
+def place(entered: Stream) -> str:
+    """Return where the arm is, as text; nothing where that is not told."""
+    sample = entered.latest
+    return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
 
 
 def _interrupted(job: _Job) -> Failure:

@@ -423,7 +423,8 @@ async def open_controller(
         limits: bounds on what is received.
         trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
         dialect: ``"rc8"`` or ``"ve026a"``. By default the second where the provider's name is empty or has ``VE026A`` in
-            it, and on a serial line where the controller's ``@VERSION`` has; otherwise the first.
+            it; on a serial line, and with UDP where its answers are of that form, where the controller's ``@VERSION`` has;
+            otherwise the first.
 
     Raises:
         InvalidAddress: the URL cannot be used.
@@ -441,7 +442,7 @@ async def open_controller(
         await client.call(f.service_start, service_option("" if quiet and service is None else service, client.timeout))
         handle = await client.call(f.controller_connect, name, provider, machine, option)
         controller = AsyncController(client, handle, name or provider)
-        if known is None and client.wire.shared and is_ve026a(await _version(controller)):
+        if known is None and (client.wire.shared or client.echoes) and is_ve026a(await _version(controller)):
             client.dialect = VE026A
     except BaseException:
         await client.close()

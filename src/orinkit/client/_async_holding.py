@@ -41,7 +41,7 @@ class AsyncHolding(ABC):
         except CallError:  # refused: nothing has changed
             raise
         except BaseException as error:  # whether it was taken is not known
-            await self._persist(error, self._give, self._robot.client.timeout)
+            await self._persist(error, self._give, self._longest())
             raise
 
     async def __aexit__(
@@ -77,11 +77,11 @@ class AsyncHolding(ABC):
             problem = await self._persist(error, robot.halt, _HALT_PATIENCE)
             if isinstance(problem, BusyError):
                 await robot.client.close()
-                error.add_note(common.note_closed())
+                error.add_note(common.note_closed(robot.client.wire))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
-        await self._persist(error, self._give, robot.client.timeout)
+        await self._persist(error, self._give, self._longest())
 
     async def _persist(
         self, error: BaseException, step: Callable[[], Awaitable[None]], seconds: float
@@ -96,12 +96,22 @@ class AsyncHolding(ABC):
             try:
                 await step()
             except OrinError as problem:
-                if isinstance(problem, BusyError) and not deadline.passed:
+                if self._is_busy(problem) and not deadline.passed:
                     await apause(common.SETTLE)
                     continue
-                common.note_failure(error, problem)
+                common.note_failure(error, problem, self._robot.client.wire)
                 return problem
             return None
+
+    def _longest(self) -> float:
+        """Seconds that an earlier call may still be at work."""
+        client = self._robot.client
+        return max(client.timeout, *client.dialect.patience.values(), 0.0)
+
+    def _is_busy(self, problem: OrinError) -> bool:
+        """Whether the controller is at work with an earlier call."""
+        busy = self._robot.client.dialect.busy
+        return isinstance(problem, BusyError) or (isinstance(problem, CallError) and problem.code == busy != 0)
 
     @abstractmethod
     async def _take(self) -> None:

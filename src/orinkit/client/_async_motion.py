@@ -69,7 +69,8 @@ class AsyncMover(AsyncOwner):
         """Make the call that starts a motion, and return the motion.
 
         A call that is broken off, by Ctrl-C or because its task is cancelled, closes the connection: the controller
-        then stops the arm, which would otherwise go on with nobody to wait for it.
+        then stops the arm, which would otherwise go on with nobody to wait for it. With UDP and on a serial line it is
+        only told so once, and does not notice by itself, or late.
 
         Args:
             function: the call.
@@ -91,7 +92,7 @@ class AsyncMover(AsyncOwner):
             raise
         except BaseException as error:
             await self.client.close()
-            error.add_note(common.note_broken_off())
+            error.add_note(common.note_broken_off(self.client.wire))
             raise
         call = (self._label, function.name, arguments)
         motion = AsyncMotion(self, track, number, call, way or common.Way(), over=wait)

@@ -228,4 +228,13 @@ class AsyncOwner(AsyncNamed):
     async def execute(self, command: str, parameter: Value = None) -> Any:
         """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
         assert self.functions.execute is not None
-        return await self._call(self.functions.execute, command, parameter)
+        seconds = self.client.patience(command)
+        if seconds is None:
+            return await self._call(self.functions.execute, command, parameter)
+        self._require_open()
+        try:
+            reply = await self.client.request(self.functions.execute, self.handle, command, parameter, timeout=seconds)
+        except CallError as error:
+            error.subject = self._label
+            raise
+        return reply.value

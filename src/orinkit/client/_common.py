@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit import hresult
+from orinkit._pose_checks import brief
 from orinkit.bcap.wire import LEAST_TRIES, MOST_TRIES, STREAM, WIRES, Wire
 from orinkit.cao.dialect import DIALECTS, VE026A, Dialect
 from orinkit.cao.table import Function
@@ -27,6 +28,7 @@ T = TypeVar("T", str, bytes)
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
 _MOST_SECONDS: Final = 2e6
+_LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
 _LINE: Final = 3  # place of the line in the details of an error; that of the program is before it
 _LOGGED_MESSAGE: Final = 12  # place in a record of the error log
 
@@ -140,11 +142,12 @@ def dialect_of(name: str | None, provider: str) -> Dialect | None:
         InvalidValue: there is no dialect of that name.
     """
     if name is not None:
-        dialect = DIALECTS.get(str(name).lower())
+        given: object = name
+        dialect = DIALECTS.get(given.lower()) if isinstance(given, str) else None
         if dialect is None:
             known = ", ".join(DIALECTS)
             raise InvalidValue(
-                pick(f"dialect: {name!r}; possible: {known}", f"dialect: {name!r} は使えません ({known})")
+                pick(f"dialect: {brief(name)}; possible: {known}", f"dialect: {brief(name)} は使えません ({known})")
             )
         return dialect
     return VE026A if not provider or is_ve026a(provider) else None
@@ -174,8 +177,8 @@ def check_timeout(seconds: float) -> float:
     if not _is_number(seconds) or not 0 < seconds <= _MOST_SECONDS:
         raise InvalidValue(
             pick(
-                f"timeout must be a positive number of seconds up to {_MOST_SECONDS:.0e}, not {seconds!r}",
-                f"timeout は正の秒数 ({_MOST_SECONDS:.0e} 以下) でなければなりません ({seconds!r})",
+                f"timeout must be a positive number of seconds up to {_MOST_SECONDS:.0e}, not {brief(seconds)}",
+                f"timeout は正の秒数 ({_MOST_SECONDS:.0e} 以下) でなければなりません ({brief(seconds)})",
             )
         )
     return float(seconds)
@@ -192,8 +195,8 @@ def check_tries(number: int) -> int:
     except TypeError:
         raise InvalidValue(
             pick(
-                f"tries must be a whole number from {LEAST_TRIES} to {MOST_TRIES}, not {number!r:.80}",
-                f"tries は {LEAST_TRIES}～{MOST_TRIES} の整数でなければなりません ({number!r:.80})",
+                f"tries must be a whole number from {LEAST_TRIES} to {MOST_TRIES}, not {brief(number)}",
+                f"tries は {LEAST_TRIES}～{MOST_TRIES} の整数でなければなりません ({brief(number)})",
             )
         ) from None
     return min(max(whole, LEAST_TRIES), MOST_TRIES)
@@ -216,7 +219,7 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[Address | S
         raise for_servers()
     wire = WIRES[address.scheme]
     seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
-    return address, wire, seconds * times if wire.lossy else seconds
+    return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
 
 
 def _is_number(value: object) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from orinkit import hresult
+from orinkit.bcap.wire import Wire
 from orinkit.errors import (
     CallError,
     CallTimeout,
@@ -230,36 +231,68 @@ def not_in_time(seconds: float, en: str, ja: str) -> TimeoutError:
 # --- letting go -------------------------------------------------------------------------------------------------------
 
 
-def note_failure(error: BaseException, problem: OrinError) -> None:
+def note_failure(error: BaseException, problem: OrinError, wire: Wire) -> None:
     """Note in an exception that a step of the clean-up has failed too; that the connection has gone is said once."""
     if not isinstance(problem, TransportError):
         error.add_note(pick(f"orinkit: while cleaning up: {problem}", f"orinkit: 後始末の際のエラー: {problem}"))
         return
-    said = {note_broken_off(), note_closed(), _connection_gone()}
+    said = {note_broken_off(wire), note_closed(wire), _connection_gone(wire)}
     if said.isdisjoint(getattr(error, "__notes__", ())):
-        error.add_note(_connection_gone())
+        error.add_note(_connection_gone(wire))
 
 
-def note_broken_off() -> str:
+def note_broken_off(wire: Wire) -> str:
     """Return the note that an exception gets that broke off a call which was to move the arm."""
+    lost = _if_it_is_lost(wire)
     return pick(
-        "orinkit: the motion was broken off, so the connection was closed; the arm stops and is free again; "
+        f"orinkit: the motion was broken off, so the connection was closed; the arm stops and is free again{lost}; "
         "the motor may still be on",
-        "orinkit: 動作の完了待ちが中断されたため、接続を閉じました。アームは停止し、占有は解除されます。"
+        f"orinkit: 動作の完了待ちが中断されたため、接続を閉じました。アームは停止し、占有は解除されます{lost}。"
         "モータは ON のままの可能性があります",
     )
 
 
-def note_closed() -> str:
+def note_closed(wire: Wire) -> str:
     """Return the note that an exception gets where only closing the connection could stop the arm."""
+    lost = _if_it_is_lost(wire)
     return pick(
-        "orinkit: the controller is still busy with the call before, so the connection was closed to stop the arm; "
+        f"orinkit: the controller is still busy with the call before, so the connection was closed to stop the arm{lost}; "
         "the motor may still be on",
-        "orinkit: コントローラが前の呼び出しを実行中のため、接続を閉じてアームを停止させました。モータは ON のままの可能性があります",
+        "orinkit: コントローラが前の呼び出しを実行中のため、接続を閉じてアームを停止させました"
+        f"{lost}。モータは ON のままの可能性があります",
     )
 
 
-def _connection_gone() -> str:
+def _if_it_is_lost(wire: Wire) -> str:
+    """Return when the arm stops where the packet that tells of a client's end may be lost, in brackets."""
+    if wire.shared:
+        return pick(
+            " (should the packet that says so be lost, only when the next client connects)",
+            " (終了を伝えるパケットが失われた場合は、次のクライアントが接続したとき)",
+        )
+    if wire.memory:
+        return pick(
+            f" (should the packet that says so be lost, after {wire.memory:g} s of silence or later)",
+            f" (終了を伝えるパケットが失われた場合は、{wire.memory:g} 秒以上無通信が続いた後)",
+        )
+    return ""
+
+
+def _connection_gone(wire: Wire) -> str:
+    if wire.shared:
+        return pick(
+            "orinkit: the connection is gone, which a controller cannot notice on a serial line: the arm may go on moving, and "
+            "stays taken, until the next client connects; press the emergency stop if it has to stop now",
+            "orinkit: 接続が失われました。シリアル回線ではコントローラはこれを検出できません。次のクライアントが接続するまで、"
+            "アームは動き続け、占有されたままの可能性があります。直ちに停止させるには非常停止を押してください",
+        )
+    if wire.memory:
+        return pick(
+            f"orinkit: the connection is gone; the controller notices after {wire.memory:g} s of silence or later, and then stops "
+            "the arm and takes it back by itself; the motor may still be on",
+            f"orinkit: 接続が失われました。コントローラは {wire.memory:g} 秒以上無通信が続いた後にこれを検出し、アームの停止と"
+            "占有解除を行います。モータは ON のままの可能性があります",
+        )
     return pick(
         "orinkit: the connection is gone; the controller then stops the arm and takes it back by itself, "
         "the motor may still be on",

@@ -10,7 +10,7 @@ from typing import Final, Literal, NoReturn, TypeAlias
 
 from orinkit._pose_checks import brief, finite
 from orinkit.arms import model_of_type
-from orinkit.cao.dialect import Dialect
+from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.cao.slave_formats import (
     POSE_SIZES,
     Receive,
@@ -55,6 +55,7 @@ _LONGEST_PERIOD: Final = 1.0  # s
 _LONGEST_IDLE: Final = 1e6  # s
 _FULL: Final = 100.0
 _MOST_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at once
+_UNEVEN: Final = 0.6  # part of the velocities that leaves room for steps of two set-points
 _PATH_SPEED: Final = 0.5  # part of the tool's limits that is taken where none are given
 _PATH_ACCELERATION: Final = 0.25
 
@@ -259,7 +260,10 @@ def limits_for(options: Options, type_name: object) -> Limits | PathLimits:
                     f"{brief(type_name)} の制限値は登録されていません。slave_mode(limits=...) で指定してください",
                 )
             )
-        if options.mode.kind == "J":
+        if options.mode.kind == "J" and options.mode.buffering == 1 and type_name == VE026A.name:
+            # it takes the newest set-point in each cycle: two that come in one are a step of both (VE026A 2.2)
+            limits = Limits.of_model(model).scaled(_UNEVEN, 1.0, 1.0)
+        elif options.mode.kind == "J":
             limits = Limits.of_model(model)
         else:  # what the tool does at its full acceleration is too much for the joints at many places
             limits = PathLimits.of_model(model).scaled(_PATH_SPEED, _PATH_ACCELERATION, _PATH_ACCELERATION)

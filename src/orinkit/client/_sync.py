@@ -553,7 +553,8 @@ def open_controller(
         limits: bounds on what is received.
         trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
         dialect: ``"rc8"`` or ``"ve026a"``. By default the second where the provider's name is empty or has ``VE026A`` in
-            it, and on a serial line where the controller's ``@VERSION`` has; otherwise the first.
+            it; on a serial line, and with UDP where its answers are of that form, where the controller's ``@VERSION`` has;
+            otherwise the first.
 
     Raises:
         InvalidAddress: the URL cannot be used.
@@ -571,7 +572,7 @@ def open_controller(
         client.call(f.service_start, service_option("" if quiet and service is None else service, client.timeout))
         handle = client.call(f.controller_connect, name, provider, machine, option)
         controller = Controller(client, handle, name or provider)
-        if known is None and client.wire.shared and is_ve026a(_version(controller)):
+        if known is None and (client.wire.shared or client.echoes) and is_ve026a(_version(controller)):
             client.dialect = VE026A
     except BaseException:
         client.close()

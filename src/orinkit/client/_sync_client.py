@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from random import randint
 from types import TracebackType
-from typing import Any, ParamSpec, Self, TypeVar
+from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from orinkit import hresult
 from orinkit.bcap.client import Conversation, Reply, Trace
@@ -17,10 +18,11 @@ from orinkit.cao.dialect import Dialect
 from orinkit.cao.table import Function
 from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after, opening_of
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
-from orinkit.transport.drive import Deadline, LentLink, Link, run
+from orinkit.transport.drive import Deadline, LentLink, Link, run, say_goodbye
 from orinkit.transport.links import open_link
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
+_LAST_SERIAL: Final = 0xFFFF
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -63,6 +65,8 @@ class Client:
         self._tries = check_tries(tries)
         self._link: Link = link
         self._conversation = Conversation(limits, trace, wire)
+        if wire.shared:  # answers to the client before it may be under way still: they are not to fit
+            self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
         self.handles = Handles()
         self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
@@ -93,6 +97,11 @@ class Client:
     @dialect.setter
     def dialect(self, dialect: Dialect) -> None:
         self._conversation.dialect = dialect
+
+    @property
+    def echoes(self) -> bool:
+        """Whether the last answer had its request's reserved field, as those of a VE026A (UDP, serial lines)."""
+        return self._conversation.echoes
 
     @property
     def wire(self) -> Wire:
@@ -196,7 +205,7 @@ class Client:
     ) -> tuple[int, Any]:
         try:
             operation = self._conversation.call(function, arguments, seconds, exact=exact, tries=self._tries)
-            return run(operation, self._link)
+            return run(operation, self._link, self._conversation.farewell)
         except (ConnectFailed, ConnectionLost):
             self._link.close()
             raise
@@ -204,6 +213,13 @@ class Client:
             if error.fatal:
                 self._link.close()
             raise
+
+    def patience(self, command: str) -> float | None:
+        """Return the time-out for a command, of each try, where the controller is known to take long for it."""
+        longest = self.dialect.patience.get(str(command).strip().lower())
+        if longest is None:
+            return None
+        return max(self._timeout, longest / self._tries if self.wire.lossy else longest)
 
     def descriptor(self) -> int:
         """Return the descriptor of the connection, to be given to another process."""
@@ -244,7 +260,11 @@ class Client:
         return self._conversation.dropped
 
     def close(self) -> None:
-        """Close the connection at once; the controller then releases every object of it."""
+        """Close the connection at once; the controller then releases every object of it.
+
+        With UDP and serial lines Service_Stop is sent before, and no answer is waited for.
+        """
+        say_goodbye(self._link, self._conversation.farewell())
         self._link.close()
 
     def __enter__(self) -> Self:

@@ -41,7 +41,7 @@ class Holding(ABC):
         except CallError:  # refused: nothing has changed
             raise
         except BaseException as error:  # whether it was taken is not known
-            self._persist(error, self._give, self._robot.client.timeout)
+            self._persist(error, self._give, self._longest())
             raise
 
     def __exit__(
@@ -77,11 +77,11 @@ class Holding(ABC):
             problem = self._persist(error, robot.halt, _HALT_PATIENCE)
             if isinstance(problem, BusyError):
                 robot.client.close()
-                error.add_note(common.note_closed())
+                error.add_note(common.note_closed(robot.client.wire))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
-        self._persist(error, self._give, robot.client.timeout)
+        self._persist(error, self._give, self._longest())
 
     def _persist(self, error: BaseException, step: Callable[[], None], seconds: float) -> OrinError | None:
         """Do a step of the clean-up, again and again while the controller is busy with an earlier call.
@@ -94,12 +94,22 @@ class Holding(ABC):
             try:
                 step()
             except OrinError as problem:
-                if isinstance(problem, BusyError) and not deadline.passed:
+                if self._is_busy(problem) and not deadline.passed:
                     pause(common.SETTLE)
                     continue
-                common.note_failure(error, problem)
+                common.note_failure(error, problem, self._robot.client.wire)
                 return problem
             return None
+
+    def _longest(self) -> float:
+        """Seconds that an earlier call may still be at work."""
+        client = self._robot.client
+        return max(client.timeout, *client.dialect.patience.values(), 0.0)
+
+    def _is_busy(self, problem: OrinError) -> bool:
+        """Whether the controller is at work with an earlier call."""
+        busy = self._robot.client.dialect.busy
+        return isinstance(problem, BusyError) or (isinstance(problem, CallError) and problem.code == busy != 0)
 
     @abstractmethod
     def _take(self) -> None:

@@ -246,4 +246,4 @@ def _let_go(streaming: Streaming) -> None:
     """The connection is closed under the streaming process: it has the arm come to rest first."""
     if not streaming.shared.closed:
         streaming.shared.forget()
-        streaming.shared.order(Order.LEAVE)
+        streaming.shared.order(Order.GOODBYE)

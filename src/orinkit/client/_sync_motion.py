@@ -68,7 +68,8 @@ class Mover(Owner):
         """Make the call that starts a motion, and return the motion.
 
         A call that is broken off, by Ctrl-C or because its task is cancelled, closes the connection: the controller
-        then stops the arm, which would otherwise go on with nobody to wait for it.
+        then stops the arm, which would otherwise go on with nobody to wait for it. With UDP and on a serial line it is
+        only told so once, and does not notice by itself, or late.
 
         Args:
             function: the call.
@@ -90,7 +91,7 @@ class Mover(Owner):
             raise
         except BaseException as error:
             self.client.close()
-            error.add_note(common.note_broken_off())
+            error.add_note(common.note_broken_off(self.client.wire))
             raise
         call = (self._label, function.name, arguments)
         motion = Motion(self, track, number, call, way or common.Way(), over=wait)

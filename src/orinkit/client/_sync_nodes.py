@@ -280,4 +280,13 @@ class Owner(Named):
     def execute(self, command: str, parameter: Value = None) -> Any:
         """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
         assert self.functions.execute is not None
-        return self._call(self.functions.execute, command, parameter)
+        seconds = self.client.patience(command)
+        if seconds is None:
+            return self._call(self.functions.execute, command, parameter)
+        self._require_open()
+        try:
+            reply = self.client.request(self.functions.execute, self.handle, command, parameter, timeout=seconds)
+        except CallError as error:
+            error.subject = self._label
+            raise
+        return reply.value

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import math
 from typing import TYPE_CHECKING, Final, Protocol
 
 from orinkit.cao.session import Host
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
+_QUIET: Final = 10.0  # s after a warning in which what is the same is no news
 
 
 class Listener(Protocol):
@@ -60,6 +63,18 @@ class Connections:
         self.tasks: set[asyncio.Task[None]] = set()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
+        self._warned = -math.inf
+
+    def refusal_level(self, now: float) -> int:
+        """Return the level at which it is to be logged that a client is refused: a warning in 10 s, as they may be many.
+
+        Args:
+            now: time of the event loop, s.
+        """
+        if now - self._warned < _QUIET:
+            return logging.DEBUG
+        self._warned = now
+        return logging.WARNING
 
     def discard(self, peer: Peer) -> None:
         """Forget one of ``all``: it has been closed."""

@@ -59,7 +59,8 @@ class Peer:
         """Make it a client, if there is room for one more."""
         shared = self._shared
         if shared.closing or len(shared.open) >= shared.clients:
-            logger.warning("%s refused: %d clients are connected", self._name, len(shared.open))
+            level = shared.refusal_level(self._loop.time())
+            logger.log(level, "%s refused: %d clients are connected", self._name, len(shared.open))
             return None
         self._session = Session(shared.host, self._about())
         shared.open.add(self)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import termios
 import tty
 from collections.abc import Callable
 from typing import Final
@@ -29,7 +30,7 @@ class PseudoTerminal(asyncio.WriteTransport):
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, protocol: Callable[[str], asyncio.Protocol]) -> None:
-        super().__init__()
+        super().__init__({"serial": self})
         self._loop = loop
         self._waiting = bytearray()
         self._high = _HIGH
@@ -109,6 +110,17 @@ class PseudoTerminal(asyncio.WriteTransport):
         if len(self._waiting) > self._high and not self._paused:
             self._paused = True
             self._protocol.pause_writing()
+
+    def reset_write_buffer(self) -> None:
+        """Drop what waits to be sent, here and in the system; named as that of a serial port."""
+        self._waiting.clear()
+        if not self._closed:
+            termios.tcflush(self._other_end, termios.TCIFLUSH)
+            if not self._closing:
+                self._loop.remove_writer(self._end)
+                if self._paused:
+                    self._paused = False
+                    self._protocol.resume_writing()
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:  # noqa: ARG002 - it resumes when nothing waits
         """Set how many bytes may wait before the protocol is asked to pause."""

@@ -101,13 +101,21 @@ class LineCaller(Caller, asyncio.Protocol):
         if self._is_gone() or not self._conversation.pending:
             return
         now = self._loop.time()
-        if now >= self._heard + SILENCE:
-            self._act(self._conversation.silence(now))
-        else:
+        if now < self._heard + SILENCE:
             self._silence = self._loop.call_at(self._heard + SILENCE, self._fallen_silent)
+            return
+        while self._conversation.pending and not self._is_gone():
+            self._act(
+                self._conversation.silence(now)
+            )  # a packet behind a packet behind noise: none may wait for more bytes
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self._name, LINE.name, 0, self.look)
+
+    def _rest(self, reason: object = None) -> None:
+        """The client has gone: what it has not read is not for the next one."""
+        super()._rest(reason)
+        self._forget_unsent()
 
     def close(self) -> None:
         """Close the line once what was written has been taken."""
@@ -115,13 +123,15 @@ class LineCaller(Caller, asyncio.Protocol):
 
     def abort(self) -> None:
         """Close the line at once."""
-        port = self._transport.get_extra_info("serial")
-        if port is not None:
-            try:
-                port.reset_write_buffer()  # closing a port waits for what it has not sent yet
-            except OSError:  # it is broken
-                pass
+        self._forget_unsent()  # closing a port waits for what it has not sent yet
         self._transport.abort()
+
+    def _forget_unsent(self) -> None:
+        port = self._transport.get_extra_info("serial")
+        try:
+            port.reset_write_buffer()
+        except OSError:  # it is broken
+            pass
 
 
 class PortListener:

@@ -12,6 +12,7 @@ from orinkit.errors import CallError
 
 _PARTS: Final = 8  # of a period: how soon a set-point that found the buffer full is sent again
 _LOOKS: Final = 5  # of a period: how often a set-point is repeated until the controller has taken it
+_LATE: Final = 4  # of a period
 _PATIENCE: Final = 1.0  # s for one set-point; a controller that takes none for so long is not consuming
 
 
@@ -96,6 +97,8 @@ class Ticking:
         first = self._call(parameter)
         began = first.answer.timestamp
         if began is None:
+            if first.answered - self._tick > self._period / _LATE:  # the next one is not to come into the same cycle
+                self._tick = first.answered
             self._tick = _next_tick(self._tick, self._period)
             sleep_until(self._tick)
             return first

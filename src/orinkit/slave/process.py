@@ -48,6 +48,8 @@ def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int, 
         outcome["error"] = describe(error)
     except Exception as error:  # noqa: BLE001 - the program is told
         outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
+    if outcome["reason"] in ("gone", "abandoned") or not channel.open:
+        connection.say_goodbye()
     outcome["ended"] = True
     outcome["serial"] = connection.conversation.serial
     channel.send(outcome)

@@ -48,6 +48,8 @@ class Order(IntEnum):
     """Take what is queued, then leave slave mode."""
     LEAVE = 3
     """Bring the arm to rest and leave slave mode."""
+    GOODBYE = 4
+    """The same; and nobody has the connection afterwards."""
 
 
 class _Word(IntEnum):

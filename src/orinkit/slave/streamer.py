@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 from orinkit import hresult
 from orinkit.bcap.client import Conversation
-from orinkit.bcap.wire import WIRES
+from orinkit.bcap.wire import SILENCE, WIRES
 from orinkit.cao import functions
 from orinkit.cao.dialect import DIALECTS
 from orinkit.cao.slave_formats import (
@@ -27,14 +27,14 @@ from orinkit.slave.flow import FLOWS, Call, Delivery
 from orinkit.slave.planners import Planner
 from orinkit.slave.setup import Setup
 from orinkit.slave.shared import Feed, Order, RawSample, Shared
-from orinkit.transport.drive import Link, run
+from orinkit.transport.drive import Link, run, say_goodbye
 from orinkit.variant import ARRAY, Variant, VarType
 
 _RESTS: Final = 3  # equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)
 _AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
 _WATCH: Final = 0.02  # s between two looks at the program's process
 _MOST_SECONDS: Final = 1.0  # for the answer to a set-point
-_CYCLES: Final = 2  # that a set-point waits for its answer before it is sent again, where packets may be lost
+_CYCLES: Final = 1.5  # that a set-point waits for its answer before it is sent again, where packets may be lost
 _TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
@@ -46,8 +46,8 @@ _STOPS: Final = {  # bits of SysState (reference: SysState)
 }
 
 
-Reason = Literal["", "left", "stopped", "gone", "idle", "terminated"]
-"""Why streaming ended: not by itself (an error), as the program wanted, because its process was stopped (SIGSTOP), has
+Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated"]
+"""Why streaming ended: not by itself (an error), as the program wanted, which may have given up the connection, because its process was stopped (SIGSTOP), has
 gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
 
 
@@ -121,8 +121,10 @@ class Connection:
         """Send slvMove."""
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
+        # where noise has put a line out of step, the controller finds its place again when the line is silent
+        later = SILENCE + self._cycle if self.conversation.wire.shared else 0.0
         sent = monotonic()
-        code, value = self._call(functions.robot_execute, arguments, seconds, tries)
+        code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
 
     def _patience(self) -> tuple[float, int]:
@@ -135,6 +137,10 @@ class Connection:
             seconds = max(seconds, min(_TRIPS * self._trip, self._timeout))
         return seconds, max(1, int(_MOST_SECONDS / seconds))
 
+    def say_goodbye(self) -> None:
+        """Tell the controller that nobody has the connection any more, where its end does not."""
+        say_goodbye(self._link, self.conversation.farewell())
+
     def leave(self) -> None:
         """Turn slave mode off after an error; most errors have done so already."""
         try:
@@ -143,10 +149,10 @@ class Connection:
             pass
 
     def _call(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, tries: int
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, tries: int, later: float = 0.0
     ) -> tuple[int, Any]:
         try:
-            return run(self.conversation.call(function, arguments, seconds, tries=tries), self._link)
+            return run(self.conversation.call(function, arguments, seconds, tries=tries, later=later), self._link)
         except CallError as error:  # which command it was says more than the function
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
@@ -243,6 +249,8 @@ class Streamer:
 
     def _reason(self) -> Reason:
         order = self._shared.wanted
+        if order is Order.GOODBYE:
+            return "abandoned"
         if order is Order.LEAVE or (order is Order.FINISH and self._finished()):
             return "left"
         if not self._waits():

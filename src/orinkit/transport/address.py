@@ -9,6 +9,7 @@ import os
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
+from orinkit._pose_checks import brief
 from orinkit.errors import InvalidAddress
 from orinkit.language import pick
 
@@ -93,7 +94,7 @@ def parse_address(text: str) -> AnyAddress:
         InvalidAddress: it is none, or its transport is not there.
     """
     if not isinstance(text, str):
-        raise _bad(repr(text), pick("a text is needed", "文字列が必要です"))
+        raise _bad(brief(text), pick("a text is needed", "文字列が必要です"))
     scheme, rest, url = _split_scheme(text.strip())
     if scheme in _HOSTS:
         return Address(scheme, *_split_port(text, rest.removesuffix("/"), scheme))
@@ -140,7 +141,7 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
         whole = ":" not in port
     if host.isdecimal():
         raise _bad(text, pick(f"{host:.80} is no host", f"{host:.80} はホストではありません"), example)
-    if not whole or not host or any(sign in host for sign in " /?@#\0\t\r\n"):
+    if not whole or not host or any(sign in host for sign in " /?@#[]\0\t\r\n"):
         reason = pick("a host and perhaps a port are needed", "ホストと、必要ならポートを指定してください")
         raise _bad(text, reason, example)
     if not colon:

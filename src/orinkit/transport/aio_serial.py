@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from io import FileIO
+from threading import Lock
 from typing import Final, Self
 
 from orinkit.errors import ConnectionLost
@@ -42,7 +43,12 @@ class AsyncSerialLink:
             ConnectFailed: it is not there, may not be used, is in use, or cannot be set like this.
             MissingExtra: serialx is missing.
         """
-        return cls(await asyncio.to_thread(open_file, address))
+        opening = _Opening()
+        try:
+            return cls(await asyncio.to_thread(opening.open, address))
+        except BaseException:
+            opening.give_up()
+            raise
 
     def send(self, data: bytes) -> None:
         """Queue all of the bytes.
@@ -137,3 +143,28 @@ class AsyncSerialLink:
             self._loop.remove_writer(self._port.fileno())
             self._port.close()
             self._wake()
+
+
+class _Opening:
+    """A port that a thread opens; one that nobody waits for any more is closed."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._port: FileIO | None = None
+        self._wanted = True
+
+    def open(self, address: SerialAddress) -> FileIO:
+        """Open it; to be called in the thread."""
+        port = open_file(address)
+        with self._lock:
+            self._port = port
+            if not self._wanted:
+                port.close()
+        return port
+
+    def give_up(self) -> None:
+        """Close it, now or as soon as it is open."""
+        with self._lock:
+            self._wanted = False
+            if self._port is not None:
+                self._port.close()

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from typing import Self
+from typing import Final, Self
 
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import closed, connect_failed
 from orinkit.transport.socket_link import CHUNK
 from orinkit.transport.udp import broken, connected, peer_of
+
+_TURN: Final = 8
+"""Datagrams that are taken until others have their turn: taking one that is there already lets nobody else run."""
 
 
 class AsyncUdpLink:
@@ -29,6 +32,7 @@ class AsyncUdpLink:
         self._address = peer_of(connection)
         self._open = True
         self._heard = False
+        self._taken = 0
         self._wait: asyncio.Timeout | None = None
 
     @classmethod
@@ -78,6 +82,9 @@ class AsyncUdpLink:
         data: bytes | None = None
         try:
             async with asyncio.timeout(seconds) as self._wait:
+                self._taken += 1
+                if self._taken % _TURN == 0:
+                    await asyncio.sleep(0)
                 data = await loop.sock_recv(self._socket, CHUNK)
                 while not data:
                     await asyncio.sleep(0)  # a flood of empty ones does not keep the time-out from coming

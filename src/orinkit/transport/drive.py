@@ -7,7 +7,7 @@ seconds to wait for an answer, and is sent what was received. Beside them, waiti
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from time import monotonic, sleep
 from typing import Protocol, TypeAlias, TypeVar
 
@@ -15,6 +15,7 @@ from orinkit.errors import OrinError, StreamError
 from orinkit.language import pick
 
 T = TypeVar("T")
+_GOODBYE = 0.1  # s for each packet of a farewell
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
 
 
@@ -133,11 +134,16 @@ def _lent() -> StreamError:
     )
 
 
-def run(operation: Operation[T], link: Link) -> T:
+def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[bytes]] = tuple) -> T:
     """Carry out an operation on the caller's thread and return its result.
 
     An exception from outside in the middle of it, such as KeyboardInterrupt, closes the link: bytes may have been
     received and lost, and what follows could no longer be told apart.
+
+    Args:
+        operation: what to do.
+        link: to do it over.
+        farewell: gives what to send before the link is closed by such an exception.
     """
     received: bytes | None = None
     deadline = 0.0
@@ -160,12 +166,31 @@ def run(operation: Operation[T], link: Link) -> T:
         raise
     except BaseException:
         if sent:
+            say_goodbye(link, farewell())
             link.close()
         raise
 
 
-async def arun(operation: Operation[T], link: AsyncLink) -> T:
-    """Carry out an operation in asyncio and return its result."""
+def say_goodbye(link: Link, packets: Iterable[bytes]) -> None:
+    """Send packets without waiting for anything; a link that is broken or closed is no error."""
+    try:
+        for data in packets:
+            link.send(data, _GOODBYE)
+    except OrinError:
+        pass
+
+
+async def asay_goodbye(link: AsyncLink, packets: Iterable[bytes]) -> None:
+    """The same in asyncio."""
+    try:
+        for data in packets:
+            link.send(data)
+    except OrinError:
+        pass
+
+
+async def arun(operation: Operation[T], link: AsyncLink, farewell: Callable[[], Iterable[bytes]] = tuple) -> T:  # noqa: ARG001 - as run
+    """Carry out an operation in asyncio and return its result; one that is cancelled leaves the link as it is."""
     received: bytes | None = None
     deadline = 0.0
     try:

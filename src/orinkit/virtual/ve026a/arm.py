@@ -33,6 +33,7 @@ LONGEST_WAIT: Final = 0.5
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 _R4: Final = struct.Struct(f"<{VALUES}f")
+_SINGLE: Final = struct.Struct("<f")
 
 
 class Operator:
@@ -141,10 +142,14 @@ class Arm:
     def switch_motor(self, operator: Operator, on: bool) -> Later[None] | None:
         """Begin to switch the motor, kept when that is done; ``None`` where it is so already. A moving arm brakes first.
 
+        Whoever switches it off ends slave mode, of another client too.
+
         Raises:
             CallError: E_ACCESSDENIED, E_ROBOTISBUSY; the error that it is in, when it is to go on.
         """
-        self._require(operator, no_error=on)
+        self._require(operator, no_error=on, stops=not on)
+        if not on:
+            self._overrule(operator)
         if self._change is not None:
             raise _busy()
         if on == self.motor_on:
@@ -167,13 +172,16 @@ class Arm:
     def change_mode(self, operator: Operator, mode: int) -> Later[None] | None:
         """Enter slave mode, or leave it; ``None`` where that is done at once, else kept when it is.
 
-        Where it is on, it is left after its last set-point; an arm that moves then brakes.
+        Where it is on, it is left after its last set-point; an arm that moves then brakes. Where another client is in it,
+        leaving it ends that at once: a client that has died on a serial line does not keep the arm.
 
         Raises:
             CallError: E_ACCESSDENIED, E_ROBOTISBUSY; to enter it, the error that it is in, E_FAIL without motor.
                 The promise is broken with ROBOT_RUNNING when the arm does not stand after :data:`LONGEST_WAIT`.
         """
-        self._require(operator, no_error=mode != OFF)
+        self._require(operator, no_error=mode != OFF, stops=mode == OFF)
+        if mode == OFF:
+            self._overrule(operator)
         if self._change is not None:
             raise _busy()
         if mode != OFF and not self.motor_on:
@@ -207,9 +215,8 @@ class Arm:
                 pick("slave mode is off (slvChangeMode)", "スレーブモードではありません (slvChangeMode)"),
             )
         joints = read()
-        exceeded = self.exceeded(joints)
-        if exceeded:
-            index = (exceeded & -exceeded).bit_length() - 1
+        index = self._beyond(joints)
+        if index is not None:
             axis = self.model.axes[index]
             given, lower, upper = f"{joints[index]:.6g}", f"{axis.lower:g}", f"{axis.upper:g}"
             detail = pick(f"{given} deg; {lower} to {upper}", f"{given} 度 ({lower}～{upper})")
@@ -321,11 +328,26 @@ class Arm:
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
-    def _require(self, operator: Operator, *, no_error: bool = False) -> None:
-        """Check what every command needs: that nobody else moves the arm, and that nothing else is being done."""
+    def _beyond(self, joints: Joints) -> int | None:
+        """Return the first axis that a set-point has out of range, counted from 0; ``None`` for none.
+
+        One that is out there already, because the arm braked, may be led back and held where it is.
+        """
+        exceeded = self.exceeded(joints)
+        for index, (wanted, command, axis) in enumerate(zip(joints, self.queue.joints, self.model.axes, strict=True)):
+            there = (command, *_SINGLE.unpack(_SINGLE.pack(command)))  # what a client is told is an R4 number
+            if (
+                exceeded >> index & 1
+                and not axis.upper < wanted <= max(there)
+                and not axis.lower > wanted >= min(there)
+            ):
+                return index
+        return None
+
+    def _require(self, operator: Operator, *, no_error: bool = False, stops: bool = False) -> None:
+        """Check what every command needs: that nobody else moves the arm, but to stop it; that nothing else is being done."""
         self._cycles.require_open()
-        owner = self._change.operator if self._change is not None else self.slave.owner
-        if owner is not None and owner is not operator:
+        if not stops and self._owner not in (None, operator):
             raise error_for(
                 hresult.E_ACCESSDENIED,
                 pick("another client is in slave mode", "他のクライアントがスレーブモード中です"),
@@ -334,6 +356,16 @@ class Arm:
             raise _busy(pick("Motor or ClearError is at work", "Motor または ClearError の実行中です"))
         if no_error and self.error != hresult.S_OK:
             raise refusal(self.error, pick("clear it first (ClearError)", "先に ClearError でクリアしてください"))
+
+    @property
+    def _owner(self) -> Operator | None:
+        return self._change.operator if self._change is not None else self.slave.owner
+
+    def _overrule(self, operator: Operator) -> None:
+        """Stop what another client does, if it is not being stopped already."""
+        if self._owner not in (None, operator) and (self._change is None or self._change.mode != OFF):
+            self._break_change(hresult.E_ABORT)
+            self.stop(hresult.E_ABORT)
 
     def _begin(self, work: Work) -> Later[None]:
         self._job = job = _Job(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))

@@ -1,0 +1,55 @@
+"""What an exception is told of an arm whose connection has ended: it depends on how the controller can know."""
+
+from __future__ import annotations
+
+import pytest
+
+from orinkit import language
+from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, Wire
+from orinkit.client._motion_common import note_broken_off, note_closed, note_failure
+from orinkit.errors import ConnectionClosed, OrinError
+
+
+def gone(wire: Wire) -> str:
+    error = RuntimeError()
+    note_failure(error, ConnectionClosed("closed"), wire)
+    (note,) = error.__notes__
+    return note
+
+
+@pytest.mark.parametrize(
+    ("wire", "en", "ja"),
+    [
+        (STREAM, "the controller then stops the arm and takes it back by itself", "停止と占有解除はコントローラが行います"),
+        (DATAGRAM, "after 10 s of silence or later, and then stops the arm", "10 秒以上無通信が続いた後に"),
+        (LINE, "may go on moving, and stays taken, until the next client connects", "シリアル回線では"),
+    ],
+    ids=lambda value: value.name if isinstance(value, Wire) else "",
+)  # fmt: skip
+def test_a_connection_that_is_gone(wire: Wire, en: str, ja: str) -> None:
+    assert en in gone(wire)
+    language.use("ja")
+    assert ja in gone(wire)
+
+
+@pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
+def test_a_connection_that_was_closed(note) -> None:
+    assert "lost" not in note(STREAM)
+    assert "should the packet that says so be lost, after 10 s of silence or later" in note(DATAGRAM)
+    assert "should the packet that says so be lost, only when the next client connects" in note(LINE)
+    language.use("ja")
+    assert "失われた" not in note(STREAM)
+    assert "10 秒以上無通信が続いた後" in note(DATAGRAM)
+    assert "次のクライアントが接続したとき" in note(LINE)
+
+
+@pytest.mark.parametrize("wire", [STREAM, DATAGRAM, LINE], ids=lambda wire: wire.name)
+@pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
+def test_it_is_said_once(note, wire: Wire) -> None:
+    error = RuntimeError()
+    error.add_note(note(wire))
+    note_failure(error, ConnectionClosed("closed"), wire)
+    note_failure(error, ConnectionClosed("closed"), wire)
+    note_failure(error, OrinError("something else"), wire)
+    first, second = error.__notes__
+    assert (first, "something else" in second) == (note(wire), True)

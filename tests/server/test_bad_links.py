@@ -1,0 +1,162 @@
+"""Real clients, a real server, and a link between them that loses a fifth of all packets: every call is carried out once."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import pytest
+
+import orinkit
+from bad_links import BadSerial, BadUdp, Harm, Ledger, at_random, spoil_bytes
+from both import Both
+from orinkit import hresult
+from orinkit.errors import CallError, CallTimeout
+
+SHORT = 0.04  # s for one try
+EARLY = 0.005  # s by which a clock may be early
+
+
+@pytest.fixture(autouse=True)
+def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    yield
+    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+
+
+# --- a client that counts ---------------------------------------------------------------------------------------------
+
+
+async def opened(both: Both, url: str, name: str, seconds: float, tries: int) -> Any:
+    """Connect, again where that took too long; ``None`` if it always did."""
+    connect = orinkit.connect if both.kind == "sync" else orinkit.aio.connect
+    for _ in range(5):
+        try:
+            return await both.now(
+                connect(url, provider="Test.Ledger", name=name, timeout=seconds, tries=tries, service="")
+            )
+        except CallTimeout:
+            pass
+    return None
+
+
+async def outcome(both: Both, call: Any) -> Any:
+    """Return the answer of a call, or what it failed with."""
+    try:
+        return await both.now(call())
+    except (CallTimeout, CallError) as error:
+        return error
+
+
+async def count(
+    both: Both, ledger: Ledger, url: str, name: str, calls: int, slow: int, *, seconds: float = SHORT, tries: int = 7
+) -> Counter[str]:
+    """Have numbers counted, every ``slow``-th slowly, and check all that may come of it."""
+    controller = await opened(both, url, name, seconds, tries)
+    assert controller is not None
+    told: Counter[str] = Counter()
+    carried = ledger.carried[name]
+    try:
+        for number in range(calls):
+            command = "CountSlowly" if slow and number % slow == slow - 1 else "Count"
+            before = time.monotonic()
+            answer = await outcome(both, partial(controller.execute, command, number))
+            if isinstance(answer, CallTimeout):
+                assert answer.seconds == pytest.approx(seconds * tries)
+                assert time.monotonic() - before >= seconds * tries - EARLY
+                told["time-out"] += 1
+            elif isinstance(answer, CallError):  # the call before it has timed out, and is at work
+                assert (answer.code, slow > 0) == (hresult.E_BUSY_PROC, True)
+                told["busy"] += 1
+            else:
+                assert answer == [name, number, command]
+                assert carried.count(number) == 1
+                told["done"] += 1
+    finally:
+        await both.now(controller.client.close())
+    return told
+
+
+def check(ledger: Ledger, told: list[Counter[str]]) -> Counter[str]:
+    """Nothing was carried out twice, and nothing after a later call of the same client."""
+    for carried in ledger.carried.values():
+        assert carried == sorted(set(carried))
+    total = sum(told, Counter[str]())
+    assert total["done"] <= sum(map(len, ledger.carried.values())) <= total["done"] + total["time-out"]
+    return total
+
+
+# --- the links --------------------------------------------------------------------------------------------------------
+
+
+def over_udp(both: Both, clients: int, calls: int, harm: Harm, slow: int = 0, **trying: Any) -> Counter[str]:
+    """All clients on one link to one socket."""
+    ledger = Ledger()
+    with orinkit.serve(ledger, "udp://127.0.0.1:0") as server, BadUdp(server.url, at_random(1, harm)) as link:
+        told = both.side_by_side(
+            *(count(both, ledger, link.url, f"client {n}", calls, slow, **trying) for n in range(clients))
+        )
+        assert link.arrived < link.came * (1 - harm.loss / 2)  # it was a bad one
+    return check(ledger, told)
+
+
+def over_serial(both: Both, clients: int, calls: int, harm: Harm, slow: int = 0, **trying: Any) -> Counter[str]:
+    """Each client on a line of its own."""
+    ledger = Ledger()
+    with (
+        orinkit.serve(ledger, *["pty://"] * clients) as server,
+        BadSerial(server.urls, at_random(1, harm, spoil_bytes)) as link,
+    ):
+        told = both.side_by_side(
+            *(count(both, ledger, url, f"client {n}", calls, slow, **trying) for n, url in enumerate(link.urls))
+        )
+        assert link.arrived < link.came * (1 - harm.loss / 4)
+    return check(ledger, told)
+
+
+def test_ten_thousand_calls_over_udp(both: Both) -> None:
+    total = over_udp(both, 50, 200, Harm())
+    assert total["done"] + total["time-out"] == 10_000
+    assert total["done"] > 9_500
+
+
+def test_two_thousand_calls_over_serial_lines(both: Both) -> None:
+    total = over_serial(both, 20, 100, Harm())
+    assert total["done"] + total["time-out"] == 2_000
+    assert total["done"] > 1_900
+
+
+@pytest.mark.parametrize("link", [over_udp, over_serial])
+def test_calls_that_take_longer_than_a_try(both: Both, link: Any) -> None:
+    """A try tells that the call is at work, and the time begins anew; it is carried out once all the same."""
+    total = link(both, 15, 20, Harm(), slow=5)
+    assert total["done"] > 280
+    assert sum(total.values()) == 300
+
+
+def test_packets_that_come_later_than_a_try_lasts(both: Both) -> None:
+    """They meet calls that were made after theirs."""
+    total = over_udp(both, 20, 50, Harm(loss=0.1, late=0.3, delay=0.15))
+    assert total["done"] > 950
+    assert sum(total.values()) == 1_000
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(("link", "clients", "calls"), [(over_udp, 50, 200), (over_serial, 20, 100)])
+def test_all_calls_with_the_usual_time_outs(both: Both, link: Any, clients: int, calls: int) -> None:
+    total = link(both, clients, calls, Harm(delay=0.2), seconds=0.5, tries=5)
+    assert total["done"] + total["time-out"] == clients * calls
+    assert total["done"] > clients * calls * 0.95
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("link", [over_udp, over_serial])
+def test_a_hundred_thousand_calls(both: Both, link: Any) -> None:
+    total = link(both, 50, 2_000, Harm())
+    assert sum(total.values()) == 100_000
+    assert total["done"] > 95_000
