@@ -178,3 +178,12 @@ def test_in_japanese() -> None:
     with pytest.raises(InvalidAddress, match="parity に 'X' は指定できません") as caught:
         parse_address("serial:///dev/ttyS0?parity=X")
     assert "例: serial:///dev/ttyUSB0" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("/dev/ttyUSB0", "serial:// before it"), ("serial://dev/ttyUSB0", "begins with a slash")]
+)
+def test_slips_with_ports(text: str, said: str) -> None:
+    with pytest.raises(InvalidAddress, match=said) as caught:
+        parse_address(text)
+    assert "Example: serial:///dev/ttyUSB0" in str(caught.value)

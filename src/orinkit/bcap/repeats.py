@@ -18,7 +18,10 @@ MEMORY: Final = 10.0
 """Seconds that requests are remembered (reference: UDP clients are dropped after that silence)."""
 
 _SERVICE_START: Final = 1
-_LATE: Final = 1.0  # s that a packet may be under way; a Service_Start that comes again later is another client's
+_LATE_DATAGRAM: Final = (
+    2.0  # s that a packet may be under way; a Service_Start that comes again later is another client's
+)
+_LATE_BYTES: Final = 1.0  # s; the same on a serial line
 _ROUND: Final = 0xFFFF  # serial numbers: 1 to 65535
 _HALF: Final = _ROUND // 2
 _KEPT: Final = 64  # answers
@@ -138,7 +141,7 @@ class Requests:
 
     def _is_another(self, now: float) -> bool:
         """Whether a Service_Start that seems to be known is that of a client who begins anew with the same number."""
-        return self._stopped or now - self._started >= (_LATE if self._shared else MEMORY)
+        return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
     def _take(self, number: int, request: _Request, *, busy: bool) -> Verdict:
         self._remember(number, request)

@@ -96,6 +96,12 @@ def parse_address(text: str) -> AnyAddress:
     if not isinstance(text, str):
         raise _bad(brief(text), pick("a text is needed", "文字列が必要です"))
     scheme, rest, url = _split_scheme(text.strip())
+    if text.strip().startswith("/"):
+        raise _bad(
+            text,
+            pick("a serial port has serial:// before it", "シリアルポートは serial:// を付けてください"),
+            _SERIAL_EXAMPLE,
+        )
     if scheme in _HOSTS:
         return Address(scheme, *_split_port(text, rest.removesuffix("/"), scheme))
     if scheme in _PORTS:
@@ -161,6 +167,8 @@ def _serial(text: str, rest: str) -> SerialAddress:
     from urllib.parse import unquote
 
     place, mark, query = rest.partition("?")
+    if place.startswith("dev/"):
+        raise _bad(text, pick("a path begins with a slash", "パスはスラッシュで始まります"), _SERIAL_EXAMPLE)
     settings: dict[str, str] = {}
     for part in query.split("&") if mark and query else ():
         name, _, value = part.partition("=")
