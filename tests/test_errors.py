@@ -236,3 +236,12 @@ def test_every_exception_survives_pickle_and_copy(kind, carry):
 def test_a_fatal_protocol_error_is_still_fatal_after_pickle():
     again = pickle.loads(pickle.dumps(LimitExceeded("text", hresult.E_PACKETSIZEOVER, fatal=True)))
     assert (type(again), again.code, again.fatal) == (LimitExceeded, hresult.E_PACKETSIZEOVER, True)
+
+
+@pytest.mark.parametrize(("tongue", "said"), [("en", "is the controller on"), ("ja", "コントローラの電源")])
+def test_nobody_answers_the_first_call_of_all(tongue: str, said: str) -> None:
+    """Where packets may be lost it is the link that is to be looked at, not how long the call may take."""
+    language.use(tongue)
+    assert said in str(CallTimeout("Service_Start", 2.5, 5))
+    assert said not in str(CallTimeout("Service_Start", 2.5))
+    assert said not in str(CallTimeout("Robot_Execute", 2.5, 5))

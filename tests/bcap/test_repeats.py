@@ -267,6 +267,13 @@ def test_a_service_start_that_comes_late_ends_nothing(line):
     assert line.told(2, 2, CALL, 3).arguments == [42]
 
 
+def test_a_service_start_with_other_options_at_once(line):
+    """The same number less than a second later: it is not believed to be another client's."""
+    line.done(1, 1, 1, "WDT=100", result=None)
+    line.done(2, 2, CALL, 3)
+    assert line.ask(1, 1, 1, "WDT=200") == []
+
+
 def test_a_service_start_in_between_over_udp():
     line = Line(DATAGRAM)
     line.done(1, 1, 1, result=None)
