@@ -1,0 +1,63 @@
+"""The printed packets of the VE026A document (5.1 to 5.4) as raw bytes over a pseudo-terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import time
+import tty
+from pathlib import Path
+
+import pytest
+
+import orinkit
+from orinkit.bcap import packet
+from orinkit.virtual.ve026a import VirtualVE026A
+
+PRINTED = [
+    each
+    for each in json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text())
+    if each["document"].startswith("bcap-ve026a")
+]
+REQUESTS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if each["kind"] == "request"}
+ANSWERS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if each["kind"] == "response"}
+ORDER = (1, 3, 9, 11, 16, 19, 22, 23, 70, 71, 5, 7)  # as a client would say them: start, connect, ..., disconnect, stop
+MEASURED = (70, 71)  # answered with the angles of the arm
+PATIENCE = 20.0
+
+
+def ask(line: int, data: bytes) -> bytes:
+    """Send a packet and return what comes back, which is one packet."""
+    os.write(line, data)
+    end = time.monotonic() + PATIENCE
+    came = b""
+    while len(came) < 5 or len(came) < int.from_bytes(came[1:5], "little"):
+        ready, _, _ = select.select([line], [], [], end - time.monotonic())
+        assert ready, f"no answer but {came.hex(' ')}"
+        came += os.read(line, 4096)
+    return came
+
+
+def test_none_is_left_out() -> None:
+    assert sorted(ORDER) == sorted(REQUESTS) == sorted(ANSWERS)
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_the_printed_packets_over_a_pseudo_terminal(times: int) -> None:
+    device = VirtualVE026A(joints=(0, 30, 120, 0, 30, 0, 25), motor_seconds=0.05, clear_seconds=0.05)
+    with orinkit.serve(device, "pty://") as server:
+        line = os.open(server.url.removeprefix("serial://"), os.O_RDWR | os.O_NOCTTY)
+        try:
+            tty.setraw(line)
+            for serial in ORDER * times:
+                answer = ask(line, REQUESTS[serial])
+                if serial not in MEASURED:
+                    assert answer.hex(" ") == ANSWERS[serial].hex(" ")
+                    continue
+                told, printed = packet.decode(answer, crc=True), packet.decode(ANSWERS[serial], crc=True)
+                assert (told.serial, told.reserved, told.code) == (printed.serial, printed.reserved, printed.code)
+                assert told.arguments[0] == pytest.approx(printed.arguments[0], abs=1.0)
+                assert len(answer) == len(ANSWERS[serial])
+        finally:
+            os.close(line)
