@@ -29,6 +29,7 @@ import struct
 import threading
 import time
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -201,7 +202,7 @@ def lose(data: bytes) -> list[Piece]:
 # --- links ------------------------------------------------------------------------------------------------------------
 
 
-class _Link:
+class _Link(ABC):
     """What both kinds have in common: a thread that waits for bytes and for the time at which others are due.
 
     Attributes:
@@ -249,8 +250,8 @@ class _Link:
         except (BlockingIOError, ConnectionRefusedError):
             pass  # lost, as on any link
 
-    def _close(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _close(self) -> None: ...
 
     def __enter__(self) -> Self:
         self._thread.start()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from orinkit import hresult
@@ -77,6 +79,23 @@ def test_a_retry_of_an_old_client_that_leaves_the_field_0(line):
     assert line.done(5, 0, CALL, 3, result=44).arguments == [44], "not the last one: as good as new"
 
 
+def test_serial_0_is_a_number_as_any(line):
+    """RC8 3.1 prints packets with serial 0 and the reserved field 0."""
+    assert line.done(0, 0, CALL, 3) == Packet(0, 0, [42])
+    assert line.told(0, 0, CALL, 3) == Packet(0, 0, [42])
+    assert line.done(1, 0, CALL, 3, result=43) == Packet(1, 0, [43])
+    call = line.execute(0, 0, CALL, 4)
+    assert line.told(0, 0, CALL, 4) == Packet(0, hresult.S_EXECUTING)
+    assert line.told(1, 1, CALL, 5) == Packet(1, hresult.E_BUSY_PROC)
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(0, 0, [1])
+
+
+def test_the_first_service_start_has_serial_0(line):
+    assert line.done(0, 0, 1, result=None) == Packet(0, 0)
+    assert line.told(0, 0, 1) == Packet(0, 0)
+    assert line.told(0, 0, 1) == Packet(0, 0)
+
+
 def test_a_retry_while_the_call_is_at_work(line):
     call = line.execute(5, 5, CALL, 3)
     assert line.told(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
@@ -84,6 +103,19 @@ def test_a_retry_while_the_call_is_at_work(line):
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(6, 0, [1]), "what it waits for now"
     assert line.told(10, 9, CALL, 4) == Packet(10, hresult.E_BUSY_PROC), "its client was told, or will be"
     assert line.done(11, 11, CALL, 4, result=2) == Packet(11, 0, [2])
+
+
+@pytest.mark.parametrize("number", [5, 0])
+def test_another_request_with_the_number_of_the_one_at_work(line, number):
+    """It is refused, and not taken for the one that is to be answered."""
+    call = line.execute(number, number, CALL, 3)
+    assert line.told(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
+    assert line.told(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
+    assert line.told(number, number, CALL, 3) == Packet(number, hresult.S_EXECUTING)
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(number, 0, [1])
+    assert line.told(number, number, CALL, 3) == Packet(number, 0, [1])
+    assert line.done(number, number, CALL, 4, result=2) == Packet(number, 0, [2]), "it may be asked again"
+    assert line.told(number, number, CALL, 4) == Packet(number, 0, [2])
 
 
 def test_an_error_is_an_answer_too(line):
@@ -102,6 +134,28 @@ def test_what_is_long_ago_is_forgotten(line):
     line.done(5, 5, CALL, 3)
     line.now += MEMORY
     assert line.done(5, 5, CALL, 3, result=43).arguments == [43]
+
+
+def test_the_age_of_an_answer_counts_from_when_it_was_given(line):
+    """Not from when the last packet was received before."""
+    call = line.execute(5, 0, CALL, 3)
+    line.now += MEMORY
+    line.server.go_on(line.now)
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(5, 0, [1])
+    line.now += MEMORY - 1
+    assert line.told(5, 0, CALL, 3) == Packet(5, 0, [1])
+    line.now += 1
+    assert line.done(5, 0, CALL, 3, result=2) == Packet(5, 0, [2])
+
+
+def test_the_age_of_a_time_out_counts_from_when_it_was_told(line):
+    line = Line(line.wire, invoke_timeout=MEMORY)
+    call = line.execute(5, 0, CALL, 3)
+    line.now += MEMORY
+    assert line.read(line.server.tick(line.now)) == Packet(5, hresult.E_TIMEOUT)
+    assert line.server.finish(call, 0, variant(1)) == b""
+    line.now += MEMORY - 1
+    assert line.told(5, 0, CALL, 3) == Packet(5, hresult.E_TIMEOUT)
 
 
 def test_a_retry_after_a_time_out_of_the_server():
@@ -281,6 +335,25 @@ def test_a_service_start_in_between_over_udp():
     assert line.told(3, 3, 1).code == hresult.E_BUSY_PROC
 
 
+def test_a_service_start_with_the_number_of_the_call_at_work():
+    """Of an old client on UDP whose numbers do not grow: refused as any, and carried out when it is asked again."""
+    line = Line(DATAGRAM)
+    call = line.execute(70, 0, CALL, 3)
+    assert line.told(3, 0, CALL, 4) == Packet(3, hresult.E_BUSY_PROC)
+    assert line.told(70, 0, 1) == Packet(70, hresult.E_BUSY_PROC)
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(70, 0, [1])
+    assert line.done(70, 0, 1, result=None) == Packet(70, 0)
+
+
+def test_a_service_start_that_was_refused_does_not_begin_anew_when_it_comes_otherwise():
+    line = Line(DATAGRAM)
+    line.done(1, 1, 1, result=None)
+    call = line.execute(2, 2, CALL, 3)
+    assert line.told(3, 3, 1).code == hresult.E_BUSY_PROC
+    assert line.ask(3, 3, 1, "WDT=100") == []
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(2, 0, [1])
+
+
 def test_what_comes_late_after_a_goodbye_makes_no_client(line):
     line.done(1, 1, 1, result=None)
     line.done(2, 2, 3, "", "", "", "")
@@ -384,6 +457,16 @@ def test_nothing_is_inside():
     assert line.server.pending > 0
     assert STREAM.framer(Limits()).inside() is None
     assert DATAGRAM.framer(Limits()).inside() is None
+
+
+def test_only_a_shared_line_is_looked_into():
+    """Elsewhere the head of a packet is not believed to be noise, however long the rest takes."""
+    line = Line(replace(LINE, shared=False))
+    assert list(line.server.receive(b"\x01\x00\xf0\x00\x00", line.now)) == []
+    line.now += 1.0
+    assert list(line.server.receive(line.data(5, 5, CALL, 3), line.now)) == []
+    line.now += 1.0
+    assert list(line.server.receive(b"\xaa", line.now)) == []
 
 
 def test_a_stream_has_no_silence():

@@ -7,6 +7,7 @@ import select
 import socket
 import time
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Self
 
@@ -68,7 +69,7 @@ class Counting(Workshop):
         return CountingController(self)
 
 
-class RawCaller:
+class RawCaller(ABC):
     """A client that sends what it is told and shows what comes.
 
     Attributes:
@@ -81,17 +82,17 @@ class RawCaller:
         self._serial = 0
         self._framer = self.wire.framer(self.wire.bound(DEFAULT_LIMITS))
 
+    @abstractmethod
     def send(self, data: bytes) -> None:
         """Send bytes as they are."""
-        raise NotImplementedError
 
+    @abstractmethod
     def receive(self, seconds: float) -> bytes | None:
         """Return what comes next, ``None`` if nothing does."""
-        raise NotImplementedError
 
+    @abstractmethod
     def close(self) -> None:
         """Close."""
-        raise NotImplementedError
 
     def encode(self, serial: int, function: int, *arguments: Any, reserved: int = 0) -> bytes:
         """Return a request as bytes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import inspect
 import json
 import logging
 import random
@@ -32,11 +33,14 @@ import orinkit
 from devices import Call, Recorder, Workshop
 from orinkit import aio, hresult
 from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.repeats import MEMORY
 from orinkit.cao.session import Host, Session
 from orinkit.errors import ConnectFailed
 from orinkit.server import udp
 from orinkit.server.background import Server
 from orinkit.server.connections import Connections
+from orinkit.server.peer import Caller, Peer
 from orinkit.variant_bytes import DEFAULT_LIMITS
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import RawClient
@@ -136,6 +140,77 @@ def test_a_retry_of_a_call_at_work_is_told_that_it_is(raw: UdpRaw, shop: Countin
     answer = raw.packet()
     assert (answer.serial, answer.code, answer.arguments) == (105, 0, [1])
     assert shop.counts == [1]
+
+
+class LeapingLoop(asyncio.SelectorEventLoop):
+    """An event loop whose time can leap.
+
+    Attributes:
+        ahead: seconds by which it has.
+    """
+
+    ahead = 0.0
+
+    def time(self) -> float:
+        return super().time() + self.ahead
+
+
+class Sent(asyncio.DatagramTransport):
+    """Keeps what is sent.
+
+    Attributes:
+        packets: that have been sent.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.packets: list[Packet] = []
+
+    def is_closing(self) -> bool:
+        return False
+
+    def sendto(self, data: Any, addr: Any = None) -> None:
+        self.packets.append(packet.decode(bytes(data)))
+
+
+def test_the_age_of_an_answer_counts_from_when_it_was_given(shop: Counting) -> None:
+    """A call takes longer than answers are kept; its request comes once more a while after the answer."""
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, LeapingLoop)
+        at, sent = udp.UdpSocket(Connections(Host(shop), DEFAULT_LIMITS, 1, 180.0), loop), Sent()
+        at.connection_made(sent)
+
+        def ask(serial: int, function: int, *arguments: Any) -> None:
+            at.datagram_received(packet.encode(Packet(serial, function, list(arguments))), ("127.0.0.1", 5))
+
+        async def answer() -> Packet:
+            async with asyncio.timeout(PATIENCE):
+                while not sent.packets:  # noqa: ASYNC110 - nobody tells
+                    await asyncio.sleep(0)
+            return sent.packets.pop()
+
+        ask(1, CONNECT, "", "Test.Workshop", "", "")
+        (handle,) = (await answer()).arguments
+        ask(2, EXECUTE, handle, "CountLater", "a")
+        await asyncio.sleep(0)
+        loop.ahead += MEMORY
+        shop.gate.set()
+        assert await answer() == Packet(2, 0, [1])
+        loop.ahead += MEMORY / 2
+        ask(2, EXECUTE, handle, "CountLater", "a")
+        assert await answer() == Packet(2, 0, [1])
+        assert shop.counts == ["a"]
+        at.shared.all.pop().close()
+
+    with asyncio.Runner(loop_factory=LeapingLoop) as runner:
+        runner.run(main())
+
+
+@pytest.mark.parametrize("kind", [Peer, Caller])
+def test_a_kind_of_connection_has_to_say_what_it_does(kind: type) -> None:
+    assert inspect.isabstract(kind)
 
 
 def test_executing_is_reported_by_wdt(raw: UdpRaw, shop: Counting) -> None:

@@ -23,8 +23,8 @@ class LineFramer:
     """Finds packets between noise: each has to be whole and its checksum right.
 
     Where something is no packet the next one is looked for right behind its first byte, so that no packet is lost with
-    the noise before it. A length that was made by noise may announce bytes that never come; :meth:`silence` is told when
-    the line has fallen silent.
+    the noise before it. A length that was made by noise may announce bytes that never come; :meth:`silence` is told
+    when the line has fallen silent.
 
     Args:
         limits: bounds on a packet.
@@ -70,7 +70,8 @@ class LineFramer:
         """Return the next whole packet, ``None`` when more bytes are needed.
 
         Raises:
-            LimitExceeded: a request is announced that is longer than the limit; its first byte is passed over. Not told twice of the same noise.
+            LimitExceeded: a request is announced that is longer than the limit; its first byte is passed over. Not told
+                twice of the same noise.
         """
         buffer = self._buffer
         while buffer:

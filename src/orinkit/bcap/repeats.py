@@ -1,9 +1,10 @@
-"""What a client has asked lately, so that a request that comes more than once is carried out once (reference: duplicates).
+"""What a client has asked lately, so that a request that comes again is carried out once (reference: duplicates).
 
-On UDP and on serial lines a request is known by a number: the serial of its first try, which is in the reserved field of
-every try. Numbers grow with every request, from 65535 to 1. A request whose number is behind the newest one's comes late:
-its client has been answered, or has given it up and asked something else, so it is not carried out any more. Old clients
-leave the field 0: the serial itself is the number then, and only the newest request is known again.
+On UDP and on serial lines a request is known by a number: the serial of its first try, which is in the reserved field
+of every try. Numbers grow with every request, from 65535 to 1. A request whose number is behind the newest one's comes
+late: its client has been answered, or has given it up and asked something else, so it is not carried out any more. Old
+clients leave the field 0: the serial itself is the number then, which may be 0 too, and only the newest request is
+known again.
 """
 
 from __future__ import annotations
@@ -18,9 +19,7 @@ MEMORY: Final = 10.0
 """Seconds that requests are remembered (reference: UDP clients are dropped after that silence)."""
 
 _SERVICE_START: Final = 1
-_LATE_DATAGRAM: Final = (
-    2.0  # s that a packet may be under way; a Service_Start that comes again later is another client's
-)
+_LATE_DATAGRAM: Final = 2.0  # s that a packet may be under way: a Service_Start that is later is another client's
 _LATE_BYTES: Final = 1.0  # s; the same on a serial line
 _ROUND: Final = 0xFFFF  # serial numbers: 1 to 65535
 _HALF: Final = _ROUND // 2
@@ -33,6 +32,7 @@ class Verdict(Enum):
     NEW = "carry it out"
     ANEW = "carry it out: a client begins, and the one before it has gone"
     RUNNING = "it is at work"
+    BUSY = "refuse it: another one is at work"
     ANSWERED = "say the answer again"
     STALE = "its client has given it up"
 
@@ -68,7 +68,7 @@ class Requests:
         self._shared = shared
         self._known: dict[int, _Request] = {}  # by number, the oldest first
         self._newest = 0
-        self._running = 0
+        self._running: int | None = None
         self._start = 0  # number of the last Service_Start
         self._started = float("-inf")
         self._stopped = True
@@ -100,9 +100,10 @@ class Requests:
 
     def answered(self, answer: Answer, now: float) -> None:
         """Remember the answer to the request that is at work."""
+        assert self._running is not None
         request = self._known[self._running]
         request.answer, request.time = answer, now
-        self._running = 0
+        self._running = None
 
     def answer_to(self, serial: int, reserved: int) -> Answer:
         """Return the answer to a request that has been :attr:`Verdict.ANSWERED`."""
@@ -128,8 +129,10 @@ class Requests:
         ahead = 0 < (number - self._newest) % _ROUND <= _HALF
         if self._shared or self._stopped or not ahead:
             return self._begin_anew(number, request)
-        self._start, self._started = number, request.time
-        return self._take(number, request, busy=busy)
+        verdict = self._take(number, request, busy=busy)
+        if self._known[number] is request:  # else it has the number of the call at work, and is nobody's beginning
+            self._start, self._started = number, request.time
+        return verdict
 
     def _begin_anew(self, number: int, request: _Request) -> Verdict:
         verdict = Verdict.NEW if self._stopped else Verdict.ANEW
@@ -144,10 +147,12 @@ class Requests:
         return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
     def _take(self, number: int, request: _Request, *, busy: bool) -> Verdict:
-        self._remember(number, request)
         if busy:
-            request.answer = _BUSY
-            return Verdict.ANSWERED
+            if number != self._running:  # whose answer is to come there
+                request.answer = _BUSY
+                self._remember(number, request)
+            return Verdict.BUSY
+        self._remember(number, request)
         self._running = number
         self._stopped = False
         return Verdict.NEW

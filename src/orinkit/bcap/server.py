@@ -1,10 +1,11 @@
 """The server's side of a b-CAP conversation, without I/O and without a clock.
 
 :class:`ServerConversation` is fed with the bytes received and says what to do: :class:`Send` bytes, :class:`Execute` a
-call, :class:`Close` the link, :class:`Reset` what the client has. The shell around it executes the call, hands the answer to :meth:`~ServerConversation.finish`,
-and calls :meth:`~ServerConversation.tick` when :meth:`~ServerConversation.deadline` has come. One call is executed at a
-time; another one meanwhile is answered with E_BUSY_PROC (reference behaviour: docs/protocol.md). Where packets may be
-lost, a request that comes again is not executed again (:mod:`orinkit.bcap.repeats`).
+call, :class:`Close` the link, :class:`Reset` what the client has. The shell around it executes the call, hands the
+answer to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` when
+:meth:`~ServerConversation.deadline` has come. One call is executed at a time; another one meanwhile is answered with
+E_BUSY_PROC (reference behaviour: docs/protocol.md). Where packets may be lost, a request that comes again is not
+executed again (:mod:`orinkit.bcap.repeats`).
 """
 
 from __future__ import annotations
@@ -157,7 +158,7 @@ class ServerConversation:
                     return
                 take = following
                 continue
-            if frame is None:
+            if frame is None and self._wire.shared:
                 frame = self._inside(took)
             if frame is None:
                 return
@@ -181,7 +182,7 @@ class ServerConversation:
         return None
 
     def go_on(self, now: float) -> None:
-        """Tell the time before taking up what :meth:`receive` yields again, where that was put off."""
+        """Tell the time where some has passed: before going on with what :meth:`receive` yields, before an answer."""
         self._now = now
 
     def _request(self, frame: bytes) -> Action | None:
@@ -212,6 +213,8 @@ class ServerConversation:
         if verdict is Verdict.ANSWERED:
             answer = requests.answer_to(serial, reserved)
             return Send(self._pack(serial, reserved, answer.code, answer.count, answer.body))
+        if verdict is Verdict.BUSY:
+            return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         self._serial, self._reserved = serial, reserved  # its client waits for this one now
         return Send(self._pack(serial, reserved, hresult.S_EXECUTING))
 
@@ -305,6 +308,7 @@ class ServerConversation:
 
         After E_TIMEOUT the client is answered, but the device is still at work: calls are E_BUSY_PROC until it is done.
         """
+        self._now = now
         due = self.deadline()
         if self._current is None or due is None or now < due:
             return b""

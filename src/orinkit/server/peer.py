@@ -1,9 +1,10 @@
-"""A b-CAP client, server side: the shell around conversation and session that all kinds of connections have in common."""
+"""A b-CAP client, server side: the shell around conversation and session that all kinds of connections share."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Final
 
@@ -20,7 +21,7 @@ logger = logging.getLogger("orinkit.server")
 _TURNS_OF_A_LOOK: Final = 3
 
 
-class Peer:
+class Peer(ABC):
     """One client, or one who may become one.
 
     A kind of connection derives from it, sets the first three attributes once it is connected, and gives what it
@@ -83,17 +84,17 @@ class Peer:
             logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
             session.close()
 
+    @abstractmethod
     def _about(self) -> ClientInfo:
         """Return who it is, for the device."""
-        raise NotImplementedError
 
+    @abstractmethod
     def close(self) -> None:
         """Close it from this side, once what was written has been sent."""
-        raise NotImplementedError
 
+    @abstractmethod
     def abort(self) -> None:
         """Close it at once, whatever was to be sent."""
-        raise NotImplementedError
 
     def look(self, handled: Callable[[], None]) -> None:
         """Call back once everything that has arrived by now has been handled; may be called from any thread.
@@ -174,6 +175,7 @@ class Peer:
         if self._serves(session):
             self._task = None
             self._set_alarm(None)
+            self._conversation.go_on(self._loop.time())
             self._answer(call, reply)
 
     def _serves(self, session: Session) -> bool:

@@ -105,9 +105,8 @@ class LineCaller(Caller, asyncio.Protocol):
             self._silence = self._loop.call_at(self._heard + SILENCE, self._fallen_silent)
             return
         while self._conversation.pending and not self._is_gone():
-            self._act(
-                self._conversation.silence(now)
-            )  # a packet behind a packet behind noise: none may wait for more bytes
+            # a packet behind a packet behind noise: none may wait for more bytes
+            self._act(self._conversation.silence(now))
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self._name, LINE.name, 0, self.look)
