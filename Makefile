@@ -15,7 +15,7 @@ demo: setup-all ## a client and a virtual RC8 talk, every packet explained / ク
 # The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others: three files
 # at a time, for many of them wait; those that stream in real time alone.
 CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \
-	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py) tests/cao tests/bcap tests/properties
+	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py) tests/cao tests/bcap tests/ecap tests/properties
 
 test: lint types coverage ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
 	$(RUN) pytest -m "not soak" -n 3 --dist loadfile $(CORE_TESTS:%=--ignore=%) --ignore=tests/slave

@@ -258,6 +258,195 @@ def test_an_exception_in_a_handler_is_e_fail_and_nothing_else_breaks(client, cap
     assert client.execute("Sum", [1.0]) == 1.0
 
 
+# --- errors in words --------------------------------------------------------------------------------------------------
+
+
+class Faulty(Device):
+    provider_names = ("Test.Faulty",)
+
+    def __init__(self) -> None:
+        self.entered = threading.Event()
+        self.gate = threading.Event()
+
+    @command("Fail")
+    def fail(self, text: str) -> None:
+        raise RuntimeError(text)
+
+    @command("FailAtOnce", quick=True)
+    def fail_at_once(self, text: str) -> None:
+        raise RuntimeError(text)
+
+    @command("FailAwaited")
+    async def fail_awaited(self, text: str) -> None:
+        await asyncio.sleep(0)
+        raise RuntimeError(text)
+
+    @command("FailBehindTheGate")
+    def fail_behind_the_gate(self, text: str) -> None:
+        self.entered.set()
+        assert self.gate.wait(30)
+        raise RuntimeError(text)
+
+    @command("Refuse")
+    def refuse(self, code: int, detail: str = "") -> None:
+        raise error_for(code, detail)
+
+    @variable("BROKEN")
+    def broken(self) -> float:
+        raise OSError("the cable is out")
+
+    @broken.setter
+    def set_broken(self, value: float) -> None:
+        raise OSError(f"no {value}")
+
+    @variable("STATE", quick=True)
+    def state(self) -> int:
+        return 1
+
+    @extension("Broken")
+    def broken_extension(self) -> Part:
+        raise LookupError("no such board")
+
+
+class Telling(Faulty):
+    provider_names = ("Test.Telling",)
+
+    @command("getErrorDescription")
+    def tell(self, code: int) -> str:
+        return f"mine: {code}"
+
+
+@pytest.fixture
+def faulty(listen_at):
+    device = Faulty()
+    with orinkit.serve(device, listen_at) as server:
+        device.url = server.url
+        yield device
+        device.gate.set()
+
+
+def talk_to(device: Faulty) -> orinkit.Controller:
+    return orinkit.connect(device.url, provider="Test.Faulty", timeout=10)
+
+
+def code_of(call, *arguments: object) -> int:
+    with pytest.raises(CallError) as caught:
+        call(*arguments)
+    return caught.value.code
+
+
+@pytest.mark.parametrize("way", ["Fail", "FailAtOnce", "FailAwaited"])
+def test_what_a_handler_raised_is_told_to_the_client_that_asks(faulty, way, caplog):
+    with talk_to(faulty) as c:
+        for text in ("bang", "ドカン", "again"):
+            assert code_of(c.execute, way, text) == hresult.E_FAIL
+            assert c.error_description(hresult.E_FAIL) == f"RuntimeError: {text}"
+            assert text in caplog.text
+        assert c.execute("GETERRORDESCRIPTION", [hresult.signed(hresult.E_FAIL)]) == "RuntimeError: again"
+        assert c.variable("STATE").value == 1
+
+
+def test_what_a_variable_or_an_object_below_raised_is_told_too(faulty):
+    with talk_to(faulty) as c:
+        broken = c.variable("BROKEN")
+        assert code_of(broken.get_value) == hresult.E_FAIL
+        assert c.error_description(hresult.E_FAIL) == "OSError: the cable is out"
+        assert code_of(broken.put_value, 2.5) == hresult.E_FAIL
+        assert c.error_description(hresult.E_FAIL) == "OSError: no 2.5"
+        assert code_of(c.extension, "Broken") == hresult.E_FAIL
+        assert c.error_description(hresult.E_FAIL) == "LookupError: no such board"
+
+
+def test_the_detail_of_a_code_is_told_and_without_one_what_the_code_means(faulty):
+    with talk_to(faulty) as c:
+        assert c.error_description(0x80040201) == hresult.lookup(0x80040201).text
+        assert c.error_description(hresult.E_FAIL) == hresult.lookup(hresult.E_FAIL).text
+        assert code_of(c.execute, "Refuse", [hresult.signed(0x80040201), "too wide"]) == 0x80040201
+        assert code_of(c.execute, "Refuse", hresult.signed(0x80040202)) == 0x80040202
+        assert c.error_description(0x80040201) == "too wide"
+        assert c.error_description(hresult.signed(0x80040201)) == "too wide"
+        assert c.execute("GetErrorDescription", float(0x80040201)) == "too wide"
+        assert c.error_description(0x80040202) == hresult.lookup(0x80040202).text
+        assert code_of(c.execute, "Refuse", hresult.signed(0x80040201)) == 0x80040201
+        assert c.error_description(0x80040201) == hresult.lookup(0x80040201).text  # the last one said nothing
+        assert code_of(c.variable, "NOBODY") == hresult.E_CAO_OBJECT_NOTFOUND
+        assert "'NOBODY'" in c.error_description(hresult.E_CAO_OBJECT_NOTFOUND)
+        assert c.error_description(0) == hresult.lookup(0).text
+
+
+@pytest.mark.parametrize(("code", "refusal"), [
+    (None, hresult.E_INVALIDARGTYPE), ("", hresult.E_INVALIDARGTYPE), ("what", hresult.E_INVALIDARGTYPE),
+    (2.5, hresult.E_INVALIDARG), (float("nan"), hresult.E_INVALIDARG), (float("inf"), hresult.E_INVALIDARG),
+    (2.0**32, hresult.E_INVALIDARG), ("9" * 90, hresult.E_INVALIDARG), ([1, 2], hresult.E_INVALIDARGTYPE),
+])  # fmt: skip
+def test_what_is_no_code_is_refused(faulty, code, refusal):
+    with talk_to(faulty) as c:
+        assert code_of(c.execute, "GetErrorDescription", code) == refusal
+        assert c.variable("STATE").value == 1
+
+
+def test_a_long_text_is_cut():
+    device = Faulty()
+    with (
+        orinkit.serve(device, "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Faulty", timeout=10) as c,
+    ):
+        assert code_of(c.execute, "Fail", "x" * 100_000) == hresult.E_FAIL
+        text = c.error_description(hresult.E_FAIL)
+        assert text.startswith("RuntimeError: xxx")
+        assert len(text) == 1000
+
+
+def test_a_device_that_has_the_command_answers_itself():
+    device = Telling()
+    with (
+        orinkit.serve(device, "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Telling", timeout=10) as c,
+    ):
+        assert code_of(c.execute, "Fail", "bang") == hresult.E_FAIL
+        assert c.error_description(hresult.E_FAIL) == f"mine: {hresult.signed(hresult.E_FAIL)}"
+
+
+def test_nobody_is_told_of_another_clients_errors():
+    device = Faulty()
+    with (
+        orinkit.serve(device, "tcp://127.0.0.1:0", "udp://127.0.0.1:0") as server,
+        orinkit.connect(server.urls[0], provider="Test.Faulty", timeout=10) as one,
+        orinkit.connect(server.urls[1], provider="Test.Faulty", timeout=10) as other,
+    ):
+        assert code_of(one.execute, "Fail", "one") == hresult.E_FAIL
+        assert other.error_description(hresult.E_FAIL) == hresult.lookup(hresult.E_FAIL).text
+        assert code_of(other.execute, "Fail", "other") == hresult.E_FAIL
+        assert one.error_description(hresult.E_FAIL) == "RuntimeError: one"
+
+
+def test_a_handler_that_waits_and_then_raises_disturbs_nobody():
+    device = Faulty()
+    codes = []
+    with (
+        orinkit.serve(device, "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Faulty", timeout=10) as one,
+        orinkit.connect(server.url, provider="Test.Faulty", timeout=10) as other,
+    ):
+        waiting = threading.Thread(target=lambda: codes.append(code_of(one.execute, "FailBehindTheGate", "late")))
+        waiting.start()
+        try:
+            assert device.entered.wait(30)  # it is at work now, and stays so until the gate is opened
+            assert other.variable("STATE").value == 1
+            assert code_of(other.execute, "Fail", "meanwhile") == hresult.E_FAIL
+            assert codes == []
+        finally:
+            device.gate.set()
+            waiting.join(30)
+        assert codes == [hresult.E_FAIL]
+        assert one.error_description(hresult.E_FAIL) == "RuntimeError: late"
+        assert other.error_description(hresult.E_FAIL) == "RuntimeError: meanwhile"
+        assert one.variable("STATE").value == other.variable("STATE").value == 1
+
+
+# --- whatever is raised -----------------------------------------------------------------------------------------------
+
+
 class Rogue(Device):
     provider_names = ("Test.Rogue",)
     price = Decimal(0)

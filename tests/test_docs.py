@@ -6,10 +6,12 @@ Each page of ``PAGES`` is run from top to bottom, in a directory of its own, wit
   ``# -> text`` shows a line that is printed: all of them, in order, are what the block prints.
 * A ``console`` block is a terminal. ``$ orinkit ...`` is run (``NAME=value`` may stand before it), and what is shown
   below it is what it prints, on stdout and stderr. It has to succeed; where it shall not, ``$ echo $?`` behind it shows
-  its exit code. ``$ orinkit serve ...`` goes on until the page ends, and must then stop cleanly; its log, on stderr, is
-  not shown. Any other command is not allowed.
+  its exit code. ``$ orinkit serve ...`` and ``$ orinkit gateway ...`` go on until the page ends, and must then stop
+  cleanly; their log, on stderr, is not shown. ``$ curl ...`` and ``$ sh examples/...`` are run as they are, without curl's
+  progress. Any other command is not allowed.
 * ``...`` stands for anything in a line; alone in a line, for any number of lines.
-* ``<!-- not run: reason -->`` above a block leaves it out.
+* ``<!-- not run: reason -->`` above a block leaves it out. ``<!-- saved as: NAME.py -->`` writes it to a file too, before it
+  is run.
 
 Addresses are written as a reader would type them. While a page is run, ``127.0.0.1:5007`` and ``192.168.0.1:5007`` (also
 as plain ``192.168.0.1``) become the address of one virtual RC8, which the test serves unless the page does; any other
@@ -26,6 +28,7 @@ import itertools
 import os
 import re
 import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -48,8 +51,10 @@ DOCUMENTS = [*TWINS, "CHANGELOG.md", *sorted(str(page.relative_to(ROOT)) for pag
 ADDRESS = re.compile(r"127\.0\.0\.1:(\d+)|192\.168\.0\.1(?::5007)?(?![\d.:])")
 TERMINAL = re.compile(r"/dev/(?:pts/|ttys)\d+")
 VIRTUAL = "127.0.0.1:5007"
-SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a)", re.MULTILINE)
-LISTENING = ("--tcp", "--udp", "--serial", "--pty")
+SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a| device)", re.MULTILINE)
+LISTENING = ("--tcp", "--udp", "--serial", "--pty", "--http")
+SAVED = re.compile(r"<!-- saved as: (\w+\.py) -->")
+CURL = re.compile(r"^\$ (?:curl|sh examples/)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -60,18 +65,20 @@ class Block:
     text: str
     line: int
     skipped: bool
+    saved: str = ""
 
 
 def blocks(page: str) -> list[Block]:
     """Return the fenced blocks of a page."""
     found: list[Block] = []
     lines = (ROOT / page).read_text(encoding="utf-8").split("\n")
-    above, start, language, skipped = "", 0, "", False
+    above, start, language, skipped, saved = "", 0, "", False, ""
     for number, line in enumerate(lines, 1):
         if line.startswith("```") and not start:
             start, language, skipped = number, line[3:].strip(), above.startswith("<!-- not run:")
+            saved = match[1] if (match := SAVED.fullmatch(above)) else ""
         elif line == "```":
-            found.append(Block(language, "\n".join(lines[start : number - 1]), start + 1, skipped))
+            found.append(Block(language, "\n".join(lines[start : number - 1]), start + 1, skipped, saved))
             start, above = 0, ""
         elif line.strip():
             above = line
@@ -140,15 +147,14 @@ class Terminal:
         words = shlex.split(command)
         extra = dict(word.split("=", 1) for word in itertools.takewhile(re.compile(r"[A-Z_]+=").match, words))
         program, *arguments = words[len(extra) :]
-        assert program == "orinkit", f"a page's console runs orinkit, not {program}"
-        if arguments[:1] == ["serve"]:
+        if arguments[:1] in (["serve"], ["gateway"]) and program == "orinkit":
             return self._serve(arguments, extra, shown)
         done = subprocess.run(
-            [sys.executable, "-m", "orinkit", *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
+            [*_words_of(program), *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8", timeout=60, check=False,
         )  # fmt: skip
         self.code = done.returncode
-        return done.stdout
+        return done.stdout if done.stdout.endswith("\n") or not done.stdout else f"{done.stdout}\n"
 
     def _serve(self, arguments: list[str], extra: dict[str, str], shown: str) -> str:
         if not any(word in LISTENING for word in arguments):
@@ -183,6 +189,13 @@ class Terminal:
             log.close()
             if process.stdout is not None:
                 process.stdout.close()
+
+
+def _words_of(program: str) -> list[str]:
+    """Return what starts a program of a page."""
+    programs = {"orinkit": [sys.executable, "-m", "orinkit"], "curl": ["curl", "-sS"], "sh": ["sh"]}
+    assert program in programs, f"a page's console runs {', '.join(programs)}, not {program}"
+    return programs[program]
 
 
 def environment(extra: dict[str, str]) -> dict[str, str]:
@@ -229,7 +242,10 @@ def virtual(page: str, addresses: Addresses) -> Iterator[None]:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_page_does_what_it_shows(page, tmp_path, monkeypatch):
+    if CURL.search((ROOT / page).read_text(encoding="utf-8")) and shutil.which("curl") is None:
+        pytest.skip("there is no curl here")
     monkeypatch.chdir(tmp_path)
+    Path("examples").symlink_to(ROOT / "examples")
     addresses = Addresses()
     terminal = Terminal(addresses)
     namespace: dict[str, object] = {"__name__": "page"}
@@ -238,6 +254,8 @@ def test_page_does_what_it_shows(page, tmp_path, monkeypatch):
             for block in blocks(page):
                 if block.skipped or block.language not in ("python", "console"):
                     continue
+                if block.saved:
+                    Path(block.saved).write_text(f"{block.text}\n", encoding="utf-8")
                 if block.language == "python":
                     shown, printed = shown_by(block.text), run_python(page, block, addresses, namespace)
                 else:

@@ -1,4 +1,4 @@
-"""orinkit: drive and serve DENSO robot controllers over b-CAP.
+"""orinkit: drive and serve DENSO robot controllers over b-CAP and e-CAP.
 
 >>> import orinkit
 >>> with orinkit.connect("tcp://192.168.0.1:5007") as rc8:  # doctest: +SKIP
@@ -26,6 +26,7 @@ from orinkit.device import Device, Part, command, variable
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
 from orinkit.poses import J, P, T, V
 from orinkit.server.background import Server, serve
+from orinkit.server.http_options import HttpOptions
 from orinkit.variant import Variant, VarType
 
 open_client = Client.open
@@ -42,6 +43,7 @@ __all__ = [
     "Device",
     "Extension",
     "File",
+    "HttpOptions",
     "J",
     "Message",
     "Motion",

@@ -25,7 +25,9 @@ A plain method runs in a worker thread, so it may take its time without holding 
 it at once, so guard what must not be shared. An ``async def`` method runs in the server's event loop. ``quick=True``
 says that a plain method returns at once: it then runs in the event loop too, which is faster.
 
-To answer with an error code raise :func:`orinkit.errors.error_for`; any other exception is logged and is E_FAIL.
+To answer with an error code raise :func:`orinkit.errors.error_for`; any other exception is logged and is E_FAIL. What went
+wrong is told in words to the client that asks for it: ``controller.error_description(error.code)``, which is the command
+GetErrorDescription. A device may declare that command itself.
 """
 
 from __future__ import annotations
@@ -64,6 +66,8 @@ READABLE: Final = 1
 """Attribute bit of a variable that can be read."""
 WRITABLE: Final = 2
 """Attribute bit of a variable that can be written."""
+_DESCRIBE: Final = "geterrordescription"
+_DESCRIBED: Final = 1000  # characters of an error's description
 
 _BY_ANNOTATION: Final[dict[object, VarType]] = {
     kind: vt
@@ -299,7 +303,7 @@ class Device(Part, Provider):
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Every client gets its own view of the one device."""
-        return _PartController(self, name)
+        return _PartController(self, name, client.reason)
 
 
 class _PartVariable(VariableObject):
@@ -393,6 +397,21 @@ def _among(name: str, names: Sequence[str]) -> str:
     )
 
 
+def _code_in(parameter: Variant) -> int:
+    """Return a return code, signed or unsigned.
+
+    Raises:
+        CallError: E_INVALIDARG, E_INVALIDARGTYPE; it is none.
+    """
+    number = coerce.to_real(parameter)
+    if not number.is_integer() or not -(2**31) <= number < 2**32:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick(f"{number:.15g} is no 32-bit code", f"{number:.15g} は 32 ビットのコードではありません"),
+        )
+    return int(number)
+
+
 class _PartExtension(_PartObject, ExtensionObject):
     pass
 
@@ -415,6 +434,16 @@ class _PartFile(_PartObject, FileObject):
 
 
 class _PartController(_PartObject, ControllerObject):
+    def __init__(self, part: Part, name: str, reason: Callable[[int], str]) -> None:
+        super().__init__(part, name)
+        self._reason = reason
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        if command.lower() == _DESCRIBE and self.part.declared("Command", command) is None:
+            code = _code_in(parameter)
+            return self._reason(code)[:_DESCRIBED] or hresult.lookup(code).text
+        return super().execute(command, parameter)
+
     def get_extension(self, name: str, option: str) -> ExtensionObject:
         below: ExtensionObject = self.child("Extension", name)
         return below

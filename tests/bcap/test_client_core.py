@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from orinkit import hresult, language
 from orinkit.bcap import client as core
 from orinkit.bcap import packet
-from orinkit.bcap.client import Conversation, Reply, encode_request
+from orinkit.bcap.client import Conversation, encode_request
+from orinkit.cao.answers import Reply
 from orinkit.bcap.packet import Packet
 from orinkit.cao import functions as f
 from orinkit.errors import (

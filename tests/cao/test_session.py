@@ -214,11 +214,11 @@ def test_a_released_handle_is_not_used_again_soon(session):
 def test_handles_start_again_after_the_last_one_and_pass_over_those_in_use(session):
     controller = connect(session)
     variable = value(session, "Controller_GetVariable", controller, "I1", "")
-    session._next = 0x7FFF_FFFF
+    session._handles._next = 0x7FFF_FFFF
     assert value(session, "Controller_GetVariable", controller, "I2", "") == 0x7FFF_FFFF
     assert (controller, variable) == (2, 3)
     assert value(session, "Controller_GetVariable", controller, "I3", "") == 4
-    session._next = 0x7FFF_FFFF
+    session._handles._next = 0x7FFF_FFFF
     assert value(session, "Controller_GetVariable", controller, "I4", "") == 5
 
 
@@ -277,8 +277,10 @@ def test_the_provider_is_told_name_machine_option_and_client(device):
     client = ClientInfo("192.168.0.7", "tcp", 50000)
     session = Session(Host(device), client)
     value(session, "Controller_Connect", "b-CAP", PROVIDER, "192.168.0.1", "Interval=8")
-    assert device.calls == [("b-CAP", "192.168.0.1", "Interval=8", client)]
-    assert Session(Host(device)).client == ClientInfo("", "memory", 0)
+    ((*told, who),) = device.calls
+    assert told == ["b-CAP", "192.168.0.1", "Interval=8"]
+    assert who == client._replace(provider=PROVIDER, reason=session.reason)
+    assert Session(Host(device)).client[:3] == ("", "memory", 0)
 
 
 def test_an_empty_name_is_made_up(session, device):

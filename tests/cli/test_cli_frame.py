@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -14,7 +15,9 @@ import orinkit
 from orinkit import language
 from orinkit.cli.app import build
 
-COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions", "pendant", "move", "stream", "plot")
+COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions", "pendant", "move", "stream", "plot", "gateway")
+
+NO = {"--no-samples", "--no-motor", "--no-slave-licence", "--no-providers"}  # every other flag has no opposite
 
 
 def japanese(program: list[str], *argv: str) -> str:
@@ -32,14 +35,12 @@ def test_help_names_every_command(run, argv):
         assert f"│ {command} " in done.out
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "serve rc8"])
+@pytest.mark.parametrize("command", [*COMMANDS, "serve rc8", "serve device"])
 def test_every_command_has_help(run, command):
     done = run(*command.split(), "--help")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith(f"Usage: orinkit {command}")
-    assert "--no-" not in done.out.replace("--no-samples", "").replace("--no-motor", "").replace(
-        "--no-slave-licence", ""
-    )
+    assert set(re.findall(r"--no-[a-z-]+", done.out)) <= NO
 
 
 def test_version(run):
@@ -88,9 +89,9 @@ def test_help_loads_nothing_that_only_commands_need(program):
     [
         (
             ["frob"],
-            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot? (see orinkit --help)",
+            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot, gateway? (see orinkit --help)",
         ),
-        (["serve", "frob"], "there is no command frob; did you mean rc8, ve026a? (see orinkit serve --help)"),
+        (["serve", "frob"], "there is no command frob; did you mean rc8, ve026a, device? (see orinkit serve --help)"),
         (["get"], "URL is missing (see orinkit get --help)"),
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),

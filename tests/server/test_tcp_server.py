@@ -528,7 +528,7 @@ def test_several_addresses_of_one_server(workshop: Workshop) -> None:
             assert server.clients == 2
 
 
-@pytest.mark.parametrize("url", ["", "tcp://", "http://127.0.0.1:0", "tcp://127.0.0.1:99999", "nonsense://x"])
+@pytest.mark.parametrize("url", ["", "tcp://", "can://can0", "tcp://127.0.0.1:99999", "nonsense://x"])
 def test_an_address_that_is_none(url: str) -> None:
     with pytest.raises(InvalidAddress):
         orinkit.serve(Workshop(), url)

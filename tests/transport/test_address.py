@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from orinkit import language
 from orinkit._pose_checks import brief
 from orinkit.errors import InvalidAddress
-from orinkit.transport.address import Address, PtyAddress, SerialAddress, parse_address
+from orinkit.transport.address import Address, HttpAddress, PtyAddress, SerialAddress, parse_address
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="names of ports are others in Windows")
 
@@ -35,6 +35,32 @@ POSIX = pytest.mark.skipif(os.name == "nt", reason="names of ports are others in
 )
 def test_hosts(text: str, address: tuple[str, str, int]) -> None:
     assert parse_address(text) == Address(*address)
+
+
+@pytest.mark.parametrize(
+    ("text", "address", "url"),
+    [
+        ("http://192.168.0.1:8080", ("http", "192.168.0.1", 8080), "http://192.168.0.1:8080"),
+        ("HTTP://rc8.local/", ("http", "rc8.local", 80), "http://rc8.local:80"),
+        ("https://rc8/ecap/1?cell=2", ("https", "rc8", 443, "/ecap/1?cell=2"), "https://rc8:443/ecap/1?cell=2"),
+        ("http://[::1]:0/a%20b", ("http", "::1", 0, "/a%20b"), "http://[::1]:0/a%20b"),
+        ("http:127.0.0.1:80", ("http", "127.0.0.1", 80), "http://127.0.0.1:80"),
+    ],
+)
+def test_http(text: str, address: tuple[str, str, int], url: str) -> None:
+    assert parse_address(text) == HttpAddress(*address)
+    assert str(parse_address(text)) == url
+    assert parse_address(url) == HttpAddress(*address)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["http://", "http:///ecap", "http://a b/", "http://a:b:c/", "http://user:word@rc8/", "http://rc8/a b", "http://rc8/日本",
+     "http://rc8/#top", "http://rc8?x=1", "http://rc8:65536/", "https://5/", "http://rc8/\r\nHost: x"],
+)  # fmt: skip
+def test_what_is_no_address_of_http(text: str) -> None:
+    with pytest.raises(InvalidAddress, match="http"):
+        parse_address(text)
 
 
 @pytest.mark.parametrize("text", ["tcp://192.168.0.1:5007", "udp://[fe80::1]:5007", "udp://rc8:1"])
@@ -125,8 +151,6 @@ def test_pseudo_terminals() -> None:
         ("tcp://a[b]:1", "a host and perhaps a port are needed"),
         ("udp://a:b", "port 'b' is not 0 to 65535"),
         ("udp://5007", "5007 is no host"),
-        ("http://192.168.0.1", "http is not there yet"),
-        ("https:192.168.0.1", "https is not there yet"),
         ("can://can0", "can is not there yet"),
         ("gopher://x", "unknown transport 'gopher'"),
         ("serial://", "a serial port is needed"),

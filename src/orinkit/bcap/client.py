@@ -15,36 +15,22 @@ import struct
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from operator import call as _apply
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
 from orinkit.bcap.wire import SILENCE, STREAM, Wire
+from orinkit.cao.answers import Trace, checked, no_answer
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
 from orinkit.cao.table import Argument, Function
-from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, ProtocolError, error_for
+from orinkit.errors import CallError, CallTimeout, InvalidValue, error_for
 from orinkit.language import pick
 from orinkit.variant import Variant, VarType, variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 Exchange: TypeAlias = tuple[bytes, float | None]
 Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
-Trace: TypeAlias = Callable[[str, bytes], None]
-"""Is told every packet: ``">"`` and a request, or ``"<"`` and what came back."""
-
-
-class Reply(NamedTuple):
-    """A successful answer.
-
-    Attributes:
-        code: the return code; 0, or another success code such as S_BUF_FULL.
-        value: the result, ``None`` for a function without one.
-    """
-
-    code: int
-    value: Any
-
 
 _SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # serial, reserved, code, argument count: at offset 5
 _HEADER: Final = packet.HEADER.pack
@@ -153,7 +139,7 @@ class Conversation:
         framer = self._framer
         while True:
             if not received:
-                raise _no_answer(function, received, seconds)
+                raise no_answer(function, received, seconds)
             wait: float | None = None
             frame = framer.take(received)
             while frame is not None:
@@ -186,7 +172,7 @@ class Conversation:
                 received = yield b"", SILENCE
                 continue
             if received == b"":
-                raise _no_answer(function, received, seconds)
+                raise no_answer(function, received, seconds)
             seen, executing = 0, False
             # noise before an answer may have kept it from being seen until the time was up
             frame = framer.take(received) if received else framer.silence()
@@ -217,17 +203,17 @@ class Conversation:
             requests[serial] = self._request(function, arguments, serial, first)
             received = yield requests[serial], max(seconds, later)
 
-    def farewell(self) -> list[bytes]:
+    def farewell(self) -> list[tuple[bytes, float]]:
         """Return packets to be sent where a connection is closed that does not tell of its end: Service_Stop.
 
-        Nothing is waited for, so it is said more than once.
+        Beside each how many seconds to wait for an answer: none, so it is said more than once.
         """
         if self._stopped or not self.wire.lossy:
             return []
         self._stopped = True
         first = self._take_serial()
         serials = [first, *(self._take_serial() for _ in range(_FAREWELLS - 1))]
-        return [self._request(service_stop, (), serial, first) for serial in serials]
+        return [(self._request(service_stop, (), serial, first), 0.0) for serial in serials]
 
     def _take_serial(self) -> int:
         serial = self._serial
@@ -252,31 +238,7 @@ class Conversation:
             value, _ = variant_bytes.decode(frame, 15, len(frame) - self._tail, self._limits, exact=exact)
         else:  # a VE026A answers nothing where an RC8 answers VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
-        if function.result is not VarType.VARIANT:
-            self._check_result(function, value.value if exact else value)
-            if value is None or (exact and value.value is None):  # an empty string may come as VT_EMPTY
-                return Variant(VarType.BSTR, "") if exact else ""
-        return value
-
-    @staticmethod
-    def _check_result(function: Function[..., Any], value: Any) -> None:
-        expected = _RESULT_TYPES[function.result]
-        if type(value) is not expected and not (value is None and expected is str):
-            raise _wrong_result(function, repr(value))
-
-
-_RESULT_TYPES: Final[dict[VarType | None, type]] = {VarType.I4: int, VarType.BSTR: str}
-
-
-def _no_answer(function: Function[..., Any], received: bytes | None, seconds: float) -> CallTimeout | ConnectionLost:
-    if received is None:
-        return CallTimeout(function.name, seconds)
-    return ConnectionLost(
-        pick(
-            f"{function.name}: the other side closed the connection before it answered",
-            f"{function.name}: 応答の前に相手が接続を閉じました",
-        )
-    )
+        return checked(function, value, exact=exact)
 
 
 def _too_long(function: Function[..., Any], length: int, limits: Limits, wire: Wire) -> InvalidValue:
@@ -287,16 +249,6 @@ def _too_long(function: Function[..., Any], length: int, limits: Limits, wire: W
             f"{function.name}: 引数を含むパケットが {length} バイトになり、上限 {limits.packet} バイトを超えます",
         )
         + (by_tcp if limits.packet == wire.packet != STREAM.packet else "")
-    )
-
-
-def _wrong_result(function: Function[..., Any], got: str) -> ProtocolError:
-    wanted = function.result.name if function.result else ""
-    return ProtocolError(
-        pick(
-            f"{function.name} was answered with {got:.80}, VT_{wanted} was expected",
-            f"{function.name} の応答が VT_{wanted} ではなく {got:.80} です",
-        )
     )
 
 

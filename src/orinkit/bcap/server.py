@@ -19,19 +19,16 @@ from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
 from orinkit.bcap.repeats import Answer, Requests, Verdict
 from orinkit.bcap.wire import STREAM, Wire
-from orinkit.cao import coerce
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.options import Options
+from orinkit.cao.service import read_options
 from orinkit.errors import CallError, ProtocolError
-from orinkit.variant import Variant, VarType
+from orinkit.variant import Variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
-_LEAST_MS: Final = 80
 _MOST_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
-_MOST_MS: Final = 0x7FFF_FFFF
 _FAILED: Final = 0x8000_0000
 _OVERDUE: Final = 0.5  # s that the rest of a packet may take on a serial line before one behind its head is believed
 _NEVER: Final = float("inf")
@@ -230,8 +227,11 @@ class ServerConversation:
             if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
                 self._next = Reset(str(error)) if self._wire.lossy else Close(str(error))
             return Send(self._answer(error.code))
-        if function_id == _SERVICE_START and self._dialect.takes_options and not self._set_options(arguments):
-            return Send(self._answer(hresult.E_INVALIDARG))
+        if function_id == _SERVICE_START and self._dialect.takes_options:
+            try:
+                self._set_options(arguments)
+            except CallError as error:
+                return Send(self._answer(error.code))
         self._current = call = Execute(serial, function_id, arguments)
         self.timed_out = False
         self._give_up = self._now + self.invoke_timeout
@@ -239,27 +239,10 @@ class ServerConversation:
             self._next_wdt = self._now + self.wdt
         return call
 
-    def _set_options(self, arguments: list[Variant]) -> bool:
-        """Read Service_Start's options (RC8 table 3-1); False where a value is not one."""
-        if not arguments:
-            arguments = [Variant(VarType.BSTR, "")]
-        if len(arguments) != 1:
-            return True  # the session will refuse them
-        try:
-            options = Options(coerce.to_text(arguments[0]))
-            wdt = options.number("WDT")
-            timeout = options.number("InvokeTimeout")
-        except ValueError:
-            return False
-        except CallError as error:
-            return error.code == hresult.E_INVALIDARGTYPE  # the session will say so
-        if wdt is not None and not _LEAST_MS < wdt <= _MOST_MS:
-            return False
-        if timeout is not None and not _LEAST_MS <= timeout <= _MOST_MS:
-            return False
-        self.wdt = None if wdt is None else wdt / 1000
-        self.invoke_timeout = self._default_timeout if timeout is None else timeout / 1000
-        return True
+    def _set_options(self, arguments: list[Variant]) -> None:
+        options = read_options(arguments)
+        self.wdt = options.wdt
+        self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
     def finish(self, call: Execute, code: int, result: Variant | None) -> bytes:
         """Return the packet that answers a call; nothing where it has been answered already, by E_TIMEOUT or here."""

@@ -14,6 +14,7 @@ from typing import Final, Protocol
 
 from orinkit.bcap import packet
 from orinkit.bcap.line import LineFramer
+from orinkit.cao.carrier import Carrier
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 SILENCE: Final = 0.05
@@ -84,31 +85,19 @@ class DatagramFramer:
         return None
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wire(Carrier):
     """One way for packets to travel.
 
     Attributes:
-        name: ``"tcp"``, ``"udp"`` or ``"serial"``.
         framer: cuts packets out of what is received, within limits.
         server_framer: the same for a server.
         crc: packets have a checksum (VE026A 3.1).
-        lossy: packets may be lost.
-        shared: one client follows the other on the same line, and the end of one can only be told by the other's beginning.
-        memory: seconds of silence after which a controller forgets a client; 0 where a connection tells of its end.
-        packet: longest packet in bytes. UDP: 488 bytes and what is around them (RC8 table 5-1).
-        timeout: seconds that a client waits for the answer to one try by default (RC8 table 5-1: 500 ms).
     """
 
-    name: str
     framer: Callable[[Limits], Framing]
     server_framer: Callable[[Limits], Framing]
     crc: bool = False
-    lossy: bool = False
-    shared: bool = False
-    memory: float = 0.0
-    packet: int = DEFAULT_LIMITS.packet
-    timeout: float = 3.0
 
     @property
     def tail(self) -> int:
@@ -120,14 +109,16 @@ class Wire:
         return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
 
 
-STREAM: Final = Wire("tcp", packet.Framer, packet.Framer)
+STREAM: Final = Wire("tcp", framer=packet.Framer, server_framer=packet.Framer)
 DATAGRAM: Final = Wire(
-    "udp", DatagramFramer, DatagramFramer, lossy=True, memory=10.0, packet=488 + packet.OVERHEAD, timeout=0.5
-)
+    "udp", framer=DatagramFramer, server_framer=DatagramFramer,
+    lossy=True, memory=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
+)  # fmt: skip
 LINE: Final = Wire(
-    "serial", LineFramer, partial(LineFramer, tells=True),
+    "serial", framer=LineFramer, server_framer=partial(LineFramer, tells=True),
     crc=True, lossy=True, shared=True, packet=65536, timeout=0.5,
 )  # fmt: skip
+"""Time-outs of 500 ms: RC8 table 5-1."""
 
 WIRES: Final = {wire.name: wire for wire in (STREAM, DATAGRAM, LINE)}
 """All of them, by the scheme of an address."""

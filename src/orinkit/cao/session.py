@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from inspect import isawaitable
@@ -30,6 +30,7 @@ logger = logging.getLogger("orinkit.session")
 
 _FIRST_HANDLE: Final = 2  # as in the documents' samples (RC8 3.1.2): the service itself is 1
 _LAST_HANDLE: Final = 0x7FFF_FFFF
+_REASONS: Final = 32  # codes of which a client is told why
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +137,21 @@ def _names(provider: Provider) -> list[str]:
     return list(names)
 
 
+class Numbers:
+    """Counts handles up, from 2 to 2,147,483,647 and round again; several sessions may share it."""
+
+    def __init__(self) -> None:
+        self._next = _FIRST_HANDLE
+
+    def take(self, used: Container[int]) -> int:
+        """Return the next one that is not used."""
+        while self._next in used:
+            self._next = _following(self._next)
+        number = self._next
+        self._next = _following(number)
+        return number
+
+
 @dataclass(slots=True)
 class _Entry:
     handle: int
@@ -147,13 +163,20 @@ class _Entry:
 
 
 class Session:
-    """One client's objects, by handle. Handles of one session mean nothing in another."""
+    """One client's objects, by handle. Handles of one session mean nothing in another.
 
-    def __init__(self, host: Host, client: ClientInfo | None = None) -> None:
+    Args:
+        host: the providers.
+        client: who it is.
+        numbers: where handles come from; by default they begin at 2.
+    """
+
+    def __init__(self, host: Host, client: ClientInfo | None = None, numbers: Numbers | None = None) -> None:
         self.host = host
-        self.client = client or ClientInfo()
+        self.client = (client or ClientInfo())._replace(reason=self.reason)
+        self._reasons: dict[int, str] = {}
         self._entries: dict[int, _Entry] = {}  # insertion order is age
-        self._next = _FIRST_HANDLE
+        self._handles = numbers or Numbers()
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
@@ -163,6 +186,10 @@ class Session:
     def __len__(self) -> int:
         """Return how many objects the client holds."""
         return len(self._entries)
+
+    def reason(self, code: int) -> str:
+        """Tell what the last call that ended with this code failed of; ``""`` where that is not known."""
+        return self._reasons.get(hresult.unsigned(code), "")
 
     # --- a call -------------------------------------------------------------------------------------------------
 
@@ -282,9 +309,17 @@ class Session:
         if isinstance(error, CallError) and hresult.failed(error.code):
             # only the code goes over the wire: what the device has to say beside it is told here
             logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, error)
-            return Reply(error.code, detail=error.detail)
+            return self._failure(error.code, error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error)
-        return Reply(hresult.E_FAIL, detail="".join(format_exception_only(error)).strip())
+        return self._failure(hresult.E_FAIL, "".join(format_exception_only(error)).strip())
+
+    def _failure(self, code: int, detail: str) -> Reply:
+        """Return the reply for a call that failed, and remember of what."""
+        self._reasons.pop(code, None)
+        self._reasons[code] = detail
+        if len(self._reasons) > _REASONS:
+            del self._reasons[next(iter(self._reasons))]
+        return Reply(code, detail=detail)
 
     @staticmethod
     def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
@@ -319,10 +354,7 @@ class Session:
                 served.release()
                 return handle
         else:
-            while self._next in self._entries:
-                self._next = _following(self._next)
-            handle = self._next
-            self._next = _following(handle)
+            handle = self._handles.take(self._entries)
         guard = self._entries[parent].guard if provider is None else provider.guard
         self._entries[handle] = _Entry(handle, interface, served, parent, label, guard)
         return handle
@@ -373,7 +405,7 @@ class Session:
             self._check_room()
             name = next(free for n in self._numbers if self._named("Controller", 0, free := f"Controller{n}") is None)
         with provider.guard:
-            made = provider.connect(name, machine, option, self.client)
+            made = provider.connect(name, machine, option, self.client._replace(provider=provider_name))
         return self._reply(function, 0, name, made, provider)
 
     def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:

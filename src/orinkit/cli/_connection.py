@@ -13,6 +13,7 @@ from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
 from orinkit.cli._errors import unusable
+from orinkit.cli._files import read_token
 from orinkit.cli._transcript import Packet, Transcript
 from orinkit.client._common import RC8, dialect_of
 from orinkit.language import pick
@@ -25,8 +26,8 @@ OBJECT = Group(pick("Object", "オブジェクト"), sort_key=7)
 Url: TypeAlias = Annotated[
     str,
     Parameter(help=pick(
-        "Controller: tcp://192.168.0.1:5007, or only its host; udp://..., serial:///dev/ttyUSB0?baudrate=38400.",
-        "コントローラ: tcp://192.168.0.1:5007、またはホスト名のみ。udp://...、serial:///dev/ttyUSB0?baudrate=38400 も可。")),
+        "Controller: tcp://192.168.0.1:5007, or only its host; udp://..., serial:///dev/ttyUSB0?baudrate=38400, http://HOST:PORT.",
+        "コントローラ: tcp://192.168.0.1:5007、またはホスト名のみ。udp://...、serial:///dev/ttyUSB0?baudrate=38400、http://HOST:PORT も可。")),
 ]  # fmt: skip
 Json: TypeAlias = Annotated[bool, Parameter(help=pick(
     "Print one JSON document; bytes in hex, dates in ISO 8601.",
@@ -79,6 +80,25 @@ class Connection:
         ),
     ] = None
 
+    token_file: Annotated[
+        str | None,
+        Parameter(
+            help=pick(
+                "File with the token that an HTTP server wants to be shown.",
+                "HTTP サーバに示すトークンのファイル。",
+            )
+        ),
+    ] = None
+    cafile: Annotated[
+        str | None,
+        Parameter(
+            help=pick(
+                "PEM file of certificates that an https server's is to be signed by.",
+                "https サーバの証明書を検証する PEM ファイル。",
+            )
+        ),
+    ] = None
+
     @property
     def known_dialect(self) -> Dialect:
         """Dialect of the controller as far as it can be known before the controller is asked."""
@@ -93,11 +113,23 @@ class Connection:
             tries=self.tries,
             trace=self._transcript(),
             dialect=self.dialect,
+            token=self._token(),
+            cafile=self.cafile or "",
         )
 
     def open_client(self, url: str) -> orinkit.Client:
         """Open the connection only."""
-        return orinkit.open_client(url, timeout=self.timeout, tries=self.tries, trace=self._transcript())
+        return orinkit.open_client(
+            url,
+            timeout=self.timeout,
+            tries=self.tries,
+            trace=self._transcript(),
+            token=self._token(),
+            cafile=self.cafile or "",
+        )
+
+    def _token(self) -> str:
+        return "" if self.token_file is None else read_token(self.token_file)
 
     def _transcript(self) -> Transcript | None:
         return Transcript(_to_stderr) if self.trace else None

@@ -16,12 +16,14 @@ from cyclopts import Group, Parameter
 
 from orinkit.cao.provider import Provider
 from orinkit.cli._errors import unusable, whole_number
+from orinkit.cli._web import Web
 from orinkit.language import pick
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
-from orinkit.transport.address import Address, parse_address
+from orinkit.transport.address import Address, HttpAddress, parse_address
 
 _CONTROL_CLIENTS: Final = 16
 LISTENING: Final = Group(pick("Network", "ネットワーク"), sort_key=8)
+_WEB: Final = Web()
 
 
 def _default(_given: object) -> str:
@@ -38,9 +40,9 @@ class Listening:
         Parameter(
             show_default=_default,
             help=pick(
-                "HOST:PORT to listen on; may be given again. Port 0 takes a free one. No default beside --udp, --serial "
-                "and --pty.",
-                "待ち受ける HOST:PORT。複数指定可。ポート 0 は空きポート。--udp、--serial、--pty を指定した場合、既定値は使わない。",
+                "HOST:PORT to listen on; may be given again. Port 0 takes a free one. No default beside --udp, --serial, "
+                "--pty and --http.",
+                "待ち受ける HOST:PORT。複数指定可。ポート 0 は空きポート。--udp、--serial、--pty、--http を指定した場合、既定値は使わない。",
             ),
         ),
     ] = ()
@@ -70,6 +72,7 @@ class Listening:
             )
         ),
     ] = False
+    web: Web = _WEB
     clients: Annotated[
         int, Parameter(converter=whole_number, help=pick("Most clients at a time.", "同時に接続できるクライアント数。"))
     ] = 256
@@ -95,6 +98,7 @@ def check(listening: Listening) -> None:
         if number < 1:
             raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
     _urls(listening)
+    listening.web.options()
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,29 +129,42 @@ def check_control(url: str) -> None:
         )
 
 
-def run(provider: Provider, listening: Listening, control: Control | None = None) -> int:
-    """Serve a device until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener.
-
-    With a control port it says ``ready control URL`` after these.
-    """
+def begin_log(listening: Listening) -> None:
+    """Have the log written to stderr; :func:`run` does so too, this is for commands that log something before."""
     logging.basicConfig(
         stream=sys.stderr,
         level=logging.DEBUG if listening.verbose else logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
     )
+
+
+def run(providers: Sequence[Provider], listening: Listening, control: Control | None = None) -> int:
+    """Serve devices until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener.
+
+    With a control port it says ``ready control URL`` after these.
+    """
+    begin_log(listening)
     for place in (*listening.tcp, *listening.udp):
         address = parse_address(place)
         if isinstance(address, Address) and not _is_loopback(address.host):
-            print(_warning(place), file=sys.stderr)
-    asyncio.run(_serve(provider, _urls(listening), listening, control))
+            print(_warning(place, pick("b-CAP knows no passwords", "b-CAP にはパスワードがない")), file=sys.stderr)
+    for place in listening.web.http if listening.web.token_file is None else ():
+        address = parse_address(_url(listening.web.scheme, place))
+        if isinstance(address, HttpAddress) and not _is_loopback(address.host):
+            print(_warning(place, pick("there is no --token-file", "--token-file の指定がない")), file=sys.stderr)
+    asyncio.run(_serve(providers, _urls(listening), listening, control))
     return 0
 
 
-async def _serve(provider: Provider, urls: Sequence[str], listening: Listening, control: Control | None) -> None:
+async def _serve(
+    providers: Sequence[Provider], urls: Sequence[str], listening: Listening, control: Control | None
+) -> None:
     stop = asyncio.Event()
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:
-            server = AsyncServer(provider, *urls, clients=listening.clients, objects=listening.objects)
+            server = AsyncServer(
+                providers, *urls, clients=listening.clients, objects=listening.objects, http=listening.web.options()
+            )
             await servers.enter_async_context(server)
             ready = [f"ready {url}" for url in server.urls]
             if control is not None:
@@ -185,6 +202,7 @@ def _urls(listening: Listening) -> list[str]:
         InvalidAddress: one is no address.
     """
     urls = [_url(scheme, place) for scheme in ("tcp", "udp", "serial") for place in getattr(listening, scheme)]
+    urls += [_url(listening.web.scheme, place) for place in listening.web.http]
     if listening.pty:
         urls.append("pty://")
     return urls or [DEFAULT_URL]
@@ -209,9 +227,8 @@ def _is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
-def _warning(url: str) -> str:
+def _warning(url: str, reason: str) -> str:
     return pick(
-        f"orinkit: warning: {url} can be reached from other machines, and b-CAP knows no passwords: whoever reaches it "
-        "can use the device",
-        f"orinkit: 警告: {url} は他のマシンからも接続できます。b-CAP にはパスワードがないため、接続できる人は誰でも操作できます",
+        f"orinkit: warning: {url} can be reached from other machines, and {reason}: whoever reaches it can use the device",
+        f"orinkit: 警告: {url} は他のマシンからも接続できます。{reason}ため、接続できる人は誰でも操作できます",
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -13,11 +14,12 @@ _PER_LINE: Final = 24
 _ARROWS: Final = {">": "→", "<": "←"}
 _INDENT: Final = "    "
 _WIDEST_HEX: Final = 3 * 8 - 1
+_WIDEST_TEXT: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """One packet of a conversation.
+    """One packet of a conversation, or one body of e-CAP.
 
     Attributes:
         direction: ``">"`` to the controller, ``"<"`` from it.
@@ -34,6 +36,9 @@ class Packet:
     def lines(self, *, fields: bool = False) -> list[str]:
         """Return it for people: the meaning, then the bytes, plain or field by field."""
         head = f"{_INDENT}{_ARROWS[self.direction]} {self.meaning}"
+        if not _is_binary(self.data):
+            text = self.data.decode("utf-8", "backslashreplace")
+            return [head, *(f"{_INDENT}  {line}" for line in textwrap.wrap(text, _WIDEST_TEXT) if line)]
         if fields:
             explained = explain(self.data, "request" if self.request is None else "reply", self.request)
             return [head, *(f"{_INDENT}  {line}" for line in field_lines(explained))]
@@ -48,6 +53,19 @@ class Packet:
         }
 
 
+def _is_binary(data: bytes) -> bool:
+    """Whether it is a packet of b-CAP; a body of e-CAP is text."""
+    return data[:1] == b"\x01"
+
+
+def _meaning(direction: str, data: bytes, request: bytes | None) -> str:
+    if _is_binary(data):
+        return one_line(data, None if direction == ">" else request)
+    from orinkit.ecap.message import explain_reply, explain_request  # few programs speak e-CAP
+
+    return explain_request(data) if direction == ">" else explain_reply(data)
+
+
 class Transcript:
     """Is told every packet (``trace=`` of a client), keeps them, and hands each to ``show``."""
 
@@ -60,9 +78,8 @@ class Transcript:
         """Take a packet."""
         if direction == ">":
             self._request = data
-            packet = Packet(direction, data, one_line(data))
-        else:
-            packet = Packet(direction, data, one_line(data, self._request), self._request)
+        answered = self._request if direction == "<" else None
+        packet = Packet(direction, data, _meaning(direction, data, answered), answered)
         self.packets.append(packet)
         if self._show is not None:
             self._show(packet)

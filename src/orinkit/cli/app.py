@@ -48,7 +48,10 @@ def build() -> App:
     )
     serve = App(
         name="serve",
-        help=pick("Serve a virtual controller on the network.", "仮想コントローラをネットワークで提供する。"),
+        help=pick(
+            "Serve a virtual controller, or a device of your own, on the network.",
+            "仮想コントローラや自作のデバイスをネットワークで提供する。",
+        ),
         sort_key=2,
     )
     serve.command(
@@ -63,6 +66,11 @@ def build() -> App:
             "Serve a virtual VE026A, the small arm with a serial line.",
             "仮想 VE026A (シリアル接続の小型アーム) を提供する。",
         ),
+    )
+    serve.command(
+        "orinkit.cli.serve_device:serve_device",
+        name="device",
+        help=pick("Serve devices of your own, written in Python.", "Python で書いた自作のデバイスを提供する。"),
     )
     app.command(_command_of("demo"), name="demo", sort_key=1, help=pick(
         "Watch a client and a virtual RC8, or VE026A, talk, every packet explained.",
@@ -89,6 +97,9 @@ def build() -> App:
         "Carry out a trajectory in slave mode.", "スレーブモードで軌道を実行する。"))  # fmt: skip
     app.command(_command_of("plot"), name="plot", sort_key=12, help=pick(
         "Plot a recorded motion.", "記録した動作をグラフにする。"))  # fmt: skip
+    app.command(_command_of("gateway"), name="gateway", sort_key=13, help=pick(
+        "Pass calls on to other controllers, over any protocol.",
+        "他のコントローラへの呼び出しを、プロトコルを問わず中継する。"))  # fmt: skip
     _translate_flags(app)
     _translate_flags(serve)
     return app

@@ -15,7 +15,7 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit import functions
-from orinkit.bcap.client import Reply
+from orinkit.cao.answers import Reply
 from orinkit.cao.table import Argument, Function
 from orinkit.cli._connection import OBJECT, Connection, Json, Owning, Url
 from orinkit.cli._errors import Failure, unusable, whole_number

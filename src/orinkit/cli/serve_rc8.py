@@ -8,11 +8,13 @@ from cyclopts import Group, Parameter
 
 from orinkit.arms import MODEL_NAMES
 from orinkit.cli._errors import Failure, unusable, whole_number
-from orinkit.cli._serving import LISTENING, Control, Listening, check, check_control, run
+from orinkit.cli._serving import LISTENING, Control, Listening, begin_log, check, check_control, run
 from orinkit.cli.pendant import read_mode
+from orinkit.cli.serve_device import load_targets
 from orinkit.errors import InvalidValue, NotationError
 from orinkit.language import pick
 from orinkit.poses import J, parse_target
+from orinkit.providers import load_installed, warn_of_clashes
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import Permission, VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
@@ -20,6 +22,7 @@ from orinkit.virtual.rc8.memory import DEFAULT_IO_POINTS
 
 _CONTROLLER: Final = Group(pick("Controller", "コントローラ"), sort_key=7)
 _ROBOT: Final = Group(pick("Robot", "ロボット"), sort_key=7)
+_PROVIDERS: Final = Group(pick("Devices beside it", "併せて提供するデバイス"), sort_key=7)
 _LISTENING: Final = Listening()
 
 
@@ -122,6 +125,22 @@ def serve_rc8(
                       "実時間 1 秒あたりに進むコントローラの秒数。20 なら動作が 20 倍速になる。"),
         ),
     ] = 1.0,
+    provider: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_PROVIDERS,
+            help=pick("A device to serve too: file.py:Class, module:Class, or the name of an installed one; may be given again.",
+                      "併せて提供するデバイス: ファイル.py:クラス、モジュール:クラス、またはインストール済みのプロバイダ名。複数指定可。"),
+        ),
+    ] = (),
+    no_providers: Annotated[
+        bool,
+        Parameter(
+            group=_PROVIDERS,
+            help=pick("Leave out installed providers; they are served too otherwise.",
+                      "インストール済みのプロバイダを提供しない (指定しなければ併せて提供する)。"),
+        ),
+    ] = False,
     control: Annotated[
         str | None,
         Parameter(
@@ -156,7 +175,12 @@ def serve_rc8(
     except ValueError as error:
         raise Failure(str(error), 2) from None
     try:
-        return run(rc8, listening, None if control is None else Control(ControlProvider(rc8), control))
+        begin_log(listening)
+        served = load_targets(provider, [rc8])
+        if not no_providers:
+            served += load_installed(served, but=provider)
+        warn_of_clashes(served)
+        return run(served, listening, None if control is None else Control(ControlProvider(rc8), control))
     finally:
         rc8.close()
 

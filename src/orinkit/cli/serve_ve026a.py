@@ -50,6 +50,6 @@ def serve_ve026a(
     except ValueError as error:
         raise Failure(str(error), 2) from None
     try:
-        return run(arm, listening)
+        return run([arm], listening)
     finally:
         arm.close()

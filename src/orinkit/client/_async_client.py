@@ -12,11 +12,13 @@ from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from orinkit import hresult
-from orinkit.bcap.client import Conversation, Reply, Trace
-from orinkit.bcap.wire import DEFAULT_TRIES, STREAM, Wire
+from orinkit.bcap.wire import DEFAULT_TRIES, STREAM
+from orinkit.cao.answers import Reply, Trace
+from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.table import Function
-from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after, opening_of
+from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after
+from orinkit.client._opening import access_to, conversation, opening_of
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.drive import AsyncLentLink, AsyncLink, Deadline, arun, asay_goodbye
@@ -41,14 +43,14 @@ class AsyncClient:
         timeout: seconds, see below; by default what is usual on the wire.
         tries: see below.
         limits: bounds on what is received; those of the wire count too.
-        trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
-        wire: how packets travel over the link.
+        trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
+        wire: how calls travel over the link.
 
     Attributes:
         timeout: seconds that a call waits for its answer, on UDP and serial lines in each of its tries; every
             S_EXECUTING from the controller starts it anew.
         tries: how often a request is sent in all on UDP and serial lines, 1 to 7.
-        wire: how packets travel.
+        wire: how calls travel.
     """
 
     def __init__(
@@ -59,12 +61,12 @@ class AsyncClient:
         tries: int = DEFAULT_TRIES,
         limits: Limits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: Wire = STREAM,
+        wire: Carrier = STREAM,
     ) -> None:
         self._timeout = check_timeout(wire.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
         self._link: AsyncLink = link
-        self._conversation = Conversation(limits, trace, wire)
+        self._conversation = conversation(wire, limits, trace)
         if wire.shared:  # answers to the client before it may be under way still: they are not to fit
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = asyncio.Lock()
@@ -104,8 +106,8 @@ class AsyncClient:
         return self._conversation.echoes
 
     @property
-    def wire(self) -> Wire:
-        """How packets travel."""
+    def wire(self) -> Carrier:
+        """How calls travel."""
         return self._conversation.wire
 
     @classmethod
@@ -117,28 +119,34 @@ class AsyncClient:
         tries: int = DEFAULT_TRIES,
         limits: Limits = DEFAULT_LIMITS,
         trace: Trace | None = None,
+        token: str = "",
+        cafile: str = "",
     ) -> Self:
         """Open a connection and nothing more: Service_Start is yours to call.
 
         Args:
             url: ``tcp://host:port``, ``udp://host:port`` or ``serial:///dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``;
-                ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0`` too.
+                ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0`` too. ``http://host:port/path`` and
+                ``https://...`` for e-CAP.
             timeout: seconds for connecting and for each call; with UDP and serial lines for each try of a call, so that
-                it may take ``timeout * tries`` in all. By default 3.0 with TCP, 0.5 with the others; a slow serial line
-                needs longer where packets are long.
+                it may take ``timeout * tries`` in all. By default 3.0 with TCP and HTTP, 0.5 with the others; a slow
+                serial line needs longer where packets are long. A server of e-CAP that cannot say that it is at work,
+                as others than orinkit's, gets 180 s for a call.
             tries: how often a request is sent in all with UDP and serial lines, 1 to 7: below is 1, above is 7
-                (RC8 table 5-1: TORetry). With TCP nothing is sent twice.
+                (RC8 table 5-1: TORetry). With TCP and HTTP nothing is sent twice.
             limits: bounds on what is received; a packet with UDP has at most 504 bytes, on a serial line 65,536.
-            trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
+            trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
+            token: for HTTP, what lets a client in; it is sent as ``Authorization: Bearer``.
+            cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
 
         Raises:
             InvalidAddress: the URL cannot be used.
             InvalidValue: timeout or tries cannot be used.
-            ConnectFailed: nobody there; with UDP that shows with the first call.
-            MissingExtra: serial lines need serialx.
+            ConnectFailed: nobody there; with UDP and HTTP that shows with the first call.
+            MissingExtra: serial lines need serialx, HTTP needs httpx2.
         """
         address, wire, seconds = opening_of(url, timeout, tries)
-        link = await open_link(address, seconds)
+        link = await open_link(address, seconds, access_to(address, token, cafile), limits.packet)
         return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, wire=wire)
 
     async def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -149,9 +157,9 @@ class AsyncClient:
             InvalidValue: an argument does not fit its type; nothing was sent.
             CallError: the controller answered with an error code.
             CallTimeout: it did not answer in time.
-            ConnectFailed: with UDP, nobody listens there.
+            ConnectFailed: with UDP and HTTP, nobody listens there.
             ConnectionLost: the connection broke.
-            ProtocolError: what came back is not b-CAP.
+            ProtocolError: what came back is not b-CAP, or not e-CAP.
         """
         arguments = function.bind(args, kwargs)
         async with self._lock:
@@ -195,7 +203,7 @@ class AsyncClient:
             return await self._carry_now(function, arguments, seconds, exact)
         except CallError as error:
             if forgotten and error.code == hresult.E_HANDLE:
-                error.detail = forgotten_after(self.wire.memory)
+                error.detail = forgotten_after(self.wire)
             raise
         finally:
             self._remembered = Deadline(self.wire.memory)
@@ -262,7 +270,7 @@ class AsyncClient:
     async def close(self) -> None:
         """Close the connection at once; the controller then releases every object of it.
 
-        With UDP and serial lines Service_Stop is sent before, and no answer is waited for.
+        With UDP and serial lines Service_Stop is sent before, and no answer is waited for; with HTTP for a second at most.
         """
         await asay_goodbye(self._link, self._conversation.farewell())
         self._link.close()

@@ -10,14 +10,13 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit import hresult
 from orinkit._pose_checks import brief
-from orinkit.bcap.wire import LEAST_TRIES, MOST_TRIES, STREAM, WIRES, Wire
+from orinkit.bcap.wire import LEAST_TRIES, MOST_TRIES, STREAM
+from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import DIALECTS, VE026A, Dialect
 from orinkit.cao.table import Function
 from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.errors import CallError, InvalidValue, ProtocolError, error_for
 from orinkit.language import pick
-from orinkit.transport.address import Address, PtyAddress, SerialAddress, parse_address
-from orinkit.transport.links import for_servers
 from orinkit.variant import Value, Variant, VarType
 
 RC8: Final = "CaoProv.DENSO.VRC"
@@ -28,7 +27,6 @@ T = TypeVar("T", str, bytes)
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
 _MOST_SECONDS: Final = 2e6
-_LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
 _LINE: Final = 3  # place of the line in the details of an error; that of the program is before it
 _LOGGED_MESSAGE: Final = 12  # place in a record of the error log
 
@@ -158,12 +156,13 @@ def is_ve026a(told: object) -> bool:
     return VE026A.name.upper() in str(told).upper()
 
 
-def forgotten_after(seconds: float) -> str:
-    """Return what there is to say of a handle that is not known any more, to a client that was silent so long."""
+def forgotten_after(wire: Carrier) -> str:
+    """Return what there is to say of a handle that is not known any more, to a client that was silent for long."""
+    name, seconds = wire.name.upper(), wire.memory
     return pick(
-        f"a controller forgets a UDP client that calls nothing for {seconds:g} s, with all its objects. "
+        f"a controller forgets a {name} client that calls nothing for {seconds:g} s, with all its objects. "
         "Connect again, call something now and then, or use TCP",
-        f"コントローラは {seconds:g} 秒間呼び出しのない UDP クライアントを、オブジェクトも含めて忘れます。"
+        f"コントローラは {seconds:g} 秒間呼び出しのない {name} クライアントを、オブジェクトも含めて忘れます。"
         "接続し直すか、定期的に呼び出すか、TCP を使ってください",
     )
 
@@ -200,26 +199,6 @@ def check_tries(number: int) -> int:
             )
         ) from None
     return min(max(whole, LEAST_TRIES), MOST_TRIES)
-
-
-def opening_of(url: str, timeout: float | None, tries: int) -> tuple[Address | SerialAddress, Wire, float]:
-    """Return what a URL says, how packets travel there, and how many seconds opening the link may take.
-
-    Args:
-        url: of the controller.
-        timeout: seconds of a try, ``None`` for what is usual on the wire.
-        tries: how often a request is sent.
-
-    Raises:
-        InvalidAddress: the URL cannot be used by a client.
-        InvalidValue: timeout or tries cannot be used.
-    """
-    address = parse_address(url)
-    if isinstance(address, PtyAddress):
-        raise for_servers()
-    wire = WIRES[address.scheme]
-    seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
-    return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
 
 
 def _is_number(value: object) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from orinkit import hresult
-from orinkit.bcap.wire import Wire
+from orinkit.cao.carrier import Carrier
 from orinkit.errors import (
     CallError,
     CallTimeout,
@@ -231,7 +231,7 @@ def not_in_time(seconds: float, en: str, ja: str) -> TimeoutError:
 # --- letting go -------------------------------------------------------------------------------------------------------
 
 
-def note_failure(error: BaseException, problem: OrinError, wire: Wire) -> None:
+def note_failure(error: BaseException, problem: OrinError, wire: Carrier) -> None:
     """Note in an exception that a step of the clean-up has failed too; that the connection has gone is said once."""
     if not isinstance(problem, TransportError):
         error.add_note(pick(f"orinkit: while cleaning up: {problem}", f"orinkit: 後始末の際のエラー: {problem}"))
@@ -241,7 +241,7 @@ def note_failure(error: BaseException, problem: OrinError, wire: Wire) -> None:
         error.add_note(_connection_gone(wire))
 
 
-def note_broken_off(wire: Wire) -> str:
+def note_broken_off(wire: Carrier) -> str:
     """Return the note that an exception gets that broke off a call which was to move the arm."""
     lost = _if_it_is_lost(wire)
     return pick(
@@ -252,7 +252,7 @@ def note_broken_off(wire: Wire) -> str:
     )
 
 
-def note_closed(wire: Wire) -> str:
+def note_closed(wire: Carrier) -> str:
     """Return the note that an exception gets where only closing the connection could stop the arm."""
     lost = _if_it_is_lost(wire)
     return pick(
@@ -263,7 +263,7 @@ def note_closed(wire: Wire) -> str:
     )
 
 
-def _if_it_is_lost(wire: Wire) -> str:
+def _if_it_is_lost(wire: Carrier) -> str:
     """Return when the arm stops where the packet that tells of a client's end may be lost, in brackets."""
     if wire.shared:
         return pick(
@@ -278,7 +278,7 @@ def _if_it_is_lost(wire: Wire) -> str:
     return ""
 
 
-def _connection_gone(wire: Wire) -> str:
+def _connection_gone(wire: Carrier) -> str:
     if wire.shared:
         return pick(
             "orinkit: the connection is gone, which a controller cannot notice on a serial line: the arm may go on moving, and "

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from orinkit import hresult
-from orinkit.bcap.client import Trace
 from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao import functions as f
+from orinkit.cao.answers import Trace
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.table import Function
 from orinkit.client._common import (
@@ -534,27 +534,33 @@ def open_controller(
     limits: Limits = DEFAULT_LIMITS,
     trace: Trace | None = None,
     dialect: str | None = None,
+    token: str = "",
+    cafile: str = "",
 ) -> Controller:
     """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
 
     Args:
         url: ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007``, ``serial:///dev/ttyUSB0?baudrate=38400``; DENSO's
-            ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0`` too.
+            ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0`` too. ``http://192.168.0.1:8080/path``
+            and ``https://...`` for e-CAP.
         provider: provider name; RC9 and COBOTTA PRO want ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
         name: name of the controller in this connection; empty lets the controller choose.
         machine: machine name; controllers take ``localhost`` or their own address.
         option: connection options, for example ``@IfNotMember``.
         timeout: seconds for connecting and for each call; with UDP and serial lines for each try of a call, so that it
-            may take ``timeout * tries`` in all. By default 3.0 with TCP, 0.5 with the others.
+            may take ``timeout * tries`` in all. By default 3.0 with TCP and HTTP, 0.5 with the others.
         tries: how often a request is sent in all with UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry); the
-            controller carries it out once. With TCP nothing is sent twice.
+            controller carries it out once. With TCP and HTTP nothing is sent twice.
         service: option of Service_Start; by default a watchdog (``WDT=400``), so that a long call outlasts the time-out. On
-            a serial line none: there the answer to a repeated request tells that the controller is still at work.
+            a serial line none: there the answer to a repeated request tells that the controller is still at work. With
+            HTTP none: the request itself asks for it.
         limits: bounds on what is received.
-        trace: is told every packet: ``">"`` or ``"<"``, and its bytes.
+        trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
         dialect: ``"rc8"`` or ``"ve026a"``. By default the second where the provider's name is empty or has ``VE026A`` in
             it; on a serial line, and with UDP where its answers are of that form, where the controller's ``@VERSION`` has;
             otherwise the first.
+        token: for HTTP, what lets a client in; it is sent as ``Authorization: Bearer``.
+        cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
 
     Raises:
         InvalidAddress: the URL cannot be used.
@@ -562,13 +568,13 @@ def open_controller(
         ConnectFailed: nobody there.
         CallTimeout: nobody answers.
         CallError: the controller refuses.
-        MissingExtra: serial lines need serialx.
+        MissingExtra: serial lines need serialx, HTTP needs httpx2.
     """
     known = dialect_of(dialect, provider)
-    client = Client.open(url, timeout=timeout, tries=tries, limits=limits, trace=trace)
+    client = Client.open(url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile)
     try:
         client.dialect = known or client.dialect
-        quiet = client.wire.shared or not client.dialect.takes_options
+        quiet = client.wire.shared or client.wire.name == "http" or not client.dialect.takes_options
         client.call(f.service_start, service_option("" if quiet and service is None else service, client.timeout))
         handle = client.call(f.controller_connect, name, provider, machine, option)
         controller = Controller(client, handle, name or provider)

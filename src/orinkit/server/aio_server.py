@@ -12,8 +12,9 @@ from orinkit.cao.session import Host
 from orinkit.errors import ConnectFailed
 from orinkit.language import pick
 from orinkit.server.connections import Connections, Listener
+from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.tcp import TcpListener
-from orinkit.transport.address import Address, AnyAddress, SerialAddress, parse_address
+from orinkit.transport.address import Address, AnyAddress, HttpAddress, SerialAddress, parse_address
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.server")
@@ -28,12 +29,13 @@ class AsyncServer:
     Args:
         providers: one provider or several; each is reached by its provider names.
         urls: where to listen: ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``serial:///dev/ttyUSB0?baudrate=38400``, or
-            ``pty://``, which opens a pair of pseudo-terminals. Loopback and port 5007 on TCP unless told otherwise; port
-            0 takes a free one.
+            ``pty://``, which opens a pair of pseudo-terminals; ``http://HOST:PORT`` or ``https://HOST:PORT`` for e-CAP.
+            Loopback and port 5007 on TCP unless told otherwise; port 0 takes a free one.
         clients: how many clients at a time.
         objects: how many objects one client may hold.
         limits: bounds on packets.
         invoke_timeout: seconds that a call may take unless the client says otherwise.
+        http: who is let in over HTTP, and the server's certificate for https.
 
     Use it with ``async with``, or call :meth:`start` and :meth:`close`.
 
@@ -49,7 +51,9 @@ class AsyncServer:
         objects: int = 1000,
         limits: Limits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
+        http: HttpOptions = DEFAULT_HTTP,
     ) -> None:
+        self._http = http
         self._addresses = [parse_address(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
         self._connections = Connections(self._host, limits, clients, invoke_timeout)
@@ -71,11 +75,11 @@ class AsyncServer:
 
         Raises:
             ConnectFailed: one cannot be opened; none is then.
-            MissingExtra: a package is not there that serial ports need.
+            MissingExtra: a package is not there that serial ports, or HTTP, need.
         """
         for address in self._addresses:
             try:
-                listener = await _listen(address, self._connections)
+                listener = await _listen(address, self._connections, self._http)
             except BaseException:
                 await self._stop()  # the providers stay as they are: they may be served elsewhere
                 raise
@@ -106,10 +110,10 @@ class AsyncServer:
         await self.close()
 
 
-async def _listen(address: AnyAddress, shared: Connections) -> Listener:
+async def _listen(address: AnyAddress, shared: Connections, http: HttpOptions) -> Listener:
     """Open one address."""
-    if isinstance(address, Address):
-        return await _listen_at(address, shared)
+    if isinstance(address, Address | HttpAddress):
+        return await _listen_at(address, shared, http)
     from orinkit.server import serial_line  # few servers have a serial line
 
     if isinstance(address, SerialAddress):
@@ -117,8 +121,12 @@ async def _listen(address: AnyAddress, shared: Connections) -> Listener:
     return await serial_line.PtyListener.open(address, shared)
 
 
-async def _listen_at(address: Address, shared: Connections) -> Listener:
+async def _listen_at(address: Address | HttpAddress, shared: Connections, http: HttpOptions) -> Listener:
     try:
+        if isinstance(address, HttpAddress):
+            from orinkit.server.http_listener import HttpListener  # few servers speak e-CAP
+
+            return await HttpListener.open(address, shared, http)
         if address.scheme == "udp":
             from orinkit.server.udp import UdpListener
 

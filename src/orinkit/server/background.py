@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from orinkit.cao.provider import Provider
+from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ def serve(
     objects: int = 1000,
     limits: Limits = DEFAULT_LIMITS,
     invoke_timeout: float = 180.0,
+    http: HttpOptions = DEFAULT_HTTP,
 ) -> Server:
     """Serve providers beside the program until the server is closed; use it in a ``with`` statement.
 
@@ -97,10 +99,18 @@ def serve(
     Raises:
         InvalidAddress: a URL cannot be used.
         ConnectFailed: an address cannot be opened; none is then.
-        MissingExtra: a package is not there that serial ports need.
+        MissingExtra: a package is not there that serial ports, or HTTP, need.
     """
     from orinkit.server.aio_server import AsyncServer
 
     return Server(
-        AsyncServer(providers, *urls, clients=clients, objects=objects, limits=limits, invoke_timeout=invoke_timeout)
+        AsyncServer(
+            providers,
+            *urls,
+            clients=clients,
+            objects=objects,
+            limits=limits,
+            invoke_timeout=invoke_timeout,
+            http=http,
+        )
     )

@@ -5,13 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
-from orinkit.cao.session import Host
+from orinkit.cao.session import Host, Numbers
 from orinkit.variant_bytes import Limits
-
-if TYPE_CHECKING:
-    from orinkit.server.peer import Peer
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
@@ -31,6 +28,16 @@ class Listener(Protocol):
         """Take no more clients; those who are there are closed by :meth:`Connections.close`."""
 
 
+class Client(Protocol):
+    """A client, a connection, a line: whatever has to be closed when the server is."""
+
+    def close(self) -> None:
+        """Close it, once what was written has been sent and, over HTTP, the calls at work are done."""
+
+    def abort(self) -> None:
+        """Close it at once."""
+
+
 class Connections:
     """What the clients of one server share.
 
@@ -42,11 +49,13 @@ class Connections:
 
     Attributes:
         open: the clients.
-        all: whatever has to be closed: these, connections that are being refused, serial lines without a client.
+        all: whatever has to be closed: these, connections that are being refused, serial lines without a client,
+            connections over HTTP.
         opening: how many connections have been accepted and are not in ``all`` yet.
         closing: no more connections.
         empty: is set when the last of ``all`` has gone.
-        tasks: handlers at work, also those whose client has gone.
+        tasks: handlers at work, also those whose client has gone; and requests over HTTP that are being answered.
+        numbers: handles of the clients over HTTP: one that a client has kept for too long must not be another's.
         view: where data is read to; all connections share it, for it is handled at once.
     """
 
@@ -55,12 +64,13 @@ class Connections:
         self.limits = limits
         self.clients = clients
         self.invoke_timeout = invoke_timeout
-        self.open: set[Peer] = set()
-        self.all: set[Peer] = set()
+        self.open: set[Client] = set()
+        self.all: set[Client] = set()
         self.opening = 0
         self.closing = False
         self.empty = asyncio.Event()
         self.tasks: set[asyncio.Task[None]] = set()
+        self.numbers = Numbers()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
         self._warned = -math.inf
@@ -76,9 +86,9 @@ class Connections:
         self._warned = now
         return logging.WARNING
 
-    def discard(self, peer: Peer) -> None:
+    def discard(self, client: Client) -> None:
         """Forget one of ``all``: it has been closed."""
-        self.all.discard(peer)
+        self.all.discard(client)
         if not self.all:
             self.empty.set()
 
@@ -95,11 +105,11 @@ class Connections:
 
     async def close(self, seconds: float) -> None:
         """Close all connections and let the handlers end; what is not done within the seconds is cut off."""
-        for peer in list(self.all):
-            peer.close()
+        for client in list(self.all):
+            client.close()
         if not await self._emptied(seconds):  # a client does not take its last answers
-            for peer in list(self.all):
-                peer.abort()
+            for client in list(self.all):
+                client.abort()
             await self._emptied(seconds)
         await asyncio.sleep(0)
         if self.tasks:

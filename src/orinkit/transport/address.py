@@ -1,4 +1,4 @@
-"""Where to connect or listen: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0?baudrate=115200``.
+"""Where to connect or listen: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0``, ``http://...``.
 
 DENSO's connection strings too: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``.
 """
@@ -18,8 +18,9 @@ DEFAULT_PORT: Final = 5007
 
 _HOSTS: Final = ("tcp", "udp")
 _PORTS: Final = ("serial", "com")
-_LATER: Final = ("http", "https", "can")
-_KNOWN: Final = (*_HOSTS, *_PORTS, "pty", *_LATER)
+_WEB: Final = {"http": 80, "https": 443}
+_LATER: Final = ("can",)
+_KNOWN: Final = (*_HOSTS, *_PORTS, "pty", *_WEB, *_LATER)
 _LONGEST: Final = 4000  # characters of a path
 _BAUDRATES: Final = range(50, 20_000_001)
 _STOPS: Final = {"1": 1.0, "1.0": 1.0, "1.5": 1.5, "2": 2.0, "2.0": 2.0}
@@ -73,6 +74,25 @@ class SerialAddress:
         return f"serial://{quote(self.path, safe=_PLAIN)}?{settings}"
 
 
+class HttpAddress(NamedTuple):
+    """Where e-CAP is spoken; ``str`` gives its URL.
+
+    Attributes:
+        scheme: ``"http"`` or ``"https"``.
+        host: name or address; an IPv6 address without its brackets.
+        port: 0 to 65535; 0 lets a server take a free one.
+        path: from the first slash on; a server answers at every path.
+    """
+
+    scheme: str
+    host: str
+    port: int
+    path: str = "/"
+
+    def __str__(self) -> str:
+        return f"{Address(self.scheme, self.host, self.port)}{self.path if self.path != '/' else ''}"
+
+
 @dataclass(frozen=True, slots=True)
 class PtyAddress:
     """A pair of pseudo-terminals that a server opens: a serial line without any hardware."""
@@ -83,7 +103,7 @@ class PtyAddress:
         return "pty://"
 
 
-AnyAddress: TypeAlias = Address | SerialAddress | PtyAddress
+AnyAddress: TypeAlias = Address | HttpAddress | SerialAddress | PtyAddress
 _PLAIN: Final = "/\\:.,-_+@"  # what a path has often, and stays readable
 
 
@@ -104,6 +124,8 @@ def parse_address(text: str) -> AnyAddress:
         )
     if scheme in _HOSTS:
         return Address(scheme, *_split_port(text, rest.removesuffix("/"), scheme))
+    if scheme in _WEB:
+        return _http(text, rest, scheme)
     if scheme in _PORTS:
         return _serial(text, rest) if url or scheme == "serial" else _com(text, rest)
     if scheme == "pty":
@@ -114,7 +136,7 @@ def parse_address(text: str) -> AnyAddress:
                 "pty://",
             )
         return PtyAddress()
-    known = "tcp, udp, serial, com"
+    known = "tcp, udp, http, https, serial, com"
     if scheme in _LATER:
         raise _bad(text, pick(f"{scheme} is not there yet; {known} are", f"{scheme} は未対応です (対応: {known})"))
     raise _bad(
@@ -137,7 +159,8 @@ def _split_scheme(place: str) -> tuple[str, str, bool]:
 
 
 def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
-    example = f"{scheme}://192.168.0.1:5007"
+    usual = _WEB.get(scheme, DEFAULT_PORT)
+    example = f"{scheme}://192.168.0.1:{usual if scheme not in _WEB else 8080}"
     if place.startswith("["):
         host, closing, rest = place[1:].partition("]")
         colon, port = rest[:1], rest[1:]
@@ -151,12 +174,24 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
         reason = pick("a host and perhaps a port are needed", "ホストと、必要ならポートを指定してください")
         raise _bad(text, reason, example)
     if not colon:
-        return host, DEFAULT_PORT
+        return host, usual
     number = _whole(port)
     if not 0 <= number <= 65535:
         reason = pick(f"port {port!r:.80} is not 0 to 65535", f"ポート {port!r:.80} は 0～65535 ではありません")
         raise _bad(text, reason, example)
     return host, number
+
+
+def _http(text: str, rest: str, scheme: str) -> HttpAddress:
+    """Read ``127.0.0.1:8080/path?query``."""
+    place, slash, path = rest.partition("/")
+    if "?" in place or "#" in rest or any(not "!" <= sign <= "~" for sign in path):
+        reason = pick(
+            "a path has no blanks, no # and only ASCII: others are written %XX",
+            "パスに空白、#、ASCII 以外の文字は使えません (%XX の形で指定してください)",
+        )
+        raise _bad(text, reason, f"{scheme}://192.168.0.1:8080/ecap")
+    return HttpAddress(scheme, *_split_port(text, place, scheme), slash + path or "/")
 
 
 # --- serial ports -----------------------------------------------------------------------------------------------------

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import os
 
-from orinkit.transport.address import Address, AnyAddress, SerialAddress
+from orinkit.transport.access import NOTHING, Access
+from orinkit.transport.address import Address, AnyAddress, HttpAddress, SerialAddress
 from orinkit.transport.drive import AsyncLink
 from orinkit.transport.links import for_servers
+from orinkit.variant_bytes import DEFAULT_LIMITS
 
 
-async def open_link(address: AnyAddress, seconds: float) -> AsyncLink:
+async def open_link(
+    address: AnyAddress, seconds: float, access: Access = NOTHING, most: int = DEFAULT_LIMITS.packet
+) -> AsyncLink:
     """Open a link to an address.
 
     Args:
         address: of the controller.
         seconds: that it may take.
+        access: for HTTP.
+        most: bytes of a reply over HTTP.
 
     Raises:
         InvalidAddress: it is one for servers.
-        ConnectFailed: it cannot be opened.
-        MissingExtra: a serial port needs a package.
+        ConnectFailed: it cannot be opened; with HTTP that shows later.
+        MissingExtra: a serial port, or HTTP, needs a package.
     """
     if isinstance(address, Address):
         if address.scheme == "udp":
@@ -29,6 +35,10 @@ async def open_link(address: AnyAddress, seconds: float) -> AsyncLink:
         from orinkit.transport.aio_tcp import AsyncTcpLink
 
         return await AsyncTcpLink.connect(address, seconds)
+    if isinstance(address, HttpAddress):
+        from orinkit.transport.aio_http_link import AsyncHttpLink
+
+        return AsyncHttpLink(address, access, most)
     if isinstance(address, SerialAddress):
         if os.name == "nt":
             from orinkit.transport.aio_port_link import AsyncPortLink

@@ -17,6 +17,8 @@ from orinkit.language import pick
 T = TypeVar("T")
 _GOODBYE = 0.1  # s for each packet of a farewell
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
+Parting: TypeAlias = tuple[bytes, float]
+"""Something to send before a link is closed, and how many seconds to wait for an answer."""
 
 
 class Link(Protocol):
@@ -134,7 +136,7 @@ def _lent() -> StreamError:
     )
 
 
-def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[bytes]] = tuple) -> T:
+def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[Parting]] = tuple) -> T:
     """Carry out an operation on the caller's thread and return its result.
 
     An exception from outside in the middle of it, such as KeyboardInterrupt, closes the link: bytes may have been
@@ -171,25 +173,29 @@ def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[byt
         raise
 
 
-def say_goodbye(link: Link, packets: Iterable[bytes]) -> None:
-    """Send packets without waiting for anything; a link that is broken or closed is no error."""
+def say_goodbye(link: Link, packets: Iterable[Parting]) -> None:
+    """Send packets, and wait for their answers where that is asked for; a link that is broken or closed is no error."""
     try:
-        for data in packets:
+        for data, seconds in packets:
             link.send(data, _GOODBYE)
+            if seconds:
+                link.receive(seconds)
     except OrinError:
         pass
 
 
-async def asay_goodbye(link: AsyncLink, packets: Iterable[bytes]) -> None:
+async def asay_goodbye(link: AsyncLink, packets: Iterable[Parting]) -> None:
     """The same in asyncio."""
     try:
-        for data in packets:
+        for data, seconds in packets:
             link.send(data)
+            if seconds:
+                await link.receive(seconds)
     except OrinError:
         pass
 
 
-async def arun(operation: Operation[T], link: AsyncLink, farewell: Callable[[], Iterable[bytes]] = tuple) -> T:  # noqa: ARG001 - as run
+async def arun(operation: Operation[T], link: AsyncLink, farewell: Callable[[], Iterable[Parting]] = tuple) -> T:  # noqa: ARG001 - as run
     """Carry out an operation in asyncio and return its result; one that is cancelled leaves the link as it is."""
     received: bytes | None = None
     deadline = 0.0

@@ -6,21 +6,25 @@ import os
 
 from orinkit.errors import InvalidAddress
 from orinkit.language import pick
-from orinkit.transport.address import Address, AnyAddress, SerialAddress
+from orinkit.transport.access import NOTHING, Access
+from orinkit.transport.address import Address, AnyAddress, HttpAddress, SerialAddress
 from orinkit.transport.drive import Link
+from orinkit.variant_bytes import DEFAULT_LIMITS
 
 
-def open_link(address: AnyAddress, seconds: float) -> Link:
+def open_link(address: AnyAddress, seconds: float, access: Access = NOTHING, most: int = DEFAULT_LIMITS.packet) -> Link:
     """Open a link to an address.
 
     Args:
         address: of the controller.
         seconds: that it may take.
+        access: for HTTP.
+        most: bytes of a reply over HTTP.
 
     Raises:
         InvalidAddress: it is one for servers.
-        ConnectFailed: it cannot be opened.
-        MissingExtra: a serial port needs a package.
+        ConnectFailed: it cannot be opened; with HTTP that shows later.
+        MissingExtra: a serial port, or HTTP, needs a package.
     """
     if isinstance(address, Address):
         if address.scheme == "udp":
@@ -30,6 +34,10 @@ def open_link(address: AnyAddress, seconds: float) -> Link:
         from orinkit.transport.tcp import TcpLink
 
         return TcpLink.connect(address, seconds)
+    if isinstance(address, HttpAddress):
+        from orinkit.transport.http_link import HttpLink
+
+        return HttpLink(address, access, most)
     if isinstance(address, SerialAddress):
         from orinkit.transport import serial_settings
 

@@ -1,0 +1,36 @@
+"""Files that options name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from orinkit.cli._errors import Failure, unusable
+
+_LONGEST: Final = 65536  # bytes of a token's file
+
+
+def read(option: str, path: str) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        Failure: it cannot be read; the message names the option.
+    """
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        raise Failure(f"{option} {path}: {error}", 2) from None
+
+
+def read_token(path: str) -> str:
+    """Return the token that a file holds, without what is blank around it.
+
+    Raises:
+        Failure: the file cannot be read, or has none.
+    """
+    token = read("--token-file", path)[:_LONGEST].decode("utf-8", "replace").strip()
+    if not token:
+        raise unusable(
+            f"--token-file {path}: the file has no token in it", f"--token-file {path}: トークンが書かれていません"
+        )
+    return token

@@ -1,0 +1,95 @@
+"""Options of serving e-CAP over HTTP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.cli._errors import Failure, unusable
+from orinkit.cli._files import read, read_token
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
+
+HTTP: Final = Group(pick("HTTP", "HTTP"), sort_key=9)
+
+
+@Parameter(name="*", group=HTTP)
+@dataclass(frozen=True)
+class Web:
+    """Where to listen for e-CAP, and who is let in."""
+
+    http: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=pick(
+                "HOST:PORT to listen on for e-CAP over HTTP; may be given again. With --cert it is https.",
+                "e-CAP (HTTP) を待ち受ける HOST:PORT。複数指定可。--cert を指定すると https になる。",
+            )
+        ),
+    ] = ()
+    token_file: Annotated[
+        str | None,
+        Parameter(
+            help=pick(
+                'File with a token that clients have to show ("Authorization: Bearer ...").',
+                "クライアントが示すべきトークンのファイル (Authorization: Bearer ...)。",
+            )
+        ),
+    ] = None
+    cert: Annotated[
+        str | None,
+        Parameter(
+            help=pick("PEM file with the server's certificate, for https.", "サーバ証明書の PEM ファイル (https 用)。")
+        ),
+    ] = None
+    key: Annotated[
+        str | None,
+        Parameter(
+            help=pick(
+                "PEM file with its key, if it is not in --cert.", "秘密鍵の PEM ファイル (--cert に含まれない場合)。"
+            )
+        ),
+    ] = None
+    http_host: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=pick(
+                "Further name by which clients call this server; addresses, localhost and the machine's name are taken anyway.",
+                "クライアントがこのサーバを呼ぶ追加のホスト名。アドレス、localhost、このマシンの名前は指定不要。",
+            )
+        ),
+    ] = ()
+    http_idle: Annotated[
+        float,
+        Parameter(
+            help=pick(
+                "Seconds of silence after which an HTTP client is forgotten and all that it holds is released.",
+                "HTTP クライアントの無通信がこの秒数続くと、そのクライアントを忘れ、保持しているものを解放する。",
+            )
+        ),
+    ] = DEFAULT_HTTP.idle
+
+    @property
+    def scheme(self) -> str:
+        """``"https"`` with a certificate, ``"http"`` without."""
+        return "http" if self.cert is None else "https"
+
+    def options(self) -> HttpOptions:
+        """Return what the server is told.
+
+        Raises:
+            Failure: a file cannot be read, or an option makes no sense.
+        """
+        if self.key is not None and self.cert is None:
+            raise unusable("--key needs --cert", "--key には --cert が必要です")
+        for option, path in (("--cert", self.cert), ("--key", self.key)):
+            if path is not None:
+                read(option, path)
+        token = "" if self.token_file is None else read_token(self.token_file)
+        try:
+            return HttpOptions(token, self.cert or "", self.key or "", self.http_host, self.http_idle)
+        except InvalidValue as error:
+            raise Failure(str(error), 2) from None

@@ -1,0 +1,149 @@
+"""``orinkit gateway``: other controllers, over whatever protocol clients speak."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.bcap.wire import DEFAULT_TRIES
+from orinkit.cao.provider import Provider
+from orinkit.cli._errors import Failure, unusable
+from orinkit.cli._files import read, read_token
+from orinkit.cli._serving import Listening, begin_log, check, run
+from orinkit.errors import InvalidValue, OrinError
+from orinkit.gateway import RemoteProvider, Restricted, Rules, Upstream
+from orinkit.language import pick
+
+_UPSTREAM: Final = Group(pick("Controllers", "コントローラ"), sort_key=6)
+_RULES: Final = Group(pick("What is allowed", "許可する操作"), sort_key=7)
+_LISTENING: Final = Listening()
+_NAMED: Final = re.compile(r"([^=:/?&]+)=(.*)", re.DOTALL)
+
+
+def gateway(
+    *,
+    upstream: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_UPSTREAM,
+            help=pick("A controller: tcp://192.168.0.1:5007, udp://..., serial:///dev/ttyUSB0, http://...; NAME=URL for one of several, "
+                      "which clients choose by the machine name of Controller_Connect.",
+                      "コントローラ: tcp://192.168.0.1:5007、udp://...、serial:///dev/ttyUSB0、http://...。複数の場合は 名前=URL とし、"
+                      "クライアントは Controller_Connect のマシン名で選ぶ。"),
+        ),
+    ],
+    provider: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_UPSTREAM,
+            help=pick("Provider name that is passed on; all are unless told otherwise. May be given again.",
+                      "中継するプロバイダ名。指定しなければすべて中継する。複数指定可。"),
+        ),
+    ] = ("*",),
+    timeout: Annotated[
+        float | None,
+        Parameter(
+            group=_UPSTREAM,
+            help=pick("Seconds for connecting to a controller and for each call (3 by default); with UDP and serial lines for each try (0.5).",
+                      "コントローラへの接続と各呼び出しの制限時間 (秒、既定 3)。UDP とシリアルでは送信 1 回ごと (既定 0.5)。"),
+        ),
+    ] = None,
+    tries: Annotated[
+        int,
+        Parameter(
+            group=_UPSTREAM,
+            help=pick("How often a request is sent with UDP and serial lines while no answer comes, 1 to 7.",
+                      "UDP とシリアルで、応答がないときに要求を送信する回数 (1～7)。"),
+        ),
+    ] = DEFAULT_TRIES,
+    dialect: Annotated[
+        str, Parameter(group=_UPSTREAM, help=pick("rc8 or ve026a.", "rc8 または ve026a。"))
+    ] = "rc8",
+    upstream_token_file: Annotated[
+        str | None,
+        Parameter(
+            group=_UPSTREAM,
+            help=pick("File with the token that an HTTP controller wants to be shown.", "HTTP のコントローラに示すトークンのファイル。"),
+        ),
+    ] = None,
+    upstream_cafile: Annotated[
+        str | None,
+        Parameter(
+            group=_UPSTREAM,
+            help=pick("PEM file of certificates that an https controller's is to be signed by.",
+                      "https のコントローラの証明書を検証する PEM ファイル。"),
+        ),
+    ] = None,
+    read_only: Annotated[
+        bool, Parameter(group=_RULES, help=pick("Only what reads.", "読み出しのみ許可する。"))
+    ] = False,
+    allow_function: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_RULES,
+            help=pick('Functions that are allowed, by the documents\' names: "Robot_*"; may be given again.',
+                      '許可する関数 (仕様書の名前): "Robot_*"。複数指定可。'),
+        ),
+    ] = (),
+    allow_variable: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_RULES,
+            help=pick('Variables that are allowed: "IO1??"; may be given again.', '許可する変数: "IO1??"。複数指定可。'),
+        ),
+    ] = (),
+    allow_command: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_RULES,
+            help=pick('Commands of Execute that are allowed: "Get*"; may be given again.',
+                      '許可する Execute コマンド: "Get*"。複数指定可。'),
+        ),
+    ] = (),
+    listening: Listening = _LISTENING,
+) -> int:  # fmt: skip
+    """Pass calls on to other controllers; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
+    check(listening)
+    if upstream_cafile is not None:
+        read("--upstream-cafile", upstream_cafile)
+    token = "" if upstream_token_file is None else read_token(upstream_token_file)
+    try:
+        found = {
+            name: Upstream(
+                url,
+                timeout=timeout,
+                tries=tries,
+                dialect=dialect,
+                token=token if _is_web(url) else "",
+                cafile=(upstream_cafile or "") if _is_web(url) else "",
+            )
+            for name, url in _named(upstream)
+        }
+        remote: Provider = RemoteProvider(found, names=provider)
+    except (OrinError, InvalidValue, ValueError) as error:
+        raise Failure(str(error), 2) from None
+    rules = Rules(read_only, allow_function, allow_variable, allow_command)
+    begin_log(listening)
+    return run([remote if rules == Rules() else Restricted(remote, rules)], listening)
+
+
+def _named(given: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Return name and URL of each controller; the name of a single one may be left out.
+
+    Raises:
+        Failure: a name is missing, or there twice.
+    """
+    found = [(match[1].strip(), match[2]) if (match := _NAMED.fullmatch(text)) else ("", text) for text in given]
+    names = [name.lower() for name, _ in found]
+    if len(found) > 1 and ("" in names or len(set(names)) < len(names)):
+        raise unusable(
+            "--upstream: each of several controllers needs a name of its own, as cell1=tcp://192.168.0.1:5007",
+            "--upstream: 複数のコントローラには cell1=tcp://192.168.0.1:5007 のように別々の名前が必要です",
+        )
+    return found
+
+
+def _is_web(url: str) -> bool:
+    return url.lower().startswith("http")

@@ -1,0 +1,56 @@
+"""``orinkit serve device``: devices of one's own on the network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+from cyclopts import Parameter
+
+from orinkit.cao.provider import Provider
+from orinkit.cao.session import Host
+from orinkit.cli._errors import Failure
+from orinkit.cli._serving import Listening, begin_log, check, run
+from orinkit.language import pick
+from orinkit.providers import LoadFailed, load, warn_of_clashes
+
+_LISTENING: Final = Listening()
+
+
+def serve_device(
+    *target: Annotated[
+        str,
+        Parameter(
+            required=True,
+            help=pick("file.py:Class, module:Class, or the name of an installed provider; the class may be left out where there is one.",
+                      "ファイル.py:クラス、モジュール:クラス、またはインストール済みのプロバイダ名。クラスが 1 つならクラス名は省略可。"),
+        ),
+    ],
+    listening: Listening = _LISTENING,
+) -> int:  # fmt: skip
+    """Serve devices of your own; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
+    check(listening)
+    begin_log(listening)
+    providers = load_targets(target)
+    warn_of_clashes(providers)
+    return run(providers, listening)
+
+
+def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list[Provider]:
+    """Return the providers that a command line names, behind those that are there.
+
+    Raises:
+        Failure: one cannot be loaded, or not be served beside the others.
+    """
+    providers = list(first)
+    for target in targets:
+        try:
+            provider = load(target)
+            if not any(provider is other for other in providers):
+                Host([*providers, provider])
+                providers.append(provider)
+        except LoadFailed as error:
+            raise Failure(str(error), 2) from error
+        except ValueError as error:  # it speaks another dialect
+            raise Failure(f"{target}: {error}", 2) from error
+    return providers

@@ -1,0 +1,75 @@
+"""What a URL says to a client: where to connect, which protocol is spoken there, how long it may take."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from orinkit.bcap.client import Conversation
+from orinkit.bcap.wire import WIRES, Wire
+from orinkit.cao.answers import Trace
+from orinkit.cao.carrier import Carrier
+from orinkit.client._common import check_timeout, check_tries
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+from orinkit.transport.access import Access
+from orinkit.transport.address import AnyAddress, HttpAddress, PtyAddress, parse_address
+from orinkit.transport.links import for_servers
+from orinkit.variant_bytes import Limits
+
+if TYPE_CHECKING:
+    from orinkit.ecap.client import Conversation as EcapConversation
+
+    AnyConversation: TypeAlias = Conversation | EcapConversation
+
+_LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
+
+
+def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress, Carrier, float]:
+    """Return what a URL says, how calls travel there, and how many seconds opening the link may take.
+
+    Args:
+        url: of the controller.
+        timeout: seconds of a try, ``None`` for what is usual on the wire.
+        tries: how often a request is sent.
+
+    Raises:
+        InvalidAddress: the URL cannot be used by a client.
+        InvalidValue: timeout or tries cannot be used.
+    """
+    address = parse_address(url)
+    if isinstance(address, PtyAddress):
+        raise for_servers()
+    wire = _web() if isinstance(address, HttpAddress) else WIRES[address.scheme]
+    seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
+    return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
+
+
+def _web() -> Carrier:
+    from orinkit.ecap.client import HTTP  # few programs speak e-CAP
+
+    return HTTP
+
+
+def conversation(wire: Carrier, limits: Limits, trace: Trace | None) -> AnyConversation:
+    """Return the conversation for a way that calls travel: b-CAP, or e-CAP."""
+    if isinstance(wire, Wire):
+        return Conversation(limits, trace, wire)
+    from orinkit.ecap.client import Conversation as EcapConversation
+
+    return EcapConversation(limits, trace, wire)
+
+
+def access_to(address: AnyAddress, token: str, cafile: str) -> Access:
+    """Return what a client shows to a server.
+
+    Raises:
+        InvalidValue: there is something that is not for this kind of address.
+    """
+    if (token or cafile) and not isinstance(address, HttpAddress):
+        raise InvalidValue(
+            pick(
+                f"token and cafile are for http:// and https://; b-CAP at {address} knows none",
+                f"token と cafile は http:// と https:// 用です。{address} の b-CAP では使えません",
+            )
+        )
+    return Access(token, cafile)

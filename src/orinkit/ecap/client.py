@@ -1,0 +1,134 @@
+"""The client's side of an e-CAP conversation, without I/O.
+
+:meth:`Conversation.call` is a generator as that of :class:`orinkit.bcap.client.Conversation`: what it yields to be sent is
+the body of a request, what it is sent is the body of the reply. Line feeds ahead of a reply say that the server is at
+work, as S_EXECUTING does in b-CAP. Nothing is ever sent twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any, Final, TypeAlias
+
+from orinkit.ecap.message import read_reply, write_request
+
+from orinkit.cao.answers import Trace, checked, no_answer
+from orinkit.cao.carrier import Carrier
+from orinkit.cao.dialect import RC8, Dialect
+from orinkit.cao.functions import service_stop
+from orinkit.cao.table import Function
+from orinkit.errors import InvalidValue, error_for
+from orinkit.language import pick
+from orinkit.variant import Variant, VarType
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+
+Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
+
+HTTP: Final = Carrier("http", memory=60.0)
+"""e-CAP over HTTP. A server forgets a client after a silence that it is told; 60 s is what orinkit's own has by default."""
+
+_FAILED: Final = 0x8000_0000
+_FAREWELL: Final = 1.0  # s
+
+
+class Conversation:
+    """One client's requests and replies, one at a time.
+
+    Args:
+        limits: bounds on a reply, and on a request.
+        trace: is told every body: ``">"`` and a request, ``"<"`` and a reply.
+        wire: how calls travel.
+        dialect: of the controller; may be set once it is known.
+
+    Attributes:
+        dropped: always 0: a reply comes over the connection of its request.
+        echoes: always False, as there is no reserved field.
+        serial: of no meaning here.
+    """
+
+    dropped = 0
+    echoes = False
+
+    def __init__(
+        self,
+        limits: Limits = DEFAULT_LIMITS,
+        trace: Trace | None = None,
+        wire: Carrier = HTTP,
+        dialect: Dialect = RC8,
+    ) -> None:
+        self.trace = trace
+        self.wire = wire
+        self.dialect = dialect
+        self.serial = 1
+        self._limits = limits
+        self._stopped = True  # the server has been told that nobody is here, or never that somebody is
+
+    def call(
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        *,
+        exact: bool = False,
+        tries: int = 1,  # noqa: ARG002 - nothing is lost here
+        later: float = 0.0,  # noqa: ARG002
+    ) -> Operation:
+        """Call a function; returns a generator, see the module's docstring.
+
+        Args:
+            function: an entry of the table.
+            arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
+            seconds: time-out; every sign of the server that it is at work starts it anew.
+            exact: give the result as a :class:`~orinkit.variant.Variant`.
+            tries: as in b-CAP, where packets may be lost.
+            later: the same.
+
+        Raises:
+            InvalidValue: an argument does not fit; nothing was sent.
+            CallTimeout: no answer in time. An answer that comes later is dropped.
+            ConnectionLost: the other side closed the connection.
+            ProtocolError: what came is not e-CAP, or not what the function returns.
+            CallError: the controller answered with an error code.
+        """
+        request = write_request(function, arguments)
+        if len(request) > self._limits.packet:
+            raise _too_long(function, len(request), self._limits)
+        self._tell(">", request)
+        self._stopped = False
+        received = yield request, seconds
+        while received and not received.strip():
+            received = yield b"", seconds
+        if not received:
+            raise no_answer(function, received, seconds)
+        self._tell("<", received)
+        code, result = read_reply(received, self._limits)
+        if code >= _FAILED:
+            raise error_for(code, "", function.name, arguments)
+        self._stopped = function is service_stop
+        if function.result is None:
+            return code, None
+        if result is None:  # what is VT_EMPTY is left out
+            result = Variant(VarType.EMPTY)
+        return code, checked(function, result if exact else result.plain, exact=exact)
+
+    def farewell(self) -> list[tuple[bytes, float]]:
+        """Return what is to be sent before a client leaves that has not said Service_Stop, and seconds to wait for it."""
+        if self._stopped:
+            return []
+        self._stopped = True
+        request = write_request(service_stop, ())
+        self._tell(">", request)
+        return [(request, _FAREWELL)]
+
+    def _tell(self, mark: str, body: bytes) -> None:
+        if self.trace is not None:
+            self.trace(mark, body)
+
+
+def _too_long(function: Function[..., Any], length: int, limits: Limits) -> InvalidValue:
+    return InvalidValue(
+        pick(
+            f"{function.name}: the arguments make a request of {length} bytes, at most {limits.packet} can be sent",
+            f"{function.name}: 引数を含む要求が {length} バイトになり、上限 {limits.packet} バイトを超えます",
+        )
+    )

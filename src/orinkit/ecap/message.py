@@ -1,0 +1,439 @@
+"""e-CAP messages from and to bytes: the bodies of requests and of replies (e-CAP 3).
+
+A request is ``Func=9,Arg1=2,Arg2=IO150,Arg3=,Arg4=,Arg5=`` (:mod:`orinkit.ecap.fields`). An argument of type VARIANT is
+written in notation, ``8,Sample`` (e-CAP 3.5, :mod:`orinkit.notation`), nothing being VT_EMPTY; any other as plain text: a
+string as it is, a number decimal or ``0x`` hexadecimal. As a number can be nothing else, it may be in notation as well.
+
+A reply is ``0x00000000,3,2``: the return code, then a comma and the result in notation, if there is one.
+
+Every VARIANT arrives bit by bit as it was, but for NaN: all of them arrive as the one that Python's ``float("nan")`` is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
+
+from orinkit import hresult, variant_bytes
+from orinkit._notation_numbers import LONGEST, REAL, WHOLE
+from orinkit.cao import coerce
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.table import Argument, Function
+from orinkit.ecap.fields import ARGUMENTS, BLANKS, Field, quoted, read_fields, refused, shown, to_text
+from orinkit.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
+from orinkit.language import pick
+from orinkit.notation import format_variant, parse
+from orinkit.variant import ARRAY, Variant, VarType, misfit, trusted, variant
+from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+
+_FAILED: Final = 0x8000_0000
+_EMPTY: Final = Field("")
+
+
+class Request(NamedTuple):
+    """A call, as :meth:`orinkit.cao.session.Session.invoke` wants it.
+
+    Attributes:
+        function: an entry of the table.
+        arguments: with their types; optional ones that are empty are left out at the end.
+    """
+
+    function: Function[..., Any]
+    arguments: list[Variant]
+
+
+# --- requests ---------------------------------------------------------------------------------------------------------
+
+
+def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> bytes:
+    """Return the body of a call.
+
+    Args:
+        function: an entry of the table.
+        arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
+
+    Raises:
+        InvalidValue: an argument does not fit its type; the message names function and argument.
+    """
+    texts = [""] * ARGUMENTS
+    for index, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False)):
+        try:
+            texts[index] = quote(_WRITERS[argument.vt](value), safe="", errors="surrogatepass")
+        except InvalidValue as error:
+            raise InvalidValue(_where(function, index + 1, argument) + str(error)) from None
+    fields = "".join(f",Arg{number}={text}" for number, text in enumerate(texts, 1))
+    return f"Func={function.id}{fields}".encode("ascii")
+
+
+def read_request(body: bytes, limits: Limits = DEFAULT_LIMITS) -> Request:
+    """Return the call that a body asks for.
+
+    Raises:
+        CallError: E_INVALIDARG, the body is no request, or an argument is not what it should be; E_INVALIDARGTYPE, a number
+            is none; E_NOTIMPL, there is no such function; E_PACKETSIZEOVER, E_ARGSIZEOVER, it is more than the limits allow.
+    """
+    if len(body) > limits.packet:
+        raise error_for(hresult.E_PACKETSIZEOVER, _too_long(len(body), limits))
+    fields = read_fields(body)
+    function = _function(fields["func"].text.strip(BLANKS))
+    given = [fields.get(f"arg{number}", _EMPTY) for number in range(1, ARGUMENTS + 1)]
+    _check_number(function, given)
+    count = len(function.arguments)
+    while count > function.required and _left_out(function.arguments[count - 1], given[count - 1]):
+        count -= 1
+    pairs = list(zip(function.arguments, given[:count], strict=False))
+    try:
+        _check_cost((field.text for argument, field in pairs if argument.vt is VarType.VARIANT), limits)
+    except LimitExceeded as error:
+        raise error_for(error.code, f"{function.name}: {error}") from None
+    return Request(function, [_read(function, number, *pair, limits) for number, pair in enumerate(pairs, 1)])
+
+
+def explain_request(body: bytes) -> str:
+    """Return a request in one line, whatever is in it: ``Controller_GetVariable handle=2 name="IO150" option=""``."""
+    try:
+        fields = read_fields(body)
+    except CallError as error:
+        return pick(f"not an e-CAP request: {error.detail}", f"e-CAP の要求ではありません: {error.detail}")
+    word = fields.pop("func").text.strip(BLANKS)
+    function = FUNCTIONS.get(_whole(word) or 0)
+    words = [function.name if function else pick(f"function {shown(word)}?", f"関数 {shown(word)}?")]
+    arguments = function.arguments if function else ()
+    for number, argument in enumerate(arguments, 1):
+        text = shown(fields.pop(f"arg{number}", _EMPTY).text)
+        words.append(f'{argument.name}="{text}"' if argument.vt is VarType.BSTR else f"{argument.name}={text}")
+    words += [f'{name.capitalize()}="{shown(field.text)}"' for name, field in sorted(fields.items()) if field.text]
+    return " ".join(words)
+
+
+def _where(function: Function[..., Any], number: int, argument: Argument) -> str:
+    return pick(
+        f"{function.name}, argument {number} ({argument.name}): ",
+        f"{function.name} の第 {number} 引数 ({argument.name}): ",
+    )
+
+
+# Writing
+
+
+def _write_integer(value: Any) -> str:
+    variant_bytes.encode_integer(value)  # refuses what does not fit, as for b-CAP
+    return str(int(value))
+
+
+def _write_single(value: Any) -> str:
+    variant_bytes.encode_single(value)
+    return format_variant(trusted(VarType.R4, float(value))).partition(",")[2]
+
+
+def _write_string(value: Any) -> str:
+    if not isinstance(value, str):
+        raise misfit(VarType.BSTR, value)
+    return str.__str__(value)
+
+
+def _write_variant(value: Any) -> str:
+    item = variant(value)
+    return "" if item.type == VarType.EMPTY else format_variant(item)
+
+
+_WRITERS: Final[dict[VarType, Callable[[Any], str]]] = {
+    VarType.I4: _write_integer,
+    VarType.R4: _write_single,
+    VarType.BSTR: _write_string,
+    VarType.VARIANT: _write_variant,
+}
+
+# Reading
+
+
+_IDS: Final = {entry.name.lower(): entry.id for entry in FUNCTIONS.values()}
+
+
+def _function(word: str) -> Function[..., Any]:
+    number = _whole(word)
+    if number is None:
+        by_name = _IDS.get(word.lower(), 3)
+        raise refused(
+            pick(
+                f"Func: {quoted(word)} is no number. Try: Func={by_name}",
+                f"Func: {quoted(word)} は数値ではありません。対処: Func={by_name} のように書きます",
+            )
+        )
+    function = FUNCTIONS.get(number)
+    if function is None:
+        raise error_for(
+            hresult.E_NOTIMPL,
+            pick(
+                f"no function {quoted(word)}; there are 1 to {len(FUNCTIONS)}",
+                f"関数 {quoted(word)} はありません (1～{len(FUNCTIONS)})",
+            ),
+        )
+    return function
+
+
+def _whole(word: str) -> int | None:
+    """Return a whole number, decimal or hexadecimal; ``None`` where a text is none."""
+    match = WHOLE.fullmatch(word) if len(word) <= LONGEST else None
+    return int(word, 16 if match[1] else 10) if match else None
+
+
+def _check_number(function: Function[..., Any], given: list[Field]) -> None:
+    for number, field in enumerate(given, 1):
+        if number > len(function.arguments) and field.text.strip(BLANKS):
+            raise refused(
+                pick(
+                    f"{function.name} has no argument {number}, Arg{number} has to be empty",
+                    f"{function.name} に第 {number} 引数はありません。Arg{number} は空にしてください",
+                )
+            )
+
+
+def _left_out(argument: Argument, field: Field) -> bool:
+    return argument.optional and not (field.text if argument.vt is VarType.BSTR else field.text.strip(BLANKS))
+
+
+def _read(function: Function[..., Any], number: int, argument: Argument, field: Field, limits: Limits) -> Variant:
+    try:
+        if argument.vt is VarType.VARIANT:
+            return _read_variant(field.text, limits)
+        return _read_handle(field.text) if argument.is_handle else _READERS[argument.vt](field.text)
+    except NotationError as error:
+        kind = pick(
+            "; a VARIANT is written <type>,<value>: 3,100 or 8,text",
+            "。VARIANT は 3,100 や 8,text のように <型>,<値> と書きます",
+        )
+        code, reason = hresult.E_INVALIDARG, f"{error}{kind}"
+    except ProtocolError as error:
+        code, reason = error.code, str(error)
+    except CallError as error:
+        code, reason = error.code, error.detail
+    plus = pick(
+        '; a "+" in the body is read as a blank, write %2B', "。ボディの「+」は空白になります。%2B と書いてください"
+    )
+    raise error_for(code, _where(function, number, argument) + reason + (plus if field.plus else ""))
+
+
+def _read_variant(text: str, limits: Limits) -> Variant:
+    return _parse(text, limits) if text.strip(BLANKS) else trusted(VarType.EMPTY, None)
+
+
+def _read_string(text: str) -> Variant:
+    return trusted(VarType.BSTR, text)
+
+
+def _read_integer(text: str) -> Variant:
+    return trusted(VarType.I4, coerce.to_integer(_read_number(text)))
+
+
+def _read_real(text: str) -> Variant:
+    word = text.strip(BLANKS)
+    if len(word) <= LONGEST and REAL.fullmatch(word):
+        return trusted(VarType.R8, coerce.to_real(trusted(VarType.R8, float(word))))  # a "-0" too: no whole number
+    return trusted(VarType.R8, coerce.to_real(_read_number(text)))
+
+
+def _read_handle(text: str) -> Variant:
+    given = _read_number(text)
+    try:
+        return _integer(coerce.to_handle(given))
+    except CallError as error:
+        found = quoted(text)
+        raise error_for(
+            error.code,
+            pick(
+                f"{found} is no handle: the number that Controller_Connect, Controller_GetVariable and the like have answered",
+                f"{found} はハンドルではありません。Controller_Connect や Controller_GetVariable などが返した番号を指定します",
+            ),
+        ) from None
+
+
+_READERS: Final[dict[VarType, Callable[[str], Variant]]] = {
+    VarType.I4: _read_integer,
+    VarType.R4: _read_real,
+    VarType.BSTR: _read_string,
+}
+
+
+def _read_number(text: str) -> Variant:
+    """Return a number of whatever type it is; its range is checked where it is used, as for b-CAP."""
+    word = text.strip(BLANKS)
+    if not word:
+        raise refused(pick("empty, a number is needed", "空です。数値が必要です"))
+    if len(word) <= LONGEST:
+        if "," in word:
+            return parse(word)
+        whole = _whole(word)
+        if whole is not None:
+            return _integer(whole)
+        if REAL.fullmatch(word):
+            return trusted(VarType.R8, float(word))
+    raise error_for(
+        hresult.E_INVALIDARGTYPE, pick(f"{quoted(word)} is no number", f"{quoted(word)} は数値ではありません")
+    )
+
+
+def _integer(number: int) -> Variant:
+    if -(2**31) <= number < 2**31:
+        return trusted(VarType.I4, number)
+    if 0 <= number < 2**32:
+        return trusted(VarType.UI4, number)
+    return trusted(VarType.BSTR, str(number))  # too large for any of them: whoever wants a number says so
+
+
+# --- replies ----------------------------------------------------------------------------------------------------------
+
+_BLANK: Final = rb"[ \t\r\n]*+"
+# A code, then a comma or the end. The document prints no comma: a code of eight hexadecimal digits may also be followed
+# by the result itself.
+_REPLY: Final = re.compile(
+    rb"(?:\xef\xbb\xbf)?" + _BLANK + rb"(0x[0-9a-f]{8}(?=" + _BLANK + rb"[1-9][0-9]{0,4}" + _BLANK + rb",)"
+    rb"|(?:0x[0-9a-f]{1,8}|[+-]?[0-9]{1,10})(?=" + _BLANK + rb"(?:,|\Z)))" + _BLANK + rb",?",
+    re.IGNORECASE,
+)  # fmt: skip
+
+
+def write_reply(code: int, result: Variant | None) -> bytes:
+    """Return the body of an answer; VT_EMPTY is left out, as no result is.
+
+    Raises:
+        InvalidValue: VARIANT arrays are nested deeper than notation allows.
+    """
+    text = "" if result is None or result.type == VarType.EMPTY else f",{format_variant(result)}"
+    return f"0x{hresult.unsigned(code):08X}{text}".encode("utf-8", "surrogatepass")
+
+
+def read_reply(body: bytes, limits: Limits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
+    """Return the code, unsigned, and the result of an answer.
+
+    The code may be hexadecimal with ``0x``, or decimal, signed or not; line feeds may come before it. What stands behind the
+    code of a failure does not count.
+
+    Raises:
+        ProtocolError: it is none.
+    """
+    if len(body) > limits.packet:
+        raise LimitExceeded(_too_long(len(body), limits), hresult.E_PACKETSIZEOVER)
+    code, rest = _cut_reply(body)
+    if code >= _FAILED or not rest.strip():
+        return code, None
+    try:
+        text = to_text(rest)
+        _check_cost([text], limits)
+        return code, _parse(text, limits)
+    except UnicodeDecodeError:
+        raise _no_reply(rest, pick("it is no UTF-8", "UTF-8 ではありません")) from None
+    except NotationError as error:
+        raise _no_reply(rest, str(error)) from None
+
+
+def explain_reply(body: bytes) -> str:
+    """Return a reply in one line, whatever is in it: ``S_OK 3,2``."""
+    try:
+        code, rest = _cut_reply(body)
+    except ProtocolError as error:
+        return str(error)
+    info = hresult.lookup(code)
+    if info.failed:
+        name = "" if info.name.startswith("0x") else f" {info.name}"
+        return f"0x{code:08X}{name}: {info.text}"
+    return f"{info.name} {shown(rest[:1000].decode('utf-8', 'replace'))}".rstrip()
+
+
+def _cut_reply(body: bytes) -> tuple[int, bytes]:
+    match = _REPLY.match(body)
+    if match:
+        number = int(match[1], 16 if b"x" in match[1].lower() else 10)
+        if -(2**31) <= number < 2**32:
+            return hresult.unsigned(number), body[match.end() :]
+    found = _quoted(body)
+    raise ProtocolError(
+        pick(
+            f"{found} is no e-CAP reply, which begins with a return code as 0x00000000. "
+            "Try: is this the address of an e-CAP server, its path too?",
+            f"{found} は e-CAP の応答ではありません (0x00000000 のようなリターンコードで始まるはずです)。"
+            "対処: e-CAP サーバのアドレスとパスを確認してください",
+        )
+    )
+
+
+def _no_reply(rest: bytes, reason: str) -> ProtocolError:
+    found = _quoted(rest)
+    return ProtocolError(
+        pick(
+            f"the result {found} of an e-CAP reply cannot be read: {reason}",
+            f"e-CAP 応答の結果 {found} を読めません: {reason}",
+        )
+    )
+
+
+def _quoted(data: bytes) -> str:
+    return quoted(data[:200].decode("utf-8", "replace"))
+
+
+# --- bounds -----------------------------------------------------------------------------------------------------------
+
+
+def _too_long(length: int, limits: Limits) -> str:
+    return pick(
+        f"body of {length} bytes, at most {limits.packet} are allowed",
+        f"ボディ {length} バイトは上限 {limits.packet} バイトを超えています",
+    )
+
+
+_HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]*+([0-9]{1,5})")
+_SLOW: Final = {int(vt | ARRAY) for vt in (VarType.BSTR, VarType.DATE, VarType.CY)}
+# What each sign of a text may cost to be read, in microseconds, and how many of them each element that is allowed may: in
+# all a second by default. Brackets, and commas of slow types, are dearer than they are: arrays of them are bounded by
+# Limits.variants once they have been read.
+_BRACKET_COST: Final = 10
+_SLOW_COST: Final = 5
+_QUOTES_FOR_ONE: Final = 8
+_ALLOWANCE: Final = 20
+
+
+def _check_cost(texts: Iterable[str], limits: Limits) -> None:
+    """Refuse texts that would take too long to be read; they are only looked over for that.
+
+    Raises:
+        LimitExceeded: they have too many brackets and commas.
+    """
+    left = _ALLOWANCE * limits.variants
+    for text in texts:
+        if len(text) > limits.variants:
+            left -= _cost(text, left)
+    if left < 0:
+        raise LimitExceeded(
+            pick(
+                "the arrays have too many elements as text. Try: smaller arrays, several calls, or b-CAP",
+                "配列の要素数が文字列として多すぎます。対処: 配列を小さくするか、呼び出しを分けるか、b-CAP を使ってください",
+            ),
+            hresult.E_ARGSIZEOVER,
+        )
+
+
+def _cost(text: str, left: int) -> int:
+    head = _HEAD.match(text)
+    if not head or not (int(head[1]) & ARRAY or int(head[1]) == VarType.VARIANT):
+        return 0  # a scalar, or no notation
+    cost = _BRACKET_COST * text.count("(") + text.count('"') // _QUOTES_FOR_ONE
+    if cost > left:
+        return cost
+    slow = not _SLOW.isdisjoint(map(int, set(_HEAD.findall(text))))
+    return cost + (_SLOW_COST if slow else 1) * text.count(",")
+
+
+def _parse(text: str, limits: Limits) -> Variant:
+    """Return the VARIANT of a text.
+
+    Raises:
+        NotationError: it is none.
+        LimitExceeded: it is more than a b-CAP packet may hold.
+    """
+    item = parse(text)
+    if item.type & ARRAY and len(text) > limits.variants:  # shorter ones cannot have more elements
+        sizes = Limits(limits.packet, limits.depth, limits.variants)
+        variant_bytes.decode(variant_bytes.encode_variant(item), limits=sizes)
+    return item

@@ -1,0 +1,14 @@
+"""The gateway: a provider that is another controller, so that any client protocol reaches any controller.
+
+::
+
+    serve(RemoteProvider("tcp://192.168.0.1:5007"), "http://127.0.0.1:8080", "udp://127.0.0.1:5007")
+"""
+
+from __future__ import annotations
+
+from orinkit.gateway.remote import RemoteProvider
+from orinkit.gateway.rules import Restricted, Rules
+from orinkit.gateway.upstream import Upstream
+
+__all__ = ["RemoteProvider", "Restricted", "Rules", "Upstream"]

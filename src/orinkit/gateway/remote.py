@@ -1,0 +1,270 @@
+"""A provider that forwards every call to another controller: :class:`RemoteProvider`.
+
+The methods of its objects are made of THE TABLE, so a function that is entered there is forwarded. Nothing is kept here
+but handles: names, tags, IDs are asked for where they are.
+
+A connection carries one call at a time, as a controller itself has it: a client that calls several things at once (e-CAP)
+has them carried out one after the other. A Halt that is to stop a Move of the same client waits behind it; it has to come
+from a second client, which has a connection of its own, as with every controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from orinkit import hresult
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.options import Options
+from orinkit.cao.provider import (
+    CaoObject,
+    ClientInfo,
+    Coded,
+    CommandObject,
+    ControllerObject,
+    ExtensionObject,
+    FileObject,
+    MessageObject,
+    Provider,
+    RobotObject,
+    TaskObject,
+    VariableObject,
+)
+from orinkit.cao.table import Function
+from orinkit.errors import error_for
+from orinkit.gateway.upstream import Connection, Upstream, Wanted
+from orinkit.language import pick
+from orinkit.variant import VarType
+
+AnyUpstream: TypeAlias = str | Upstream
+_LOCAL: Final = "localhost"
+_PUT: Final = "put_"
+_KEPT_BY_CONTROLLER: Final = "put_value"
+
+
+class _Origin(NamedTuple):
+    """How an object was connected to."""
+
+    parent: RemoteObject
+    function: Function[..., Any]
+    arguments: tuple[Any, ...]
+
+
+class RemoteObject(CaoObject):
+    """An object of another controller.
+
+    Args:
+        connection: to that controller.
+        origin: how it was connected to; ``None`` for the controller itself.
+        handle: there.
+
+    Attributes:
+        origin: as it was given.
+        handle: there, in this generation of the connection.
+        generation: of the connection when the handle was given.
+    """
+
+    interface = ""
+
+    def __init__(self, connection: Connection, origin: _Origin | None = None, handle: int = 0) -> None:
+        super().__init__()
+        self.origin = origin
+        self.handle = handle
+        self.generation = connection.generation
+        self._connection = connection
+        self._marked = False  # the client has put something into it that is gone with the connection
+
+    def release(self) -> None:
+        """Let go: release the object there; with the controller the connection ends."""
+        if self.origin is None:
+            self._connection.close()
+        else:
+            self._connection.release(_RELEASES[self.interface], self.handle, self.generation)
+
+    async def _call(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> Any:
+        connection = self._connection
+        async with connection.turn:
+            await connection.ready()
+            reply = await connection.ask(function, await self._reach(), *arguments)
+            value = reply.value
+            if function.creates:
+                value = _CLASSES[function.creates](connection, _Origin(self, function, arguments), value.value)
+                connection.hold(_RELEASES[function.creates], value.handle)
+            elif function.result is VarType.VARIANT:
+                value = None if value.type == VarType.EMPTY else value
+            elif value is not None:
+                value = value.value
+        if function.method.startswith(_PUT) and function.method != _KEPT_BY_CONTROLLER:
+            self._marked = True
+        return value if reply.code == hresult.S_OK else Coded(reply.code, value)
+
+    async def _reach(self) -> int:
+        """Return the handle; after a lost connection the objects on the way here are connected to again.
+
+        Raises:
+            CallError: one cannot be; E_HANDLE, for it would not be the same.
+        """
+        connection = self._connection
+        path: list[tuple[RemoteObject, _Origin]] = []
+        each = self
+        while each.origin is not None and each.generation != connection.generation:
+            path.append((each, each.origin))
+            each = each.origin.parent
+        for lost, origin in reversed(path):
+            await lost.connect_again(origin)
+        return connection.handle if self.origin is None else self.handle
+
+    async def connect_again(self, origin: _Origin) -> None:
+        """Connect to the same object in a new connection, by its name; for who has the turn, and has reached its parent.
+
+        Args:
+            origin: how it was connected to.
+
+        Raises:
+            CallError: the controller refuses; E_HANDLE, a name does not tell all about the object.
+        """
+        connection = self._connection
+        if self._marked or len(origin.arguments) < 2:
+            raise error_for(
+                hresult.E_HANDLE,
+                pick(
+                    f"gateway to {connection.url}: the connection was lost meanwhile, and with it what the client had put "
+                    f"into this {self.interface}, or fetched. Get it anew",
+                    f"{connection.url} へのゲートウェイ: 接続が一度切れたため、この {self.interface} に設定された内容、"
+                    "または取り出した内容は失われました。取得し直してください",
+                ),
+            )
+        name, option = origin.arguments
+        parent = connection.handle if origin.parent.origin is None else origin.parent.handle
+        reply = await connection.ask(origin.function, parent, name, _without_create(option))
+        self.handle, self.generation = reply.value.value, connection.generation
+        connection.hold(_RELEASES[self.interface], self.handle)
+
+
+def _without_create(option: str) -> str:
+    """Return the option of a file without the wish that it be made: the client has not said so a second time."""
+    if "@Create" not in Options(option):
+        return option
+    return ",".join(part for part in option.split(",") if part.partition("=")[0].strip().lower() != "@create")
+
+
+def _forwarded(function: Function[..., Any]) -> Callable[..., Awaitable[Any]]:
+    async def method(self: RemoteObject, *arguments: Any) -> Any:
+        return await self._call(function, arguments)
+
+    method.__name__, method.__doc__ = function.method, function.en
+    return method
+
+
+_BASES: Final[Mapping[str, type[CaoObject]]] = {
+    "Controller": ControllerObject,
+    "Extension": ExtensionObject,
+    "File": FileObject,
+    "Robot": RobotObject,
+    "Task": TaskObject,
+    "Variable": VariableObject,
+    "Command": CommandObject,
+    "Message": MessageObject,
+}
+_RELEASES: Final = {entry.interface: entry for entry in FUNCTIONS.values() if entry.releases}
+_CLASSES: Final[dict[str, Callable[..., Any]]] = {
+    interface: type(
+        f"Remote{interface}",
+        (RemoteObject, base),
+        {
+            "interface": interface,
+            "__doc__": f"A {interface} of another controller.",
+            **{
+                entry.method: _forwarded(entry)
+                for entry in FUNCTIONS.values()
+                if entry.interface == interface and not entry.releases and entry.creates != "Controller"
+            },
+        },
+    )
+    for interface, base in _BASES.items()
+}
+
+
+class RemoteProvider(Provider):
+    """Another controller, or several, as a provider.
+
+    Each Controller_Connect of a client opens a connection of its own, so that handles, the arm, and the end of the
+    client are the same there as here. Controller_Connect itself goes there with all its arguments.
+
+    With several controllers the machine name of Controller_Connect says which one is meant: by the name that it has
+    here, in upper or lower case, or by host, or host and port, of its address.
+
+    Args:
+        upstream: URL of a controller, or :class:`~orinkit.gateway.upstream.Upstream`; several in a mapping, by name.
+        names: provider names that are forwarded; all that no other provider of the server has, unless told otherwise.
+
+    Raises:
+        ValueError: none, or controllers of different dialects.
+        InvalidAddress: a URL cannot be used.
+        InvalidValue: something else of an upstream cannot be used.
+    """
+
+    def __init__(self, upstream: AnyUpstream | Mapping[str, AnyUpstream], *, names: Sequence[str] = ("*",)) -> None:
+        listed = upstream if isinstance(upstream, Mapping) else {"": upstream}
+        self.provider_names = names
+        self._upstreams = {
+            str(name): each if isinstance(each, Upstream) else Upstream(each) for name, each in listed.items()
+        }
+        self.dialect = _common_dialect(self._upstreams)
+        self._connections: set[Connection] = set()
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        """Return the controller object for one client; it begins to connect.
+
+        Raises:
+            CallError: E_INVALIDARG, the machine is none of those that are there.
+        """
+        upstream, machine = self._choose(machine)
+        wanted = Wanted(name, client.provider, machine, option)
+        connection = Connection(upstream, wanted, self._connections.discard)
+        self._connections.add(connection)
+        connection.begin()
+        made: ControllerObject = _CLASSES["Controller"](connection)
+        return made
+
+    def close(self) -> None:
+        """The server has stopped: end every connection at once."""
+        for connection in list(self._connections):
+            connection.abort()
+        self._connections.clear()
+
+    def _choose(self, machine: str) -> tuple[Upstream, str]:
+        """Return the controller that is meant, and the machine name that it is to be told."""
+        if len(self._upstreams) == 1:
+            (upstream,) = self._upstreams.values()
+            return upstream, upstream.machine or machine
+        wanted = machine.strip().lower()
+        for name, upstream in self._upstreams.items():
+            if name.lower() == wanted:
+                return upstream, upstream.machine or _LOCAL
+        meant = [upstream for upstream in self._upstreams.values() if wanted in upstream.places]
+        if len(meant) == 1:
+            return meant[0], meant[0].machine or machine
+        names = ", ".join(self._upstreams)
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick(
+                f"the machine {machine!r:.80} is none of those behind this gateway: {names}",
+                f"マシン名 {machine!r:.80} は、このゲートウェイの先にありません ({names})",
+            ),
+        )
+
+
+def _common_dialect(upstreams: Mapping[str, Upstream]) -> Any:
+    dialects = {upstream.spoken.name: upstream.spoken for upstream in upstreams.values()}
+    if len({name.lower() for name in upstreams}) < len(upstreams) or len(dialects) != 1:
+        raise ValueError(
+            pick(
+                "a gateway needs at least one controller, names that differ in more than upper and lower case, and one "
+                f"dialect for all: {', '.join(upstreams) or '-'}; {', '.join(dialects) or '-'}",
+                "ゲートウェイには 1 台以上のコントローラが必要で、名前は大文字小文字以外で区別でき、"
+                f"方言はすべて同じでなければなりません: {', '.join(upstreams) or '-'}; {', '.join(dialects) or '-'}",
+            )
+        )
+    (dialect,) = dialects.values()
+    return dialect

@@ -1,0 +1,263 @@
+"""What a client may call: read-only, or only what is on a list. :class:`Restricted` puts rules around any provider.
+
+What is not allowed is E_ACCESSDENIED, and does not reach the provider. Lists are of shell patterns (``*``, ``?``,
+``[12]``), upper and lower case do not matter. Connecting, disconnecting and releasing are always allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from inspect import isawaitable
+from typing import Any, Final
+
+from orinkit import hresult
+from orinkit._pose_checks import brief
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.options import Options
+from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider
+from orinkit.cao.table import Function
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+
+READING: Final[Mapping[str, frozenset[str]]] = {
+    interface: frozenset(name.lower() for name in names.split())
+    for interface, names in {
+        # RC8 3.3.6, and what clients of controllers use: docs/howto/virtual-rc8.md
+        "Controller": """
+            GetErrorDescription GetCurErrorCount GetCurErrorInfo GetErrorLogCount GetErrorLog GetOprLogCount GetOprLog
+            SysInfo SysState StoState GetAutoMode
+            HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandMotorState
+        """,
+        # RC8 3.3.4 and table 4-1; the second half are those of real controllers only
+        "Robot": """
+            TakeArmState CurSpd CurAcc CurDec CurJSpd CurJAcc CurJDec CurExtSpd CurExtAcc CurExtDec CurTool CurWork
+            CurPos CurPosEx CurJnt CurJntEx CurTrn CurTrnEx CurFig
+            HighCurPos HighCurPosEx HighCurJnt HighCurJntEx HighCurTrn HighCurTrnEx HighCurFig
+            DestPos DestJnt DestTrn DestFig
+            P2J P2T J2P J2T T2P T2J Dev DevH OutRange MotionComplete GetToolDef GetWorkDef GetPathPointCount
+            GetSrvData GetLogCount GetLogRecord slvGetMode GetRobotTypeName
+            CurSpeedMode GetAreaEnabled RobInfo CheckVirtualFence ConvertPoswork GetBaseDef CurForceSensorPayLoad
+            GetMotionPreparationState GetMechaButtonState CurScene CurSubScene SceneInfo
+        """,
+        "Task": "GetStatus",  # RC8 3.2
+        "Extension": "CurPos get_BusyState get_HoldState get_OrgState",  # of the electric hand
+        "File": "",
+    }.items()
+}
+"""Commands of Execute that change nothing and need no right but that to read, by interface, in lower case.
+
+No command of a VE026A is among them: Motor, slvChangeMode, slvMove and ClearError all do something (VE026A 5.3).
+"""
+
+_COMMAND: Final = "execute"
+_LONGEST: Final = 1000  # characters of a name that is on a list
+_ANY_NAME: Final = "*" * 100  # stands for whatever a client can make of a name with a * in it
+_CREATE: Final = "@create"
+_OFF: Final = ("", "0", "false", "off", "no")
+_ALWAYS: Final = frozenset(
+    entry.id
+    for entry in FUNCTIONS.values()
+    if entry.releases or entry.interface == "Service" or entry.creates == "Controller"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What is allowed; without any of these, everything.
+
+    Attributes:
+        read_only: only what reads: functions whose names say Get, and the commands of :data:`READING`.
+        functions: patterns for the documents' names: ``Robot_*``.
+        variables: patterns for the names of variables, of whatever object: ``IO1[0-9]``. A variable whose name has a
+            ``*``, of which a client chooses the number afterwards, needs a pattern that has one in its place: ``IO*``.
+        commands: patterns for the commands of Execute and for Command objects, ``CurPos`` or ``Robot.CurPos`` too.
+
+    Raises:
+        TypeError: a text where several are wanted.
+    """
+
+    read_only: bool = False
+    functions: Sequence[str] = ()
+    variables: Sequence[str] = ()
+    commands: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for name, patterns in (
+            ("functions", self.functions),
+            ("variables", self.variables),
+            ("commands", self.commands),
+        ):
+            if isinstance(patterns, str) or not all(isinstance(each, str) for each in patterns):
+                raise TypeError(
+                    pick(
+                        f"{name}: a list of patterns is needed, not {brief(patterns)}",
+                        f"{name} にはパターンのリストを指定してください ({brief(patterns)})",
+                    )
+                )
+
+    def check(self, function: Function[..., Any], arguments: Sequence[Any]) -> None:
+        """Let a call pass, or refuse it.
+
+        Args:
+            function: an entry of the table.
+            arguments: as a provider's method gets them: those behind the handle.
+
+        Raises:
+            CallError: E_ACCESSDENIED.
+        """
+        if function.id in _ALWAYS:
+            return
+        if self.functions and not _matches(function.name, self.functions):
+            raise _denied(function.name)
+        command = _command_of(function, arguments)
+        if self.commands and command is not None and not _allows(self.commands, function, command):
+            raise _denied(f"{function.name} {command:.40}")
+        if self.variables and function.creates == "Variable" and not _covers(arguments[0], self.variables):
+            raise _denied(f"{function.name} {arguments[0]:.40}")
+        if self.read_only and not _only_reads(function, arguments):
+            raise _denied(function.name if command is None else f"{function.name} {command:.40}", read_only=True)
+
+
+class Restricted(Provider):
+    """A provider of which only some of what it has may be used.
+
+    Args:
+        provider: any.
+        rules: what is allowed.
+    """
+
+    def __init__(self, provider: Provider, rules: Rules) -> None:
+        self._provider = provider
+        self._rules = rules
+        self.provider_names = provider.provider_names
+        self.guard = provider.guard
+        self.dialect = provider.dialect
+        self.functions = provider.functions
+        self.fixed_handles = provider.fixed_handles
+
+    def handle_of(self, interface: str, name: str) -> int:
+        """Return the handle of an object, where these are fixed."""
+        return self._provider.handle_of(interface, name)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        """Return the controller object for one client."""
+        made: ControllerObject = _covered(
+            "Controller", self._provider.connect(name, machine, option, client), self._rules
+        )
+        return made
+
+    def close(self) -> None:
+        """The server has stopped."""
+        self._provider.close()
+
+
+class _RestrictedObject(CaoObject):
+    """An object of which only some of what it has may be used."""
+
+    def __init__(self, served: CaoObject, rules: Rules) -> None:
+        super().__init__()
+        self._served = served
+        self._rules = rules
+
+    def release(self) -> None:
+        self._served.release()
+
+    def _call(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> Any:
+        self._rules.check(function, arguments)
+        result = getattr(self._served, function.method)(*arguments)
+        return _covered(function.creates, result, self._rules) if function.creates else result
+
+
+def _passed_on(function: Function[..., Any]) -> Callable[..., Any]:
+    def method(self: _RestrictedObject, *arguments: Any) -> Any:
+        return self._call(function, arguments)
+
+    method.__name__, method.__doc__ = function.method, function.en
+    return method
+
+
+_CLASSES: Final[dict[str, Callable[[CaoObject, Rules], Any]]] = {
+    interface: type(
+        f"_Restricted{interface}",
+        (_RestrictedObject,),
+        {e.method: _passed_on(e) for e in FUNCTIONS.values() if e.interface == interface and e.id not in _ALWAYS},
+    )
+    for interface in dict.fromkeys(entry.creates for entry in FUNCTIONS.values() if entry.creates)
+}
+
+
+def _covered(interface: str, result: Any, rules: Rules) -> Any:
+    """Return what a method has returned, whenever it comes, with the object in it restricted."""
+    if isinstance(result, CaoObject):
+        return _CLASSES[interface](result, rules)
+    if type(result) is Coded:
+        return Coded(result.code, _covered(interface, result.value, rules))
+    if type(result) is Blocking:
+        return Blocking(lambda: _covered(interface, result.run(), rules))
+    if type(result) is Later:
+        return _covered_later(interface, result, rules)
+    return _covered_soon(interface, result, rules) if isawaitable(result) else result
+
+
+async def _covered_soon(interface: str, result: Awaitable[Any], rules: Rules) -> Any:
+    return _covered(interface, await result, rules)
+
+
+def _covered_later(interface: str, result: Later[Any], rules: Rules) -> Later[Any]:
+    promise = Later[Any]()
+
+    def settle() -> None:
+        try:
+            promise.finish(_covered(interface, result.result(), rules))
+        except BaseException as error:  # noqa: BLE001 - whatever the device has failed with
+            promise.fail(error)
+
+    result.when_done(settle)
+    return promise
+
+
+def _command_of(function: Function[..., Any], arguments: Sequence[Any]) -> str | None:
+    """Return the command that is executed, or of which an object is made."""
+    if function.creates == "Command" or (function.method == _COMMAND and isinstance(arguments[0], str)):
+        return str(arguments[0])
+    return None
+
+
+def _allows(patterns: Sequence[str], function: Function[..., Any], command: str) -> bool:
+    """Whether a command is on the list; the name of a Command object may have its owner in front: ``Robot.Motor``."""
+    return _matches(command, patterns) or (bool(function.creates) and _matches(command.rpartition(".")[2], patterns))
+
+
+def _only_reads(function: Function[..., Any], arguments: Sequence[Any]) -> bool:
+    if function.method == _COMMAND:
+        return str(arguments[0]).strip().lower() in READING.get(function.interface, ())
+    if function.creates == "File":
+        return not _creates_file(arguments[-1])
+    return function.method.startswith("get_")
+
+
+def _creates_file(option: str) -> bool:
+    """Whether a file may be made; where it cannot be told how another side reads the option, it may."""
+    if _CREATE not in option.lower():
+        return False
+    options = Options(option)
+    return _CREATE not in options or options.text_of(_CREATE).strip().lower() not in _OFF
+
+
+def _matches(name: str, patterns: Iterable[str]) -> bool:
+    plain = name.strip().lower()
+    return len(plain) <= _LONGEST and any(fnmatchcase(plain, pattern.strip().lower()) for pattern in patterns)
+
+
+def _covers(name: str, patterns: Iterable[str]) -> bool:
+    return len(name) <= _LONGEST and _matches(name.replace("*", _ANY_NAME), patterns)
+
+
+def _denied(what: str, *, read_only: bool = False) -> CallError:
+    reason = pick(
+        "only reading is allowed here" if read_only else "not on the list of what is allowed here",
+        "ここでは読み出しのみ許可されています" if read_only else "許可リストにありません",
+    )
+    return error_for(hresult.E_ACCESSDENIED, f"{what}: {reason}")

@@ -1,0 +1,511 @@
+"""The ASGI application behind e-CAP: who is let in, what a request asks for, and its answer.
+
+Every answer of a function has status 200 and a return code in its body. Other statuses say that the request never got as
+far as a function.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import logging
+import socket
+from collections.abc import Callable
+from functools import partial
+from ipaddress import ip_address
+from typing import Any, Final, TypeVar
+from urllib.parse import quote
+
+from starlette.responses import PlainTextResponse
+from starlette.types import Message, Receive, Scope, Send
+
+from orinkit import hresult
+from orinkit.cao.service import ServiceOptions, read_options
+from orinkit.cao.session import Pending, Reply, Session
+from orinkit.ecap.message import Request, read_request, write_reply
+from orinkit.errors import CallError
+from orinkit.language import pick
+from orinkit.server.connections import Connections
+from orinkit.server.http_guard import GuardedProtocol, closing
+from orinkit.server.http_options import HttpOptions
+from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
+from orinkit.server.waiting import in_thread
+from orinkit.variant import VARIANT_ARRAY, Variant
+
+logger = logging.getLogger("orinkit.server")
+
+T = TypeVar("T")
+Headers = dict[bytes, bytes]
+
+LARGE: Final = 64 * 1024
+"""Bytes of a body that is read, or written, in a thread, so that no other client waits for it."""
+
+_SERVICE_START: Final = 1
+_SERVICE_STOP: Final = 2
+_LARGE_AT_A_TIME: Final = 2  # threads; more would only take turns, and the event loop with them
+_ELEMENT: Final = 16  # bytes of an array's element as text, about
+_LONGEST_DETAIL: Final = 500  # characters
+_BEATS: Final = range(80, 60_001)  # ms
+_REMEMBERED: Final = 64  # headers that have been looked at
+_FORM: Final = b"application/x-www-form-urlencoded"
+_UTF8: Final = (b"utf-8", b"utf8")
+_PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
+_TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
+_BEATING: Final = b"orinkit-executing"
+
+
+class _Gone(Exception):
+    """The client has closed its connection."""
+
+
+class App:
+    """The application of one listener.
+
+    Args:
+        shared: what all clients of the server share.
+        options: who is let in.
+        secure: it is https.
+    """
+
+    def __init__(self, shared: Connections, options: HttpOptions, *, secure: bool) -> None:
+        self._shared = shared
+        self._sessions = HttpSessions(shared, options.idle)
+        self._door = Door(options, secure=secure)
+        self._secure = secure
+        self._cookie = b""
+        self._large = asyncio.Semaphore(_LARGE_AT_A_TIME)
+        self._takes_options = shared.host.dialect.takes_options
+        self._codes = shared.host.dialect.codes
+
+    def listens_at(self, port: int) -> None:
+        """Say which port it is; the cookies of servers on other ports of a host are others."""
+        self._cookie = b"orinkit-%d" % port
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        exchange = Exchange(scope, receive, send)
+        try:
+            refusal = closed() if self._shared.closing else self._door.refusal(scope["method"], exchange.headers)
+            if refusal is None:
+                refusal = await self._serve(exchange)
+            if refusal is not None:
+                await exchange.refuse(refusal, self._shared.limits.packet)
+        except _Gone:
+            pass
+        except asyncio.CancelledError:
+            if (
+                not exchange.connection.gone
+            ):  # else it is the server that is being closed, and nobody is there to be told
+                raise
+        except Exception:
+            logger.exception("%s: answering a request", exchange.connection.name)
+            if not exchange.begun:
+                text = pick(
+                    "the server made a mistake; its log says which", "サーバ内部のエラーです。ログを参照してください"
+                )
+                await exchange.refuse(_plain(500, text), 0)
+
+    async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
+        """Answer a request that may come in; returns what refuses it, because of its length."""
+        key = self._key(exchange.headers.get(b"cookie", b""))
+        session = self._sessions.by_key(key) if key else None
+        if session is not None:
+            session.enter()
+        try:
+            body = await exchange.body(self._shared.limits.packet)
+            if body is None:
+                return _too_long(self._shared.limits.packet)
+            try:
+                request = await self._read(body)
+            except CallError as error:
+                await self._answer(exchange, Reply(error.code, detail=error.detail))
+                return None
+            if session is None:
+                session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
+                if session is not None:
+                    session.enter()
+            reply = await self._reply(exchange, session, request)
+            if key and request.function.id == _SERVICE_STOP:
+                exchange.add(b"set-cookie", self._set_cookie("", b"; Max-Age=0"))
+            await self._answer(exchange, reply)
+        finally:
+            if session is not None:
+                session.leave(broken=exchange.connection.gone)
+        return None
+
+    # --- who it is ------------------------------------------------------------------------------------------------
+
+    def _key(self, cookies: bytes) -> str:
+        """Return what the client's cookie says; ``""`` where it has none."""
+        for cookie in cookies.split(b";"):
+            name, mark, value = cookie.partition(b"=")
+            if mark and name.strip() == self._cookie:
+                return value.strip().decode("latin-1")
+        return ""
+
+    def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
+        """Return the client of a request that no cookie tells of; ``None`` where there is none and will be none."""
+        address, port = exchange.scope["client"] or ("", 0)
+        by_cookie = keeps_cookies or _BEATING in exchange.headers
+        there = None if by_cookie else self._sessions.at(address)
+        if function_id == _SERVICE_STOP:  # nobody comes only to leave
+            return there
+        if by_cookie:
+            session = self._sessions.newcomer(address, port)
+        else:
+            session = self._sessions.without_cookie(address, port, function_id)
+        if session is not None and session is not there:
+            exchange.add(b"set-cookie", self._set_cookie(session.key))
+        return session
+
+    def _set_cookie(self, value: str, more: bytes = b"") -> bytes:
+        secure = b"; Secure" if self._secure else b""
+        return b"%s=%s; HttpOnly; SameSite=Strict; Path=/%s%s" % (self._cookie, value.encode(), secure, more)
+
+    # --- a call ---------------------------------------------------------------------------------------------------
+
+    async def _read(self, body: bytes) -> Request:
+        if len(body) <= LARGE:
+            return read_request(body, self._shared.limits)
+        return await self._in_thread(partial(read_request, body, self._shared.limits))
+
+    async def _in_thread(self, function: Callable[[], T]) -> T:
+        async with self._large:
+            result: T = await in_thread(function)
+            return result
+
+    async def _reply(self, exchange: Exchange, session: HttpSession | None, request: Request) -> Reply:
+        function_id = request.function.id
+        if session is None:
+            if function_id == _SERVICE_STOP:
+                return _immediately(Session(self._shared.host), request)
+            return Reply(hresult.E_MAX_CONNECT, detail=_too_many(self._shared.clients))
+        if function_id == _SERVICE_STOP:
+            reply = _immediately(session.session, request)
+            if not hresult.failed(reply.code):
+                session.end()
+            return reply
+        if session.busy:
+            detail = pick(
+                f"{CALLS} calls of this client are at work", f"このクライアントの呼び出しを {CALLS} 件実行中です"
+            )
+            return Reply(hresult.E_BUSY_PROC, detail=detail)
+        if function_id == _SERVICE_START:
+            return self._start(session, request)
+        outcome = session.session.invoke(function_id, request.arguments)
+        if type(outcome) is Reply:
+            return outcome
+        assert isinstance(outcome, Pending)
+        return await self._wait(exchange, session, session.begin(outcome))
+
+    def _start(self, session: HttpSession, request: Request) -> Reply:
+        try:
+            options = read_options(request.arguments) if self._takes_options else ServiceOptions()
+        except CallError as error:
+            return Reply(error.code, detail=error.detail)
+        session.set_options(options)
+        return _immediately(session.session, request)
+
+    async def _wait(self, exchange: Exchange, session: HttpSession, call: Call) -> Reply:
+        """Return the answer of a call that takes its time, and let the client know meanwhile that it is at work."""
+        seconds = session.invoke_timeout
+        detail = pick(f"not done within {seconds:g} s", f"{seconds:g} 秒以内に完了しませんでした")
+        late = Reply(hresult.E_TIMEOUT, detail=detail)
+        timer = asyncio.get_running_loop().call_later(seconds, call.give_up, late)
+        exchange.connection.when_gone = call.give_up
+        if exchange.connection.gone:  # while the request was read
+            call.give_up()
+        try:
+            if exchange.beat:
+                await exchange.beats(call.reply)
+            reply = await call.reply
+        finally:
+            timer.cancel()
+            exchange.connection.when_gone = None
+        if reply is None:
+            raise _Gone
+        return reply
+
+    async def _answer(self, exchange: Exchange, reply: Reply) -> None:
+        code, result = self._codes.get(reply.code, reply.code), reply.result
+        try:
+            if result is not None and _is_long(result):
+                body = await self._in_thread(partial(write_reply, code, result))
+            else:
+                body = write_reply(code, result)
+        except Exception:
+            logger.exception("a result cannot be sent")
+            body = write_reply(hresult.E_FAIL, None)
+        if len(body) > self._shared.limits.packet:
+            code = hresult.E_TOO_MUCH_DATA
+            body = write_reply(self._codes.get(code, code), None)
+        await exchange.answer(body, reply.detail)
+
+
+class Exchange:
+    """One request and its answer.
+
+    Args:
+        scope: of ASGI.
+        receive: of ASGI.
+        send: of ASGI.
+
+    Attributes:
+        scope: of ASGI.
+        headers: of the request, by their names in lower case.
+        connection: that it has come on.
+        beat: milliseconds between signs that the server is at work; 0 where the client does not ask for them.
+        begun: the answer has begun.
+    """
+
+    __slots__ = ("_more", "_receive", "_send", "_whole", "beat", "begun", "connection", "headers", "scope")
+
+    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.scope = scope
+        self.headers: Headers = dict(scope["headers"])
+        self.connection: GuardedProtocol = scope["state"]["connection"]
+        beat = self.headers.get(_BEATING, b"")
+        self.beat = int(beat) if beat.isdigit() and len(beat) < 6 and int(beat) in _BEATS else 0
+        self.begun = False
+        self._receive = receive
+        self._send = send
+        self._whole = False
+        self._more: list[tuple[bytes, bytes]] = []
+
+    def add(self, name: bytes, value: bytes) -> None:
+        """Have the answer tell something more in its header."""
+        self._more.append((name, value))
+
+    async def _next(self) -> bytes:
+        message = await self._receive()
+        if message["type"] != "http.request":
+            raise _Gone
+        self._whole = not message["more_body"]
+        body: bytes = message["body"]
+        return body
+
+    def _length(self) -> int:
+        return int(self.headers.get(b"content-length", b"0"))
+
+    async def body(self, most: int) -> bytes | None:
+        """Return the request's body; ``None`` where it is longer than that."""
+        if self._length() > most:
+            return None
+        pieces: list[bytes] = []
+        count = 0
+        while not self._whole and count <= most:
+            pieces.append(await self._next())
+            count += len(pieces[-1])
+        if count > most:
+            return None
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+    async def refuse(self, refusal: PlainTextResponse, most: int) -> None:
+        """Answer without a return code.
+
+        Reads the body first, and throws it away: a client that is still sending would not see the answer. One that is too
+        long even so, or that is only sent if the server wants it, is not waited for; then the connection is closed.
+        """
+        count = 0
+        waited_for = b"expect" not in self.headers and self._length() <= 2 * most
+        while waited_for and not self._whole and count <= 2 * most:
+            count += len(await self._next())
+        if not self._whole or self.scope["method"] == "CONNECT":
+            refusal.headers["connection"] = "close"
+        self.begun = True
+        await refusal(self.scope, self._receive, self._send)
+
+    async def beats(self, reply: asyncio.Future[Reply | None]) -> None:
+        """Send line feeds until the reply is there."""
+        while True:
+            await asyncio.wait((reply,), timeout=self.beat / 1000)
+            if reply.done():
+                return
+            if not self.begun:
+                await self._begin([])
+            await self._send({"type": "http.response.body", "body": b"\n", "more_body": True})
+
+    async def answer(self, body: bytes, detail: str) -> None:
+        """Answer with a return code.
+
+        Args:
+            body: with the code.
+            detail: what went wrong, in words.
+        """
+        if not self.begun:
+            if detail:
+                text = quote(detail[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace")
+                self.add(b"orinkit-detail", text.encode())
+            await self._begin([(b"content-length", b"%d" % len(body))])
+        await self._send({"type": "http.response.body", "body": body})
+
+    async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
+        self.begun = True
+        headers.append(_TEXT)
+        if self.beat:
+            headers.append((_BEATING, b"%d" % self.beat))
+        headers += self._more
+        message: Message = {"type": "http.response.start", "status": 200, "headers": headers}
+        await self._send(message)
+
+
+class Door:
+    """Looks at a request's header: whether it is a call, of somebody who may call, for this server.
+
+    Args:
+        options: who is let in.
+        secure: it is https.
+    """
+
+    def __init__(self, options: HttpOptions, *, secure: bool) -> None:
+        own = socket.gethostname().lower().rstrip(".")
+        self._hosts = {"localhost", own, own.partition(".")[0], *(host.lower().rstrip(".") for host in options.hosts)}
+        self._token = options.token.encode()
+        self._port = "443" if secure else "80"
+        self._known_hosts: set[bytes] = {b""}
+        self._known_types: set[bytes] = {_FORM}
+
+    def refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
+        """Return the answer for one who is not let in; ``None`` for a call."""
+        host = headers.get(b"host", b"")
+        if host not in self._known_hosts and not self._is_ours(host):
+            return _wrong_host(host)
+        if b"origin" in headers and not self._is_own(headers[b"origin"], host):
+            return _plain(
+                403,
+                pick("calls of other web sites are refused (Origin)", "他のサイトからの呼び出しは拒否します (Origin)"),
+            )
+        if method != "POST":
+            return _not_post(method)
+        if self._token and not self._shows_token(headers.get(b"authorization", b"")):
+            text = pick("a token is needed: Authorization: Bearer ...", "トークンが必要です: Authorization: Bearer ...")
+            return _plain(401, text, {"WWW-Authenticate": "Bearer"})
+        kind = headers.get(b"content-type", _FORM)
+        if (kind not in self._known_types and not self._is_form(kind)) or not _is_plain(headers):
+            return _plain(415, pick(f"Content-Type: {_FORM.decode()}, UTF-8 is needed", _NOT_A_FORM))
+        return None
+
+    def _is_ours(self, given: bytes) -> bool:
+        """Whether a Host header names this server. A web page can have a name of its own point here, but no address."""
+        host, _ = _host_and_port(given.decode("latin-1").lower(), "")
+        name = host.removesuffix(".")
+        if name in self._hosts or name.endswith(".localhost") or _is_address(host):
+            _remember(self._known_hosts, given)
+            return True
+        return False
+
+    def _is_own(self, origin: bytes, host: bytes) -> bool:
+        """Whether a web page is of this server itself."""
+        _, mark, place = origin.decode("latin-1").lower().partition("://")
+        called = host.decode("latin-1").lower()
+        scheme_port = "443" if origin[:6].lower() == b"https:" else "80"
+        return bool(mark and called) and (
+            place == called or _host_and_port(place, scheme_port) == _host_and_port(called, self._port)
+        )
+
+    def _shows_token(self, given: bytes) -> bool:
+        kind, _, token = given.partition(b" ")
+        return hmac.compare_digest(token.strip(), self._token) and kind.lower() == b"bearer"
+
+    def _is_form(self, given: bytes) -> bool:
+        kind, *parameters = (part.strip() for part in given.lower().split(b";"))
+        for parameter in parameters:
+            name, _, value = parameter.partition(b"=")
+            if name.strip() == b"charset" and value.strip().strip(b'"') not in _UTF8:
+                return False
+        if kind == _FORM:
+            _remember(self._known_types, given)
+        return kind == _FORM
+
+
+# --- what is told ------------------------------------------------------------------------------------------------------
+
+_NOT_A_FORM: Final = f"Content-Type: {_FORM.decode()} と UTF-8 が必要です"
+
+
+def _plain(status: int, text: str, headers: dict[str, str] | None = None) -> PlainTextResponse:
+    return PlainTextResponse(f"{text}\n", status, headers)
+
+
+def closed() -> PlainTextResponse:
+    """Return the answer of a server that is being closed."""
+    return _plain(503, closing(), {"Connection": "close"})
+
+
+def _not_post(method: str) -> PlainTextResponse:
+    text = pick("e-CAP is spoken with POST", "e-CAP は POST で送信してください")
+    if method == "GET":
+        text = (
+            "orinkit: this is an e-CAP server. Try: curl -d 'Func=1' URL\n"
+            "orinkit: e-CAP サーバです。例: curl -d 'Func=1' URL"
+        )
+    return _plain(405, text, {"Allow": "POST"})
+
+
+def _wrong_host(given: bytes) -> PlainTextResponse:
+    shown = ascii(given[:60].decode("latin-1"))
+    return _plain(
+        421,
+        pick(
+            f"this server is not {shown}; it is called by its address, or a name that it has been told (--http-host)",
+            f"このサーバの名前は {shown} ではありません。アドレスか、--http-host で指定した名前で呼び出してください",
+        ),
+    )
+
+
+def _too_long(most: int) -> PlainTextResponse:
+    return _plain(413, pick(f"a body has at most {most} bytes", f"ボディは {most} バイトまでです"))
+
+
+def _too_many(clients: int) -> str:
+    return pick(f"{clients} clients are connected", f"{clients} 台のクライアントが接続中です")
+
+
+# --- small things ------------------------------------------------------------------------------------------------------
+
+
+def _immediately(session: Session, request: Request) -> Reply:
+    """Call a function of the session itself; none of them takes its time."""
+    outcome = session.invoke(request.function.id, request.arguments)
+    assert isinstance(outcome, Reply)
+    return outcome
+
+
+def _is_plain(headers: Headers) -> bool:
+    return headers.get(b"content-encoding", b"identity").lower() == b"identity"
+
+
+def _remember(known: set[bytes], given: bytes) -> None:
+    if len(known) < _REMEMBERED:
+        known.add(given)
+
+
+def _host_and_port(place: str, usual: str) -> tuple[str, str]:
+    """Cut ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
+    host, bracket, rest = place.rpartition("]")
+    name, colon, port = (rest if bracket else place).partition(":")
+    return (host + bracket if bracket else name), (port if colon else usual)
+
+
+def _is_address(host: str) -> bool:
+    try:
+        address = ip_address(host.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return (address.version == 6) is host.startswith("[")
+
+
+def _is_long(result: Variant) -> bool:
+    """Whether a result may be long as text; looks at no more of it than it has to."""
+    left = LARGE
+    rest: list[Any] = [result]
+    while rest and left >= 0:
+        item = rest.pop()
+        value = item.value if isinstance(item, Variant) else item
+        if isinstance(value, str | bytes):
+            left -= len(value)
+        elif isinstance(value, list):
+            left -= _ELEMENT * len(value)
+            if left >= 0 and value and (item.type == VARIANT_ARRAY or isinstance(value[0], str)):
+                rest += value
+    return left < 0

@@ -1,0 +1,412 @@
+"""uvicorn's HTTP/1.1 connection, with bounds on how many there are and how long a client may take for what it has to do.
+
+uvicorn itself waits for ever for a request that has begun, and for a client to take its answer.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import socket
+import ssl
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, Protocol, cast
+
+import h11
+from uvicorn.config import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+from uvicorn.server import ServerState
+
+from orinkit.language import pick
+from orinkit.server.connections import Connections
+
+logger = logging.getLogger("orinkit.server")
+
+LONGEST_HEADER: Final = 32 * 1024
+"""Bytes of a request's line and headers."""
+KEPT_ALIVE: Final = 75.0
+"""Seconds that a connection is kept on which nothing is asked."""
+
+_FEWEST: Final = 64  # connections that there may always be
+_TO_SHAKE_HANDS: Final = 10.0  # s
+_TO_SAY_GOODBYE: Final = 2.0  # s, TLS
+_own = logging.getLogger("orinkit.server.uvicorn")
+_own.setLevel(logging.ERROR)  # its warnings are about requests, and say less than ours
+
+
+class Stage(Enum):
+    """What a connection waits for, and how many seconds its client has for that."""
+
+    NEW = "a request", 10.0
+    HEADER = "the rest of a request's header", 10.0
+    BODY = "the rest of a request's body", 30.0
+    WORK = "the answer to a request", math.inf
+    TAKING = "the client to take more of its answer", 30.0
+    REST = "another request", KEPT_ALIVE
+    LEAVING = "the client to take its last answer", 30.0
+
+    def __init__(self, awaited: str, seconds: float) -> None:
+        self.awaited = awaited
+        self.seconds = seconds
+
+
+class Kept(Protocol):
+    """A connection that is counted."""
+
+    @property
+    def at_work(self) -> bool:
+        """Whether a request has come whole and has not been answered."""
+
+    def abort(self) -> None:
+        """Close it at once."""
+
+
+class Guard:
+    """Counts the connections of a listener. Where there is one too many, the one goes that has done nothing for longest.
+
+    Args:
+        shared: what all clients of the server share.
+
+    Attributes:
+        shared: what all clients of the server share.
+        most: how many connections there may be: clients that keep none open between calls have several for a moment.
+    """
+
+    def __init__(self, shared: Connections) -> None:
+        self.shared = shared
+        self.most = max(_FEWEST, 2 * shared.clients)
+        self._kept: dict[Kept, None] = {}  # the one whose last answer is oldest first
+
+    def __len__(self) -> int:
+        """Return how many connections there are."""
+        return len(self._kept)
+
+    def admit(self, connection: Kept) -> bool:
+        """Count a new connection; False where there are too many, all of them at work."""
+        if len(self._kept) >= self.most:
+            oldest = next((each for each in self._kept if not each.at_work), None)
+            if oldest is None:
+                return False
+            self.discard(oldest)
+            oldest.abort()
+        self._kept[connection] = None
+        return True
+
+    def answered(self, connection: Kept) -> None:
+        """A connection has proved its worth."""
+        if connection in self._kept:
+            del self._kept[connection]
+            self._kept[connection] = None
+
+    def discard(self, connection: Kept) -> None:
+        """Count a connection no more."""
+        self._kept.pop(connection, None)
+
+
+class Joining(h11.Connection):
+    """Gives the header of an answer together with what follows, so that one packet is sent and not two."""
+
+    def __init__(self) -> None:
+        super().__init__(h11.SERVER, LONGEST_HEADER)
+        self._header: list[bytes] = []
+
+    def send_with_data_passthrough(self, event: h11.Event) -> list[bytes] | None:
+        """Return the pieces of an event; those of a header later."""
+        pieces = super().send_with_data_passthrough(event)
+        if type(event) is h11.Response:
+            self._header = pieces or []
+            return []
+        if self._header and pieces is not None:
+            pieces = self._header + pieces
+            self._header = []
+        return pieces
+
+
+class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
+    """One connection.
+
+    A buffered protocol, because asyncio gives a plain one every piece of data in a new block of 256 KiB.
+
+    Args:
+        guard: counts it.
+        config: of uvicorn, loaded.
+        state: of uvicorn's server.
+
+    Attributes:
+        gone: the connection has been closed.
+        when_gone: is called when the connection is gone; for the call that is being answered.
+    """
+
+    def __init__(self, guard: Guard, config: Config, state: ServerState) -> None:
+        super().__init__(config, state, {"connection": self}, asyncio.get_running_loop())
+        self.conn = Joining()
+        self.logger = _own
+        self.access_log = False
+        self.when_gone: Callable[[], None] | None = None
+        self._guard = guard
+        self._shared = guard.shared
+        self._stage = Stage.NEW
+        self._until = self._armed = math.inf
+        self._timer: asyncio.TimerHandle | None = None
+        self._unsent = 0
+        self.gone = False
+        self._early: list[bytes] | None = []  # what has come before connection_made; with TLS something may
+
+    @property
+    def name(self) -> str:
+        """Who it is, for the log."""
+        host, port = self.client or ("", 0)
+        return f"{host}:{port}/http"
+
+    @property
+    def at_work(self) -> bool:
+        """Whether a request has come whole and has not been answered."""
+        return self._stage is Stage.WORK
+
+    @property
+    def _exchange(self) -> RequestResponseCycle | None:
+        return self.cycle  # which uvicorn declares as if there always were one
+
+    # --- asyncio calls these --------------------------------------------------------------------------------------
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client has connected."""
+        if self.gone:
+            return
+        super().connection_made(cast("asyncio.Transport", transport))
+        self.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if self.scheme == "http":  # the entrance to TLS has been through this
+            self._shared.opening -= 1
+        early, self._early = self._early, None
+        self._shared.all.add(self)
+        if self._shared.closing:
+            self.transport.abort()
+        elif not self._guard.admit(self):
+            level = self._shared.refusal_level(self.loop.time())
+            logger.log(level, "%s refused: %d connections are at work", self.name, len(self._guard))
+            self.transport.abort()
+        else:
+            self._enter(Stage.NEW)
+            for data in early or ():
+                self.data_received(data)
+
+    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
+        """Where to put what comes next; all connections share it, for it is read at once."""
+        return self._shared.view
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """The client has sent something."""
+        data = bytes(self._shared.view[:nbytes])
+        if self._early is None:
+            self.data_received(data)
+        else:
+            self._early.append(data)
+
+    def data_received(self, data: bytes) -> None:
+        """The client has sent something."""
+        try:
+            super().data_received(data)
+        except Exception:
+            logger.exception("%s: reading a request", self.name)
+            self.transport.abort()
+        self._watch()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client has gone."""
+        self.gone = True
+        if self._early is not None:  # before it was there
+            return
+        self._guard.discard(self)
+        if self._timer is not None:
+            self._timer.cancel()
+        super().connection_lost(exc)
+        self._unset_keepalive_if_required()
+        when_gone, self.when_gone = self.when_gone, None
+        if when_gone is not None:
+            when_gone()
+        self._shared.discard(self)
+
+    def pause_writing(self) -> None:
+        """The client does not take its answer."""
+        super().pause_writing()
+        self._watch()
+
+    def resume_writing(self) -> None:
+        """It has taken most of it."""
+        super().resume_writing()
+        self._watch()
+
+    # --- uvicorn calls these --------------------------------------------------------------------------------------
+
+    def on_response_complete(self) -> None:
+        """A request has been answered."""
+        self._guard.answered(self)
+        super().on_response_complete()
+        self._watch()
+
+    def send_400_response(self, msg: str) -> None:
+        """What has come is no HTTP."""
+        too_long = len(self.conn.trailing_data[0]) > LONGEST_HEADER
+        level = self._shared.refusal_level(self.loop.time())
+        logger.log(level, "%s: closed: %s", self.name, "the header is too long" if too_long else msg)
+        if too_long:
+            text = pick("the header of the request is too long", "リクエストヘッダが長すぎます")
+            self._say("431 Request Header Fields Too Large", text)
+        else:
+            self._say("400 Bad Request", pick("this is no HTTP/1.1 request", "HTTP/1.1 のリクエストではありません"))
+
+    def _should_upgrade(self) -> bool:
+        return False  # whoever wants to speak something else is answered in HTTP/1.1
+
+    # --- time -----------------------------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """See what the connection waits for now."""
+        cycle = self._exchange
+        if self.transport.is_closing():
+            stage = Stage.LEAVING
+        elif self.flow.write_paused:
+            stage = Stage.TAKING
+        elif cycle is not None and not cycle.response_complete:
+            stage = Stage.BODY if cycle.more_body else Stage.WORK
+        elif self.conn.trailing_data[0]:
+            stage = Stage.HEADER
+        else:
+            stage = Stage.NEW if cycle is None else Stage.REST
+        if stage is not self._stage:
+            self._enter(stage)
+
+    def _enter(self, stage: Stage) -> None:
+        self._stage = stage
+        self._until = self.loop.time() + stage.seconds
+        self._unsent = self.transport.get_write_buffer_size() if stage in (Stage.TAKING, Stage.LEAVING) else 0
+        if self._until < self._armed:  # a timer that is too early is cheaper than one for each request
+            self._arm()
+
+    def _arm(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._armed = self._until
+        self._timer = self.loop.call_at(self._until, self._time_is_up) if self._until < math.inf else None
+
+    def _time_is_up(self) -> None:
+        self._timer = None
+        self._armed = math.inf
+        if self.loop.time() < self._until:
+            self._arm()
+        elif self.transport.get_write_buffer_size() < self._unsent:
+            self._enter(self._stage)  # it is slow, but takes its answer
+        else:
+            self._give_up()
+
+    def _give_up(self) -> None:
+        level = logging.DEBUG if self._stage in (Stage.NEW, Stage.REST) else logging.INFO
+        logger.log(level, "%s: closed: waited %g s for %s", self.name, self._stage.seconds, self._stage.awaited)
+        if self._stage in (Stage.HEADER, Stage.BODY):
+            self._say(
+                "408 Request Timeout", pick("the request came too slowly", "リクエストの受信に時間がかかりすぎました")
+            )
+        else:
+            self.transport.abort()
+
+    # --- its end --------------------------------------------------------------------------------------------------
+
+    def _say(self, status: str, text: str) -> None:
+        """Answer a request that has not come whole, and close."""
+        cycle = self._exchange
+        if cycle is not None and not cycle.response_complete:
+            begun = cycle.response_started
+            cycle.disconnected = True  # nobody else answers it
+            cycle.message_event.set()
+        else:
+            begun = False
+        if not begun:
+            body = f"{text}\n".encode()
+            header = f"HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {len(body)}\r\n"
+            self.transport.write(f"{header}Connection: close\r\n\r\n".encode() + body)
+        self.transport.close()
+        self._watch()
+
+    def close(self) -> None:
+        """Close it once its request has been answered: the server is closing."""
+        if self._stage is Stage.WORK:
+            self.cycle.keep_alive = False
+        elif self._stage is Stage.BODY:
+            self._say("503 Service Unavailable", closing())
+        else:
+            self.transport.close()
+            self._watch()
+
+    def abort(self) -> None:
+        """Close it at once."""
+        self.transport.abort()
+
+
+def closing() -> str:
+    """Return what a client is told while the server is being closed."""
+    return pick("the server is closing", "サーバは終了処理中です")
+
+
+class Entrance(asyncio.Protocol):
+    """A connection that is yet to become one of TLS. Counted too, as the handshake may never end.
+
+    Args:
+        guard: counts it.
+        context: with the certificate.
+        make: makes the protocol that follows.
+    """
+
+    def __init__(self, guard: Guard, context: ssl.SSLContext, make: Callable[[], GuardedProtocol]) -> None:
+        self._guard = guard
+        self._context = context
+        self._make = make
+        self._transport: asyncio.Transport | None = None
+
+    at_work = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client has connected."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        shared = self._guard.shared
+        shared.opening -= 1
+        if shared.closing or not self._guard.admit(self):
+            transport.abort()
+            return
+        transport.pause_reading()
+        shared.all.add(self)
+        self._task = asyncio.get_running_loop().create_task(self._shake_hands(transport))
+        shared.tasks.add(self._task)
+        self._task.add_done_callback(shared.tasks.discard)
+
+    async def _shake_hands(self, transport: asyncio.Transport) -> None:
+        protocol = self._make()
+        secured = None
+        try:
+            secured = await asyncio.get_running_loop().start_tls(
+                transport,
+                protocol,
+                self._context,
+                server_side=True,
+                ssl_handshake_timeout=_TO_SHAKE_HANDS,
+                ssl_shutdown_timeout=_TO_SAY_GOODBYE,
+            )
+        except OSError as error:  # TimeoutError and SSLError are some
+            logger.debug("TLS: %s", error)
+        finally:
+            self._guard.discard(self)
+            if secured is None:
+                transport.abort()
+            else:
+                protocol.connection_made(secured)
+            self._guard.shared.discard(self)
+
+    def close(self) -> None:
+        """Close it."""
+        self.abort()
+
+    def abort(self) -> None:
+        """Close it at once."""
+        self._task.cancel()

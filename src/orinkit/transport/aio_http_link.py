@@ -1,0 +1,436 @@
+"""e-CAP over HTTP for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.http_link`.
+
+Each request is posted by a task of its own, which goes on when the caller of :meth:`AsyncHttpLink.receive` is cancelled or
+its time is up; the next request, or closing, ends it and its connection. Closing waits for nothing: the connection below
+httpx2 is one of :mod:`orinkit.transport.aio_tcp`, which can be closed at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from collections.abc import AsyncIterator
+from contextlib import aclosing
+from typing import Any, Final, Self
+
+from orinkit.errors import ConnectionLost, OrinError
+from orinkit.extra import require
+from orinkit.transport.access import NOTHING, Access
+from orinkit.transport.address import HttpAddress
+from orinkit.transport.aio_tcp import AsyncTcpLink
+from orinkit.transport.http_reply import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, not_to_be_lent, tls_failed
+from orinkit.transport.link_errors import closed, connect_failed, other_loop
+
+require(NEED, "http", "httpx2")
+
+import httpcore2  # noqa: E402 - what is missing is to be told first
+import httpx2  # noqa: E402
+
+from orinkit.transport.http_link import context_of, has_news  # noqa: E402
+
+_OK: Final = 200
+_SIGN: Final = b"\n"
+_LONG: Final = 3600.0  # s
+_TLS_FAILURES: Final = (ssl.SSLError, ConnectionResetError, ConnectionAbortedError)
+
+
+class AsyncHttpLink:
+    """A server of e-CAP, in asyncio; nothing is opened before the first request.
+
+    Args:
+        address: of the server.
+        access: what lets a client in.
+        most: bytes of a reply.
+
+    Raises:
+        InvalidValue: the token cannot be sent, or there are no certificates in the file.
+    """
+
+    def __init__(self, address: HttpAddress, access: Access = NOTHING, most: int = MOST) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._contact = Contact(address, access, most)
+        self._url = httpx2.URL(self._contact.url)
+        self._transport = _Transport(self._contact, self._url, context_of(address, access))
+        self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
+        self._open = True
+        self._asked: _Asked | None = None
+
+    @property
+    def tells(self) -> bool | None:
+        """Whether the server says that it is at work on a call; ``None`` where that is not known yet."""
+        return self._contact.tells
+
+    @property
+    def patience(self) -> float:
+        """Seconds that a server gets for a call that cannot say that it is at work; may be set."""
+        return self._contact.patience
+
+    @patience.setter
+    def patience(self, seconds: float) -> None:
+        self._contact.patience = seconds
+
+    def fileno(self) -> int:
+        """Refuse.
+
+        Raises:
+            StreamError: a connection over HTTP cannot be lent.
+            ConnectionClosed: the link has been closed.
+        """
+        if not self._open:
+            raise closed()
+        raise not_to_be_lent()
+
+    def send(self, data: bytes) -> None:
+        """Keep the body of a request, which :meth:`receive` posts.
+
+        An earlier one that has not been answered is given up, and its connection closed.
+
+        Raises:
+            ConnectionClosed: the link was closed before.
+            TransportError: it is used in another event loop than the one it was opened in.
+        """
+        self._check()
+        self._drop()
+        self._asked = _Asked(data)
+
+    async def receive(self, seconds: float) -> bytes | None:
+        """Post the request, if that has not been done, and return what comes.
+
+        Args:
+            seconds: to wait; longer, :attr:`patience`, for a server that cannot say that it is at work.
+
+        Returns:
+            the whole answer; a line feed as a sign that the server is at work; ``b""`` if it has closed the connection
+            without an answer; ``None`` when the seconds have passed. The request stays under way.
+
+        Raises:
+            ConnectFailed: nobody is there, or does not let this client in.
+            ConnectionLost: the connection broke, or the session has ended.
+            TransportError: the server has not carried out the call; or the link belongs to another event loop.
+            ProtocolError: what came is no answer of e-CAP.
+            LimitExceeded: it is too long.
+            ConnectionClosed: the link was closed before, or is meanwhile.
+        """
+        self._check()
+        asked = self._asked
+        if asked is None:
+            return None
+        longer = seconds
+        if asked.task is None:
+            longer = self._contact.wait(asked.data, seconds)
+            asked.task = self._loop.create_task(self._carry(asked, seconds))
+        await asked.wait(seconds)
+        if not asked.news:
+            if self._transport.connecting and self._open:
+                self._drop()
+                raise connect_failed(self._contact.address, TimeoutError("timed out"))
+            await asked.wait(longer - seconds)
+        if not self._open:
+            raise closed()
+        if not asked.done:
+            return asked.take_sign()
+        self._asked = None
+        if asked.failure is not None:
+            self._transport.drop()
+            raise asked.failure
+        return asked.answer
+
+    def _check(self) -> None:
+        if not self._open:
+            raise closed()
+        if asyncio.get_running_loop() is not self._loop:
+            raise other_loop()
+
+    async def _carry(self, asked: _Asked, seconds: float) -> None:
+        """Carry out a request; is cancelled when nobody wants it any more."""
+        try:
+            asked.answer = await self._post(asked, seconds)
+        except OrinError as error:
+            asked.failure = error
+        except httpcore2.ProtocolError as error:
+            if self._transport.unanswered:
+                asked.answer = b""
+            else:
+                asked.failure = self._contact.broken(error, ended=self._transport.ended)
+        asked.finish()
+
+    async def _post(self, asked: _Asked, seconds: float) -> bytes:
+        await self._transport.connect()
+        request = httpx2.Request("POST", self._url, headers=self._contact.fields(seconds), content=asked.data)
+        response = await self._client.send(request, stream=True)
+        headers = response.headers.multi_items()
+        if response.status_code != _OK:
+            shown = await self._shown(response)
+            raise self._contact.refusal(response.status_code, headers, shown, len(asked.data))
+        body = self._contact.accept(headers)
+        async with aclosing(response.aiter_raw()) as pieces:
+            async for piece in pieces:
+                if body.add(piece):
+                    await asked.sign()
+        return body.whole()
+
+    async def _shown(self, response: httpx2.Response) -> bytes:
+        """Return as much of the body of an error as comes soon."""
+        shown = b""
+        try:
+            async with asyncio.timeout(SHOWING), aclosing(response.aiter_raw()) as pieces:
+                async for piece in pieces:
+                    shown += piece
+                    if len(shown) >= SHOWN:
+                        break
+        except (TimeoutError, OrinError, httpcore2.ProtocolError):
+            pass  # the status says enough
+        return shown[:SHOWN]
+
+    def _drop(self) -> None:
+        """Give up the request that is under way, if there is one."""
+        asked, self._asked = self._asked, None
+        if asked is not None:
+            asked.give_up()
+            self._transport.drop()
+
+    def release(self) -> None:
+        """Close, as nobody else can have it."""
+        self.close()
+
+    def close(self) -> None:
+        """Close; a receive that is waiting ends at once."""
+        if self._open:
+            self._open = False
+            self._drop()
+            self._transport.hang_up()
+
+
+class _Asked:
+    """A request, and what has come of it.
+
+    Attributes:
+        data: its body.
+        task: that carries it out.
+        answer: that has come, ``b""`` if none will.
+        failure: why not.
+        done: nothing more will come.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.task: asyncio.Task[None] | None = None
+        self.answer = b""
+        self.failure: OrinError | None = None
+        self.done = False
+        self._taken: asyncio.Future[None] | None = None  # while there is a sign of work that nobody has taken
+        self._waiter: asyncio.Future[None] | None = None
+
+    @property
+    def news(self) -> bool:
+        """Whether there is anything to take."""
+        return self.done or self._taken is not None
+
+    async def wait(self, seconds: float) -> None:
+        """Wait for news."""
+        if self.news or seconds <= 0:
+            return
+        loop = asyncio.get_running_loop()
+        self._waiter = loop.create_future()
+        alarm = loop.call_later(seconds, self._wake)
+        try:
+            await self._waiter
+        finally:
+            alarm.cancel()
+            self._waiter = None
+
+    async def sign(self) -> None:
+        """Say that the server is at work, and wait until that is taken: a server that floods is left to its buffers."""
+        self._taken = asyncio.get_running_loop().create_future()
+        self._wake()
+        await self._taken
+
+    def take_sign(self) -> bytes | None:
+        """Take a sign of work, if there is one."""
+        if self._taken is None:
+            return None
+        if not self._taken.done():
+            self._taken.set_result(None)
+        self._taken = None
+        return _SIGN
+
+    def finish(self) -> None:
+        """Say that nothing more will come."""
+        self.done = True
+        self._wake()
+
+    def give_up(self) -> None:
+        """Stop the task."""
+        if self.task is not None:
+            self.task.cancel()
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+
+class _Transport(httpx2.AsyncBaseTransport):
+    """One connection to one server, opened when it is needed.
+
+    Attributes:
+        connecting: it is being opened.
+    """
+
+    def __init__(self, contact: Contact, url: httpx2.URL, context: ssl.SSLContext | None) -> None:
+        self.connecting = False
+        self._contact = contact
+        self._url = httpcore2.URL(
+            scheme=url.raw_scheme, host=url.raw_host, port=contact.address.port, target=url.raw_path
+        )
+        self._context = context
+        self._connection: httpcore2.AsyncHTTP11Connection | None = None
+        self._stream: _Stream | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the other side has closed the connection."""
+        return self._stream is not None and self._stream.ended
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether it has done so without a byte of an answer."""
+        return self._stream is not None and self._stream.ended and not self._stream.begin
+
+    async def connect(self) -> None:
+        """See to it that there is a connection over which nothing is under way, and which the other side has not closed.
+
+        Raises:
+            ConnectFailed: there is none.
+        """
+        if self._connection is not None and self._connection.is_available() and not self._connection.has_expired():
+            return
+        self.hang_up()
+        self.connecting = True
+        try:
+            wire = await _Wire.open(self._contact.address, self._context)
+        finally:
+            self.connecting = False
+        self._stream = _Stream(wire, self._contact)
+        self._connection = httpcore2.AsyncHTTP11Connection(self._url.origin, self._stream, KEPT)
+
+    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
+        """Send a request over the connection, once, and return the reply as soon as its headers have come."""
+        assert self._connection is not None
+        assert self._stream is not None
+        assert isinstance(request.stream, httpx2.AsyncByteStream)
+        self._stream.begin = b""
+        reply = await self._connection.handle_async_request(
+            httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
+        )
+        if not self._stream.begin:  # it came with the one before
+            raise self._contact.unasked()
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_Pieces(reply))
+
+    def drop(self) -> None:
+        """Close the connection if something is under way over it."""
+        if self._connection is not None and not self._connection.is_idle():
+            self.hang_up()
+
+    def hang_up(self) -> None:
+        """Close the connection, at once."""
+        self._connection = None
+        if self._stream is not None:
+            self._stream.hang_up()
+
+
+class _Wire(AsyncTcpLink):
+    """A TCP connection, perhaps with TLS; :meth:`open` makes one."""
+
+    @classmethod
+    async def open(cls, address: HttpAddress, context: ssl.SSLContext | None) -> Self:
+        """Connect.
+
+        Raises:
+            ConnectFailed: that could not be done.
+        """
+        loop = asyncio.get_running_loop()
+        name = None if context is None else address.host
+        try:
+            _, wire = await loop.create_connection(cls, address.host, address.port, ssl=context, server_hostname=name)
+        except (OSError, ValueError) as error:
+            if context is not None and isinstance(error, _TLS_FAILURES):
+                raise tls_failed(address, error) from error
+            raise connect_failed(address, error) from error
+        return wire
+
+    @property
+    def has_news(self) -> bool:
+        """Whether anything has come, or the end."""
+        if self._transport is None or self._ended or self._received or self._transport.is_closing():
+            return True
+        return has_news(self._descriptor(self._transport))
+
+    def close(self) -> None:
+        """Close; TLS does not say goodbye, as that would take time."""
+        if self._transport is not None:
+            self._transport.abort()
+        super().close()
+
+
+class _Stream(httpcore2.AsyncNetworkStream):
+    """A connection as httpx2 uses it.
+
+    Attributes:
+        begin: the first bytes of the reply.
+        ended: the other side has closed the connection.
+    """
+
+    def __init__(self, wire: _Wire, contact: Contact) -> None:
+        self._wire = wire
+        self._contact = contact
+        self._unsent = bytearray()
+        self.begin = b""
+        self.ended = False
+
+    async def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
+        """Keep bytes, so that headers and body travel together."""
+        self._unsent += buffer
+
+    async def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
+        """Send what has been written, and return the next bytes."""
+        if self._unsent:
+            unsent, self._unsent = bytes(self._unsent), bytearray()
+            try:
+                self._wire.send(unsent)
+            except ConnectionLost:  # a server may refuse a request that it has not read, and close
+                pass
+        data = None
+        while data is None:
+            data = await self._wire.receive(_LONG)
+        self.ended = not data
+        if len(self.begin) < BEGIN:
+            self.begin += data[:BEGIN]
+            self._contact.check_begin(self.begin)
+        return data
+
+    async def aclose(self) -> None:
+        """Close."""
+        self._wire.close()
+
+    def hang_up(self) -> None:
+        """Close, at once."""
+        self._wire.close()
+
+    def get_extra_info(self, info: str) -> Any:
+        """Tell whether bytes, or the end, have come over a connection that nobody has asked anything."""
+        return self._wire.has_news if info == "is_readable" else None
+
+
+class _Pieces(httpx2.AsyncByteStream):
+    """The body of a reply."""
+
+    def __init__(self, reply: httpcore2.Response) -> None:
+        self._reply = reply
+
+    def __aiter__(self) -> AsyncIterator[bytes]:
+        return self._reply.aiter_stream()
+
+    async def aclose(self) -> None:
+        """Close, and with it the connection if more of the body is to come."""
+        await self._reply.aclose()

@@ -1,0 +1,82 @@
+"""What a device is told of its client, and where handles come from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from orinkit import hresult
+from orinkit.cao.functions import BY_NAME
+from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
+from orinkit.cao.session import Host, Numbers, Reply, Session
+from orinkit.errors import error_for
+from orinkit.variant import Variant, VarType, plain, variant
+
+
+def call(session: Session, name: str, *arguments: Any) -> Reply:
+    reply = session.invoke(BY_NAME[name].id, [variant(argument) for argument in arguments])
+    assert isinstance(reply, Reply)
+    return reply
+
+
+def value(session: Session, name: str, *arguments: Any) -> Any:
+    return plain(call(session, name, *arguments).result)
+
+
+class Told(Provider):
+    """Keeps what it is told of its client."""
+
+    provider_names = ("Test.Told", "Test.Other")
+    client: ClientInfo
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        self.client = client
+        return Failing()
+
+
+class Failing(ControllerObject):
+    def execute(self, command: str, parameter: Variant) -> Any:
+        if command == "Crash":
+            raise RuntimeError("the spindle is stuck")
+        raise error_for(int(plain(parameter)), command)
+
+
+def test_a_device_knows_under_which_name_it_was_asked_for() -> None:
+    told = Told()
+    session = Session(Host(told))
+    call(session, "Controller_Connect", "", "test.OTHER", "localhost", "")
+    assert told.client.provider == "test.OTHER"
+
+
+def test_a_device_is_told_of_what_a_call_failed() -> None:
+    told = Told()
+    session = Session(Host(told))
+    controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
+    reason = told.client.reason
+    assert reason(hresult.E_FAIL) == ""
+    call(session, "Controller_Execute", controller, "Crash", None)
+    assert reason(hresult.E_FAIL) == reason(hresult.signed(hresult.E_FAIL)) == "RuntimeError: the spindle is stuck"
+    call(session, "Controller_Execute", controller, "jammed", Variant(VarType.I4, hresult.signed(0x80020005)))
+    assert reason(0x80020005) == "jammed"
+    assert ClientInfo().reason(hresult.E_FAIL) == ""
+
+
+def test_the_oldest_reason_is_forgotten() -> None:
+    session = Session(Host(Told()))
+    controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
+    for number in range(40):
+        call(
+            session,
+            "Controller_Execute",
+            controller,
+            f"no {number}",
+            Variant(VarType.I4, hresult.signed(0x80020000 + number)),
+        )
+    assert session.reason(0x80020000 + 7) == ""
+    assert session.reason(0x80020000 + 8) == "no 8"
+
+
+def test_sessions_may_share_their_handles() -> None:
+    numbers, host = Numbers(), Host(Told())
+    one, other = Session(host, numbers=numbers), Session(host, numbers=numbers)
+    handles = [value(session, "Controller_Connect", "", "Test.Told", "", "") for session in (one, other, one)]
+    assert handles == [2, 3, 4]

@@ -1,0 +1,511 @@
+"""Calls through a gateway: all functions, handles, codes, what happens when a client goes."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import threading
+from typing import Any
+
+import pytest
+from gateways import HTTP, LISTEN, PATIENCE, chain, gateway, until
+
+import orinkit
+from devices import Call, Recorder, Workshop
+from orinkit import aio, hresult
+from orinkit.cao import functions as f
+from orinkit.cao.dialect import VE026A
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.provider import ClientInfo, Coded, ControllerObject, Provider, RobotObject, VariableObject
+from orinkit.cao.table import Function
+from orinkit.errors import BusyError, CallError, InvalidAddress, InvalidArgument, InvalidValue
+from orinkit.gateway import RemoteProvider, Upstream
+from orinkit.variant import Variant, VarType
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.rc8.cycle import PERIOD
+from orinkit.virtual.ve026a import VirtualVE026A
+from peers import RawClient
+
+RELEASES = {entry.interface: entry for entry in FUNCTIONS.values() if entry.releases}
+SAMPLES = {VarType.I4: -7, VarType.R4: 0.375, VarType.BSTR: "名前", VarType.VARIANT: [1, "two", 3.5]}
+BUFFER_FULL = 0x0F200501
+
+
+# --- all functions ----------------------------------------------------------------------------------------------------
+
+
+def arguments(function: Function[..., Any]) -> list[Any]:
+    return [SAMPLES[argument.vt] for argument in function.arguments if not argument.is_handle]
+
+
+def walk(url: str, recorder: Recorder) -> list[tuple[str, int, Any]]:
+    """Call every function of the table and return what was answered, but for the handles."""
+    answers = []
+    with orinkit.open_client(url) as client:
+        client.call(f.service_start, "WDT=400")
+        handles = {"Controller": client.call(f.controller_connect, "cell", "Test.Recorder", "machine", "option=1")}
+        paths = {"Controller": "cell"}
+        for entry in FUNCTIONS.values():
+            if entry.creates and entry.creates not in handles:
+                handles[entry.creates] = client.call(entry, handles[entry.interface], *arguments(entry))
+                paths[entry.creates] = recorder.made[-1]
+        for entry in FUNCTIONS.values():
+            if entry.interface != "Service" and entry.creates != "Controller" and not entry.releases:
+                reply = client.request(entry, handles[entry.interface], *arguments(entry), exact=True)
+                answers.append((entry.name, reply.code, None if entry.creates else reply.value))
+        for interface in reversed(handles):
+            client.call(RELEASES[interface], handles[interface])
+            assert recorder.wait_for(Call(RELEASES[interface].name, paths[interface], ()))
+        client.call(f.service_stop)
+    return answers
+
+
+class Noting(Recorder):
+    """A recorder that numbers its objects, and knows who asked for which provider."""
+
+    provider_names = ("*",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.made: list[str] = []
+        self.asked: list[str] = []
+
+    def make(self, interface: str, path: str) -> Any:
+        self.made.append(f"{path}#{len(self.made)}")
+        return super().make(interface, self.made[-1]) if self.made[1:] else super().make(interface, path)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
+        self.asked.append(client.provider)
+        return super().connect(name, machine, option, client)
+
+
+@pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (1, HTTP), (2, HTTP)])
+def test_every_function_goes_through_as_it_is(gateways: int, between: str) -> None:
+    direct, behind = Noting(), Noting()
+    with orinkit.serve(direct, LISTEN) as server:
+        wanted = walk(server.url, direct)
+    with chain(behind, gateways, between) as url:
+        assert walk(url, behind) == wanted
+    assert behind.calls == direct.calls
+    assert len({call.function for call in behind.calls}) == len(FUNCTIONS) - 2  # but for Service_Start, Service_Stop
+    assert behind.asked == ["Test.Recorder"]
+
+
+def test_a_client_sees_no_difference(both: Any) -> None:
+    recorder = Recorder()
+    recorder.provider_names = ("*",)
+    with chain(recorder) as url:
+        rc8 = both.connect(url, provider="Prov", name="cell")
+        robot = both.run(rc8.robot("Arm"))
+        assert both.run(robot.execute("Any", [1])) == ["Robot_Execute|cell/Arm|['Any', [1]]", 35.0, True]
+        both.run(rc8.close())
+        assert recorder.wait_for(Call("Controller_Disconnect", "cell", ()))
+
+
+# --- codes ------------------------------------------------------------------------------------------------------------
+
+
+class Full(RobotObject):
+    def execute(self, command: str, parameter: Variant) -> Any:
+        return Coded(BUFFER_FULL, parameter)
+
+    def get_variable(self, name: str, option: str) -> Any:
+        return Coded(hresult.S_FALSE, VariableObject(name))
+
+    def hold(self, option: str) -> Any:
+        return Coded(hresult.S_FALSE)
+
+    def get_name(self) -> Any:
+        return Coded(hresult.S_FALSE, "名前")
+
+    def get_attribute(self) -> Any:
+        return -1
+
+
+class Codes(ControllerObject):
+    def get_robot(self, name: str, option: str) -> Any:
+        return Full(name)
+
+
+class Coder(Provider):
+    provider_names = ("*",)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
+        if option == "refuse":
+            raise orinkit.CallError(0x80040201)
+        return Codes()
+
+
+@pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
+def test_success_codes(gateways: int, between: str) -> None:
+    with chain(Coder(), gateways, between) as url, orinkit.connect(url) as rc8:
+        robot, client = rc8.robot(), rc8.client
+        exact = Variant(VarType.R4, 0.5)
+        assert client.request(f.robot_execute, robot.handle, "slvMove", exact, exact=True) == (BUFFER_FULL, exact)
+        assert client.request(f.robot_hold, robot.handle, "").code == hresult.S_FALSE
+        assert client.request(f.robot_get_name, robot.handle) == (hresult.S_FALSE, "名前")
+        code, handle = client.request(f.robot_get_variable, robot.handle, "v", "")
+        assert code == hresult.S_FALSE
+        assert client.call(f.variable_get_name, handle) == "v"
+        assert client.call(f.robot_get_attribute, robot.handle) == -1
+
+
+def test_error_codes() -> None:
+    with chain(Workshop(), 2) as url, orinkit.connect(url, provider="Test.Workshop") as shop:
+        for code in (0x83501024, 0x80020005, 0x80040201, 0xFFFFFFFF, hresult.E_HANDLE):
+            with pytest.raises(CallError) as failed:
+                shop.execute("Fail", code - 2**32)
+            assert failed.value.code == code
+        assert shop.execute("Echo", "still there") == "still there"
+
+
+def test_a_device_that_raises(caplog: pytest.LogCaptureFixture) -> None:
+    with chain(Workshop(), 2) as url, orinkit.connect(url, provider="Test.Workshop") as shop:
+        with pytest.raises(CallError) as failed:
+            shop.execute("Crash")
+        assert failed.value.code == hresult.E_FAIL
+        assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == [
+            "Controller_Execute: the device raised an exception"  # where it is, and nowhere on the way
+        ]
+        caplog.clear()
+        assert shop.execute("Echo", "still there") == "still there"
+
+
+def test_a_controller_that_refuses() -> None:
+    with chain(Coder()) as url, pytest.raises(CallError) as failed, orinkit.connect(url, option="refuse") as rc8:
+        rc8.robot()
+    assert failed.value.code == 0x80040201
+
+
+def test_an_unknown_provider_of_the_controller() -> None:
+    with chain(Workshop()) as url, pytest.raises(CallError) as failed, orinkit.connect(url, provider="Mine") as rc8:
+        rc8.execute("Echo")
+    assert failed.value.code == hresult.E_CAO_PROV_INVALID
+
+
+# --- clients ----------------------------------------------------------------------------------------------------------
+
+
+def test_clients_do_not_mix() -> None:
+    recorder = Recorder()
+    with chain(recorder) as url, orinkit.open_client(url) as one, orinkit.open_client(url) as two:
+        controllers = [c.call(f.controller_connect, n, "Test.Recorder", "", "") for n, c in (("1", one), ("2", two))]
+        variables = [
+            [client.call(f.controller_get_variable, controller, f"v{number}", "") for number in range(50)]
+            for client, controller in zip((one, two), controllers, strict=True)
+        ]
+        assert variables[0] == variables[1]  # handles mean nothing in another connection
+        for name, client, handles in (("1", one, variables[0]), ("2", two, variables[1])):
+            for number, handle in enumerate(handles):
+                assert client.call(f.variable_get_name, handle) == f"Variable_GetName|{name}/v{number}|[]"
+
+
+def test_two_controllers_of_one_client() -> None:
+    recorder = Recorder()
+    with chain(recorder) as url, orinkit.open_client(url) as client:
+        first, second = (client.call(f.controller_connect, n, "Test.Recorder", "", "") for n in ("1", "2"))
+        one = client.call(f.controller_get_variable, first, "v", "")
+        two = client.call(f.controller_get_variable, second, "v", "")
+        client.call(f.controller_disconnect, first)
+        assert recorder.wait_for(Call("Controller_Disconnect", "1", ()))
+        with pytest.raises(CallError) as failed:
+            client.call(f.variable_get_value, one)
+        assert failed.value.code == hresult.E_HANDLE
+        assert client.call(f.variable_get_name, two) == "Variable_GetName|2/v|[]"
+
+
+@pytest.mark.parametrize("goes", ["closes", "stops", "is cut"])
+@pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
+def test_a_client_that_goes(goes: str, gateways: int, between: str) -> None:
+    recorder = Recorder()
+    with chain(recorder, gateways, between) as url, RawClient(url) as client:
+        controller = client.ask(3, "cell", "Test.Recorder", "", "")
+        robot = client.ask(7, controller, "Arm", "")
+        client.ask(62, robot, "v", "")
+        if goes == "stops":
+            assert client.ask(2) is None
+        elif goes == "closes":
+            client.close()
+        else:
+            client.socket.shutdown(2)
+        assert recorder.wait_for(Call("Controller_Disconnect", "cell", ()))
+    assert [call.path for call in recorder.calls[-3:]] == ["cell/Arm/v", "cell/Arm", "cell"]
+
+
+def test_releasing_comes_ahead_of_what_follows() -> None:
+    recorder = Recorder()
+    with chain(recorder) as url, orinkit.open_client(url) as client:
+        controller = client.call(f.controller_connect, "cell", "Test.Recorder", "", "")
+        for number in range(30):
+            handle = client.call(f.controller_get_robot, controller, f"r{number}", "")
+            client.call(f.robot_release, handle)
+        client.call(f.controller_get_name, controller)
+        names = [call.function for call in recorder.calls[1:]]
+    assert names[:60] == ["Controller_GetRobot", "Robot_Release"] * 30
+
+
+def test_nothing_is_left_when_a_gateway_is_closed() -> None:
+    recorder = Recorder()
+    with orinkit.serve(recorder, LISTEN) as server:
+        with gateway(server.url) as url:
+            clients = [orinkit.connect(url, provider="Test.Recorder", name=f"{number}") for number in range(5)]
+            for client in clients:
+                client.robot()
+            assert server.clients == 5
+        until(lambda: server.clients == 0)
+        assert sum(call.function == "Robot_Release" for call in recorder.calls) == 5
+        for client in clients:
+            client.close()
+
+
+# --- calls that take long ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
+def test_work_that_outlasts_every_time_out(gateways: int, between: str) -> None:
+    shop = Workshop()
+    with (
+        chain(shop, gateways, between, timeout=0.3) as url,
+        orinkit.connect(url, provider="Test.Workshop", timeout=0.3) as client,
+    ):
+        opening = threading.Timer(1.0, shop.gate.set)
+        opening.start()
+        assert client.execute("Wait", "done") == "done"
+        assert client.execute("Block", [1.5]) == [1.5]
+        opening.join()
+
+
+def test_a_controller_that_does_not_say_that_it_is_at_work() -> None:
+    shop = Workshop()
+    with chain(shop, timeout=0.2, service="") as url, orinkit.connect(url, provider="Test.Workshop") as client:
+        with pytest.raises(CallError) as failed:
+            client.execute("Wait", 1)
+        assert failed.value.code == hresult.E_TIMEOUT
+        with pytest.raises(BusyError):  # said by the controller: it is at it still
+            client.execute("Echo", 2)
+        shop.gate.set()
+        assert retried(lambda: client.execute("Echo", 3), hresult.E_BUSY_PROC) == 3
+    assert shop.at_work.acquire(timeout=0)
+    assert not shop.at_work.acquire(timeout=0)  # once
+
+
+def retried(call: Any, *codes: int) -> Any:
+    """Make a call until it does not fail with one of these codes."""
+    answers: list[Any] = []
+
+    def made() -> bool:
+        try:
+            answers.append(call())
+        except CallError as error:
+            if error.code not in codes:
+                raise
+        return bool(answers)
+
+    until(made)
+    return answers[0]
+
+
+async def answer(client: Any) -> Any:
+    try:
+        return await client.execute("Echo", 3)
+    except BusyError:
+        return BusyError
+
+
+def test_a_call_that_is_given_up() -> None:
+    shop = Workshop()
+
+    async def main(url: str) -> None:
+        async with await aio.connect(url, provider="Test.Workshop") as client:
+            work = asyncio.create_task(client.execute("Wait", 1))
+            assert await asyncio.to_thread(shop.at_work.acquire, timeout=PATIENCE)
+            work.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await work
+            with pytest.raises(BusyError):
+                await client.execute("Echo", 2)
+            shop.gate.set()
+            async with asyncio.timeout(PATIENCE):
+                while await answer(client) is BusyError:  # noqa: ASYNC110 - it cannot be told otherwise
+                    await asyncio.sleep(0.002)
+            assert await answer(client) == 3
+
+    with chain(shop) as url:
+        asyncio.run(main(url))
+
+
+@pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
+def test_a_client_that_goes_while_its_call_is_under_way(gateways: int, between: str) -> None:
+    shop = Workshop()
+    with chain(shop, gateways, between) as url, RawClient(url) as client:
+        controller = client.ask(3, "", "Test.Workshop", "", "")
+        client.ask(9, controller, "v", "")
+        client.request(17, controller, "Wait", 1)
+        assert shop.at_work.acquire(timeout=PATIENCE)
+        client.close()
+        assert shop.cancelled.acquire(timeout=PATIENCE)
+        until(lambda: shop.released == ["v", "Controller"])
+
+
+def test_other_clients_do_not_wait() -> None:
+    shop = Workshop()
+    with chain(shop) as url, RawClient(url) as waiting:
+        controller = waiting.ask(3, "", "Test.Workshop", "", "")
+        waiting.request(17, controller, "Block", 1)
+        assert shop.at_work.acquire(timeout=PATIENCE)
+        with orinkit.connect(url, provider="Test.Workshop") as client:
+            assert client.execute("Echo", 2) == 2
+        shop.gate.set()
+        assert waiting.packet().arguments == [1]
+
+
+# --- controllers ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("between", [LISTEN, HTTP])
+def test_the_arm_of_a_client_that_is_cut_off(between: str) -> None:
+    device = VirtualRC8(clock=Clock(), motor=True, joints=(-60, 45, 90, 0, 45, 0))
+    arm = device.state.arm
+    with chain(device, 2, between) as url:
+        rc8 = orinkit.connect(url)
+        robot = rc8.robot()
+        with device.state.cycles:
+            arm.log.running = True
+            device.state.cycles.wake()
+        robot.execute("TakeArm")
+        robot.execute("ExtSpeed", 60)
+        robot.move(1, "@P J(120,45,90,0,45,0)", "NEXT")
+        until(lambda: arm.servo.command[0] > -40)
+        rc8.client._link.close()
+        until(lambda: arm.holder is None and not arm.busy)
+        with device.state.cycles:
+            path = [arm.log.record(index)[0] for index in range(len(arm.log))]
+    speeds = [(b - a) / PERIOD for a, b in itertools.pairwise(path)]
+    braking = [(b - a) / PERIOD for a, b in itertools.pairwise(speeds)]
+    assert path[-1] < 100  # it did not go there
+    assert abs(speeds[-1]) < 1e-6
+    assert max(map(abs, braking)) <= arm.model.axes[0].acceleration * 1.000001
+
+
+@pytest.mark.parametrize("listen", [LISTEN, "udp://127.0.0.1:0", "pty://", HTTP])
+def test_an_rc8_over_every_wire(listen: str) -> None:
+    with orinkit.serve(VirtualRC8(), listen) as server, gateway(server.url) as url, orinkit.connect(url) as rc8:
+        rc8.variable("I7").value = 42
+        assert rc8.variable("I7").value == 42
+        with rc8.variable("F1") as variable:
+            variable.put_value(Variant(VarType.R4, 0.1))
+            assert rc8.client.request(f.variable_get_value, variable.handle, exact=True).value.type == VarType.R4
+        assert rc8.execute("GetCurErrorCount") == 0
+        with pytest.raises(CallError) as failed:
+            rc8.execute("Nonsense")
+        assert failed.value.code == hresult.E_INVALID_CMD_NAME
+    # what was not released by the client was by the gateway
+    assert server.clients == 0
+
+
+@pytest.mark.parametrize("listen", ["tcp://127.0.0.1:0", "pty://"])
+def test_a_ve026a(listen: str) -> None:
+    device = VirtualVE026A(motor_seconds=0.6, clear_seconds=0.05)
+    with orinkit.serve(device, listen) as server:
+        provider = RemoteProvider(Upstream(server.url, dialect="ve026a", timeout=0.2))
+        assert provider.dialect is VE026A
+        with orinkit.serve(provider, "tcp://127.0.0.1:0", "pty://") as gate:
+            for url in gate.urls:
+                with orinkit.connect(url, provider="", timeout=0.2) as controller:
+                    assert controller.client.dialect is VE026A
+                    robot = controller.robot()
+                    robot.execute("Motor", Variant(VarType.I2, 1))
+                    assert device.servo_on
+                    controller.execute("ClearError", Variant(VarType.I2, 0))
+                    with robot.variable("@CURRENT_ANGLE") as one, robot.variable("@CURRENT_ANGLE") as two:
+                        assert one.value == two.value
+                        one.close()  # the arm has one handle for both
+                        assert len(two.value) == 8
+                    with pytest.raises(CallError) as failed:
+                        robot.execute("TakeArm")
+                    assert failed.value.code == hresult.E_INVALIDCOMMAND
+                    robot.execute("Motor", Variant(VarType.I2, 0))
+
+
+def test_a_long_argument_does_not_travel_by_udp() -> None:
+    with (
+        orinkit.serve(Workshop(), "udp://127.0.0.1:0") as server,
+        gateway(server.url) as url,
+        orinkit.connect(url, provider="Test.Workshop") as client,
+    ):
+        with pytest.raises(InvalidArgument):
+            client.execute("Echo", "x" * 1000)
+        assert client.execute("Echo", "short") == "short"
+        with pytest.raises(CallError) as failed:
+            client.execute("Large", 1000)
+        assert failed.value.code == hresult.E_TOO_MUCH_DATA
+
+
+# --- several controllers ----------------------------------------------------------------------------------------------
+
+
+def test_several_controllers_by_name() -> None:
+    first, second = Recorder(), Recorder()
+    with orinkit.serve(first, LISTEN) as one, orinkit.serve(second, "tcp://localhost:0") as two:
+        provider = RemoteProvider({"Cell1": one.url, "Cell2": Upstream(two.url, machine="there")})
+        with orinkit.serve(provider, LISTEN) as server:
+            for machine in ("cell1", " CELL1 ", "127.0.0.1", one.url.removeprefix("tcp://"), "Cell2", "localhost"):
+                with orinkit.connect(server.url, provider="Test.Recorder", machine=machine) as controller:
+                    assert controller.name.startswith("Controller_GetName")
+            for machine in ("", "cell3", "10.0.0.1", "x" * 100_000):
+                with pytest.raises(InvalidArgument):
+                    orinkit.connect(server.url, provider="Test.Recorder", machine=machine)
+    machines = [[c.arguments[1] for c in d.calls if c.function == "Controller_Connect"] for d in (first, second)]
+    assert machines == [["localhost", "localhost", "127.0.0.1", one.url.removeprefix("tcp://")], ["there", "there"]]
+
+
+def test_the_same_host_for_two_is_none() -> None:
+    provider = RemoteProvider({"a": "tcp://10.0.0.1:5007", "b": "tcp://10.0.0.1:5008"})
+    with pytest.raises(InvalidArgument, match=r"none of those behind this gateway: a, b"):
+        provider._choose("10.0.0.1")
+
+
+def test_beside_other_providers() -> None:
+    with orinkit.serve(Recorder(), LISTEN) as server:
+        with orinkit.serve([Workshop(), RemoteProvider(server.url)], LISTEN) as gate:
+            with orinkit.connect(gate.url, provider="Test.Workshop") as mine:
+                assert mine.execute("Echo", 1) == 1
+            with orinkit.connect(gate.url, provider="Test.Recorder") as theirs:
+                assert theirs.name.startswith("Controller_GetName")
+        with orinkit.serve(RemoteProvider(server.url, names=("Test.Recorder",)), LISTEN) as gate:
+            with pytest.raises(CallError) as failed:
+                orinkit.connect(gate.url, provider="Other")
+            assert failed.value.code == hresult.E_CAO_PROV_INVALID
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ({"url": "can://x"}, InvalidAddress),
+        ({"url": "pty://"}, InvalidAddress),
+        ({"url": ""}, InvalidAddress),
+        ({"url": "tcp://h", "timeout": 0}, InvalidValue),
+        ({"url": "tcp://h", "timeout": float("nan")}, InvalidValue),
+        ({"url": "tcp://h", "tries": "x"}, InvalidValue),
+        ({"url": "tcp://h", "dialect": "rc7"}, InvalidValue),
+        ({"url": "tcp://h", "retry": -1}, InvalidValue),
+        ({"url": "tcp://h", "retry": float("nan")}, InvalidValue),
+        ({"url": "tcp://h", "keep_alive": float("inf")}, InvalidValue),
+        ({"url": "tcp://h", "keep_alive": "x"}, InvalidValue),
+        ({"url": "tcp://h", "token": "secret"}, InvalidValue),
+    ],
+)
+def test_what_is_no_upstream(arguments: dict[str, Any], error: type[Exception]) -> None:
+    with pytest.raises(error):
+        Upstream(**arguments)
+
+
+@pytest.mark.parametrize(
+    "upstreams",
+    [{}, {"a": "tcp://h", "A": "tcp://i"}, {"a": "tcp://h", "b": Upstream("tcp://i", dialect="ve026a")}],
+)
+def test_what_is_no_set_of_upstreams(upstreams: Any) -> None:
+    with pytest.raises(ValueError):
+        RemoteProvider(upstreams)

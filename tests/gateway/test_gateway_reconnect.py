@@ -1,0 +1,489 @@
+"""What clients of a gateway are told when the controller is gone, and what happens when it is back."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from gateways import HTTP, LISTEN, PATIENCE, gateway, until
+
+import orinkit
+from devices import Call, Recorder, Workshop
+from orinkit import functions, hresult, language
+from orinkit.bcap.packet import Packet
+from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
+from orinkit.errors import CallError
+from orinkit.gateway import RemoteProvider, Upstream
+from orinkit.gateway.upstream import Connection, Wanted
+from orinkit.variant_bytes import Limits
+from orinkit.virtual.rc8 import VirtualRC8
+from peers import BadPeer, Line, reply
+
+FIRST_HANDLE = 2
+ATTRIBUTE = 19
+AWAY = (hresult.E_CAO_REMOTE_PROVIDER, hresult.E_NOT_CONNECTED)
+
+
+def code_of(call: Any) -> int:
+    """Make a call and return the code that it failed with, 0 for none."""
+    try:
+        call()
+    except CallError as error:
+        return error.code
+    return 0
+
+
+class Again:
+    """A server that can be stopped and started again at the same address."""
+
+    def __init__(self, provider: Provider, listen: str) -> None:
+        self.server = orinkit.serve(provider, listen)
+        self.url = self.server.url
+
+    def start(self, provider: Provider) -> None:
+        self.server = orinkit.serve(provider, self.url)
+
+
+@contextmanager
+def controller(provider: Provider, listen: str = LISTEN) -> Iterator[Again]:
+    made = Again(provider, listen)
+    try:
+        yield made
+    finally:
+        made.server.close()
+
+
+def test_a_controller_that_is_started_again_between_two_calls() -> None:
+    first, second = Recorder(), Recorder()
+    with controller(first) as device, gateway(device.url, retry=0.02) as url:
+        with orinkit.connect(url, provider="Test.Recorder", name="cell", option="mine") as rc8:
+            robot = rc8.robot("Arm", "ID=1")
+            variable = robot.variable("v")
+            other = robot.variable("other")
+            assert variable.value
+            device.server.close()
+            assert code_of(variable.get_value) == hresult.E_NOT_CONNECTED
+            assert code_of(variable.get_value) == hresult.E_CAO_REMOTE_PROVIDER
+            device.start(second)
+            until(lambda: code_of(variable.get_value) == 0)
+            assert other.name.startswith("Variable_GetName|cell/Arm/other")
+            assert second.calls == [
+                Call("Controller_Connect", "", ("cell", "localhost", "mine")),
+                Call("Controller_GetRobot", "cell", ("Arm", "ID=1")),
+                Call("Robot_GetVariable", "cell/Arm", ("v", "")),
+                Call("Variable_GetValue", "cell/Arm/v", ()),
+                Call("Robot_GetVariable", "cell/Arm", ("other", "")),
+                Call("Variable_GetName", "cell/Arm/other", ()),
+            ]
+        assert second.wait_for(Call("Controller_Disconnect", "cell", ()))
+        assert {call.path for call in second.calls if call.function.endswith("_Release")} == {
+            "cell/Arm/other", "cell/Arm/v", "cell/Arm",
+        }  # fmt: skip
+
+
+def test_a_controller_over_http_that_is_started_again() -> None:
+    first, second = Recorder(), Recorder()
+    with (
+        controller(first, HTTP) as device,
+        gateway(device.url, retry=0.02) as url,
+        orinkit.connect(url, provider="Test.Recorder", name="cell") as rc8,
+    ):
+        variable = rc8.robot("Arm").variable("v")
+        device.server.close()
+        assert code_of(variable.get_value) in AWAY
+        assert code_of(variable.get_value) == hresult.E_CAO_REMOTE_PROVIDER
+        device.start(second)
+        until(lambda: code_of(variable.get_value) == 0)
+    assert [call.function for call in second.calls[:4]] == [
+        "Controller_Connect", "Controller_GetRobot", "Robot_GetVariable", "Variable_GetValue",
+    ]  # fmt: skip
+
+
+def test_what_has_not_been_connected_again_is_not_released_there() -> None:
+    first, second = Recorder(), Recorder()
+    with (
+        controller(first) as device,
+        gateway(device.url, retry=0.02) as url,
+        orinkit.connect(url, provider="Test.Recorder", name="cell") as rc8,
+    ):
+        gone, stays = rc8.variable("gone"), rc8.variable("stays")
+        device.server.close()
+        device.start(second)
+        until(lambda: code_of(stays.get_value) == 0)
+        gone.close()
+        stays.close()
+        assert rc8.name
+    assert [call.function for call in second.calls if call.function != "Variable_GetValue"][1:] == [
+        "Controller_GetVariable", "Variable_Release", "Controller_GetName", "Controller_Disconnect",
+    ]  # fmt: skip
+
+
+class Scripted:
+    """Answers as a controller would, and does something bad with the call that it is told."""
+
+    def __init__(self) -> None:
+        self.seen: list[str] = []
+
+    def answer(self, request: Packet) -> bytes:
+        self.seen.append(functions.FUNCTIONS[request.code].name)
+        creates = functions.FUNCTIONS[request.code].creates
+        self.handle = getattr(self, "handle", FIRST_HANDLE) + 1
+        if creates:
+            return reply(request, self.handle)
+        return reply(request, *([] if request.code in (1, 2, 102) else ["value"]))
+
+    def until(self, function: str, bad: Any) -> Any:
+        def script(line: Line) -> None:
+            while True:
+                request = line.request()
+                if functions.FUNCTIONS[request.code].name == function:
+                    self.seen.append(function)
+                    bad(line)
+                    return
+                line.send(self.answer(request))
+
+        return script
+
+    def serve(self, line: Line) -> None:
+        line.serve(self.answer)
+
+
+@pytest.mark.parametrize("end", [Line.reset, Line.close, lambda line: line.send(b"\x01\xff\xff\xff\xff" + bytes(20))])
+def test_the_call_that_was_under_way_is_never_repeated(end: Any) -> None:
+    script = Scripted()
+    with (
+        BadPeer(script.until("Variable_PutValue", end), script.serve) as peer,
+        gateway(peer.url, retry=0.02) as url,
+        orinkit.connect(url, name="cell") as rc8,
+    ):
+        variable = rc8.variable("v")
+        with pytest.raises(CallError) as failed:
+            variable.put_value(1)
+        assert failed.value.code == hresult.E_NOT_CONNECTED
+        assert script.seen.count("Variable_PutValue") == 1
+        until(lambda: code_of(variable.get_value) == 0)
+        assert script.seen.count("Variable_PutValue") == 1
+        assert script.seen[-4:] == [
+            "Service_Start",
+            "Controller_Connect",
+            "Controller_GetVariable",
+            "Variable_GetValue",
+        ]
+        assert peer.connections == 2
+
+
+def test_a_controller_that_is_stopped_during_a_call() -> None:
+    first, second = Workshop(), Workshop()
+    with (
+        controller(first) as device,
+        gateway(device.url, retry=0.02) as url,
+        orinkit.connect(url, provider="Test.Workshop") as shop,
+    ):
+        codes: list[int] = []
+        work = threading.Thread(target=lambda: codes.append(code_of(lambda: shop.execute("Wait", 1))))
+        work.start()
+        assert first.at_work.acquire(timeout=PATIENCE)
+        device.server.close()
+        work.join(PATIENCE)
+        assert codes == [hresult.E_NOT_CONNECTED]
+        device.start(second)
+        until(lambda: code_of(lambda: shop.execute("Echo", 2)) == 0)
+        assert not second.at_work.acquire(timeout=0)
+
+
+def test_what_it_says(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "orinkit.session")
+    script = Scripted()
+    with BadPeer(script.until("Variable_PutValue", Line.reset)) as peer, gateway(peer.url, retry=60.0) as url:
+        place = peer.url
+        with orinkit.connect(url) as rc8:
+            variable = rc8.variable("v")
+            for _ in range(2):
+                with pytest.raises(CallError):
+                    variable.put_value(1)
+    first, second = [record.getMessage() for record in caplog.records if record.name == "orinkit.session"]
+    assert place in first
+    assert "Whether Variable_PutValue was carried out is not known, and it is not repeated" in first
+    assert "The call was not sent" in second
+    assert "connection" in second
+
+
+def test_it_says_so_in_japanese() -> None:
+    language.use("ja")
+    provider = RemoteProvider({"a": "tcp://h", "b": "tcp://i"})
+    with pytest.raises(CallError, match="ゲートウェイの先にありません"):
+        provider._choose("c")
+
+
+# --- attempts ---------------------------------------------------------------------------------------------------------
+
+
+def test_calls_in_between_are_told_at_once() -> None:
+    def refuse(line: Line) -> None:
+        line.close()
+
+    with BadPeer(refuse) as peer, gateway(peer.url, retry=60.0) as url:
+        codes = []
+        client = None
+        try:
+            client = orinkit.connect(url)
+            codes = [code_of(lambda: client.execute("Any")) for _ in range(20)]
+        except CallError as error:
+            codes = [error.code]
+        finally:
+            if client is not None:
+                client.close()
+        assert set(codes) == {hresult.E_CAO_REMOTE_PROVIDER}
+        assert peer.connections == 1
+
+
+def test_attempts_become_rarer_and_then_the_controller_is_back() -> None:
+    """At most one at a time, and then again from the beginning."""
+    device = Recorder()
+    with (
+        controller(device) as served,
+        gateway(served.url, retry=0.01) as url,
+        orinkit.connect(url, provider="Test.Recorder", name="cell") as rc8,
+    ):
+        variable = rc8.variable("v")
+        for _ in range(3):
+            served.server.close()
+            until(lambda: code_of(variable.get_value) == hresult.E_CAO_REMOTE_PROVIDER)
+            served.start(device)
+            until(lambda: code_of(variable.get_value) == 0)
+    assert sum(call.function == "Controller_Connect" for call in device.calls) == 4
+
+
+def test_a_controller_that_says_nothing_any_more() -> None:
+    """Two calls without an answer: then the connection counts as dead."""
+    script = Scripted()
+
+    def silent(line: Line) -> None:
+        while True:
+            request = line.request()
+            if request.code not in (101, 102):
+                line.send(script.answer(request))
+
+    with (
+        BadPeer(silent, script.serve) as peer,
+        gateway(peer.url, retry=0.02, timeout=0.1) as url,
+        orinkit.connect(url) as rc8,
+    ):
+        variable = rc8.variable("v")
+        assert code_of(lambda: variable.put_value(1)) == hresult.E_TIMEOUT
+        assert peer.connections == 1
+        assert code_of(lambda: variable.put_value(2)) == hresult.E_TIMEOUT
+        until(lambda: code_of(variable.get_value) == 0)
+    assert "Variable_PutValue" not in script.seen
+    assert peer.connections == 2
+
+
+class Refusing(Provider):
+    provider_names = ("*",)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
+        raise CallError(0x80040205)
+
+
+class Empty(Provider):
+    """A controller without any objects."""
+
+    provider_names = ("*",)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
+        return ControllerObject(name)
+
+
+@pytest.mark.parametrize(("then", "code"), [(Refusing, 0x80040205), (Empty, hresult.E_NOTIMPL)])
+def test_what_cannot_be_connected_again_answers_with_that(then: type[Provider], code: int) -> None:
+    with (
+        controller(Recorder()) as device,
+        gateway(device.url, retry=0.02) as url,
+        orinkit.connect(url, provider="Test.Recorder") as rc8,
+    ):
+        variable = rc8.robot().variable("v")
+        device.server.close()
+        device.start(then())
+        until(lambda: code_of(variable.get_value) not in AWAY)
+        assert code_of(variable.get_value) == code
+
+
+def test_what_only_the_lost_connection_knew() -> None:
+    first, second = Recorder(), Recorder()
+    with (
+        controller(first) as device,
+        gateway(device.url, retry=0.02) as url,
+        orinkit.connect(url, provider="Test.Recorder", name="cell") as rc8,
+    ):
+        plain, numbered, message, command = rc8.variable("I1"), rc8.variable("I*"), rc8.message(), rc8.command("c")
+        assert message is not None
+        numbered.id = 5
+        command.parameters = [1]
+        rc8.client.call(functions.controller_put_tag, rc8.handle, "tag")
+        file = rc8.client.call(functions.controller_get_file, rc8.handle, "a.pcs", "@Create=1,x=2")
+        plain.put_value(1)
+        device.server.close()
+        device.start(second)
+        until(lambda: code_of(plain.get_value) == 0)
+        for lost in (lambda: numbered.put_value(1), lambda: message.number, lambda: command.execute(1)):
+            assert code_of(lost) == hresult.E_HANDLE
+        assert rc8.client.call(functions.file_get_name, file)
+    made = [call.arguments for call in second.calls if call.function.startswith("Controller_Get")]
+    assert made == [("I1", ""), ("a.pcs", "x=2")]
+
+
+def test_a_file_is_not_made_again() -> None:
+    first, second = VirtualRC8(), VirtualRC8()
+    with controller(first) as device, gateway(device.url, retry=0.02) as url, orinkit.connect(url) as rc8:
+        file = rc8.client.call(functions.controller_get_file, rc8.handle, "a.txt", "@Create=1")
+        rc8.client.call(functions.file_put_value, file, "text")
+        device.server.close()
+        device.start(second)
+        read = lambda: rc8.client.call(functions.file_get_value, file)  # noqa: E731
+        until(lambda: code_of(read) not in AWAY)
+        assert code_of(read) == hresult.FILE_NOT_FOUND
+        assert "a.txt" not in rc8.file_names()
+
+
+# --- without a connection ---------------------------------------------------------------------------------------------
+
+
+def test_a_controller_on_udp_that_has_forgotten() -> None:
+    first, second = VirtualRC8(), VirtualRC8()
+    with (
+        orinkit.serve(first, "udp://127.0.0.1:0") as server,
+        gateway(server.url, retry=0.02) as url,
+        orinkit.connect(url) as rc8,
+    ):
+        variable = rc8.variable("I1")
+        variable.value = 7
+        server.close()
+        with orinkit.serve(second, server.url):
+            codes = {code_of(variable.get_value) for _ in range(3)} - {0}
+            assert codes <= {hresult.E_HANDLE, *AWAY}
+            until(lambda: code_of(variable.get_value) == 0)
+            assert variable.value == 0
+
+
+def test_signs_of_life() -> None:
+    device = Recorder()
+    with controller(device) as served, gateway(served.url, keep_alive=0.02, retry=0.02) as url:
+        with orinkit.connect(url, provider="Test.Recorder", name="cell") as rc8:
+            sign = Call("Controller_GetName", "cell", ())
+            until(lambda: device.calls.count(sign) > 3)
+            served.server.close()
+            until(lambda: code_of(rc8.variable_names) == hresult.E_CAO_REMOTE_PROVIDER)
+        count = len(device.calls)
+    assert len(device.calls) == count
+
+
+# --- one connection ---------------------------------------------------------------------------------------------------
+
+
+WANTED = Wanted("", "", "", "")
+
+
+def test_a_connection_that_is_lost_with_a_release() -> None:
+    """What is called behind it was not sent."""
+    script = Scripted()
+
+    async def main(url: str) -> None:
+        ended = asyncio.Event()
+        connection = Connection(Upstream(url, retry=60.0), WANTED, lambda _: ended.set())
+        async with connection.turn:
+            await connection.ready()
+            for handle in (5, 6):
+                connection.hold(functions.variable_release, handle)
+                connection.release(functions.variable_release, handle, 1)
+            with pytest.raises(CallError) as failed:
+                await connection.ready()
+        assert failed.value.code == hresult.E_CAO_REMOTE_PROVIDER
+        connection.release(functions.variable_release, 7, 1)
+        connection.close()
+        await ended.wait()
+
+    with BadPeer(script.until("Variable_Release", Line.reset)) as peer:
+        asyncio.run(main(peer.url))
+    assert script.seen.count("Variable_Release") == 1
+
+
+def test_a_connection_that_is_closed() -> None:
+    script = Scripted()
+
+    async def main(url: str) -> None:
+        ended = asyncio.Event()
+        connection = Connection(Upstream(url), WANTED, lambda _: ended.set())
+        connection.close()
+        connection.close()
+        for _ in range(2):
+            async with connection.turn:
+                with pytest.raises(CallError) as failed:
+                    await connection.ready()
+            assert failed.value.code == hresult.E_ABORT
+        await ended.wait()
+
+    with BadPeer(script.serve) as peer:
+        asyncio.run(main(peer.url))
+    assert script.seen == []
+
+
+def test_a_connection_that_is_closed_while_it_is_being_opened() -> None:
+    script = Scripted()
+
+    async def main(url: str, connecting: threading.Semaphore, answer: threading.Event) -> None:
+        connection = Connection(Upstream(url), WANTED, lambda _: None)
+        async with connection.turn:
+            opening = asyncio.create_task(connection.ready())
+            await asyncio.to_thread(connecting.acquire)
+            connection.close()
+            answer.set()
+            with pytest.raises(CallError) as failed:
+                await opening
+        assert failed.value.code == hresult.E_ABORT
+
+    connecting, answer = threading.Semaphore(0), threading.Event()
+
+    def slow(line: Line) -> None:
+        line.send(script.answer(line.request()))
+        request = line.request()
+        connecting.release()
+        assert answer.wait(PATIENCE)
+        line.send(script.answer(request))
+        line.wait_for_end()
+
+    with BadPeer(slow) as peer:
+        asyncio.run(main(peer.url, connecting, answer))
+        assert peer.ended.acquire(timeout=PATIENCE)
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    [
+        (lambda request: reply(request, "text"), hresult.E_FAIL),  # for an I4
+        (lambda request: reply(request, code=0x80040299), 0x80040299),
+    ],
+)
+def test_an_answer_that_cannot_be_read(answer: Any, code: int) -> None:
+    script = Scripted()
+
+    def odd(line: Line) -> None:
+        line.serve(lambda request: answer(request) if request.code == ATTRIBUTE else script.answer(request))
+
+    with BadPeer(odd) as peer, gateway(peer.url) as url, orinkit.connect(url) as rc8:
+        assert code_of(lambda: rc8.attribute) == code
+        assert rc8.name == "value"  # the connection goes on
+        assert peer.connections == 1
+
+
+def test_an_answer_that_is_too_long() -> None:
+    with (
+        controller(Workshop()) as device,
+        gateway(device.url, limits=Limits(packet=10_000), retry=0.02) as url,
+        orinkit.connect(url, provider="Test.Workshop") as shop,
+    ):
+        assert code_of(lambda: shop.execute("Large", 20_000)) in (hresult.E_TOO_MUCH_DATA, hresult.E_NOT_CONNECTED)
+        until(lambda: code_of(lambda: shop.execute("Echo", 2)) == 0)

@@ -1,0 +1,324 @@
+"""What rules let through, and what they do not."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from gateways import LISTEN
+
+import orinkit
+from devices import Recorder, Workshop
+from orinkit import hresult
+from orinkit.cao.functions import BY_NAME, FUNCTIONS
+from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, Later, Provider, VariableObject
+from orinkit.errors import AccessDenied, CallError
+from orinkit.gateway import RemoteProvider, Restricted, Rules
+from orinkit.gateway.rules import READING
+from orinkit.variant import Variant, VarType
+from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.rc8.commands import COMMANDS
+from orinkit.virtual.rc8.extension import EXTENSION_COMMANDS
+from orinkit.virtual.rc8.robot.commands import ROBOT_COMMANDS
+from orinkit.virtual.ve026a import VirtualVE026A, served
+
+EMPTY = Variant(VarType.EMPTY)
+OF_REAL_ONES = {
+    "Controller": {"getautomode"},
+    "Robot": {
+        "curspeedmode", "getareaenabled", "robinfo", "checkvirtualfence", "convertposwork", "getbasedef",
+        "curforcesensorpayload", "getmotionpreparationstate", "getmechabuttonstate", "curscene", "cursubscene", "sceneinfo",
+    },
+    "Task": {"getstatus"},
+}  # fmt: skip
+SAMPLES = {VarType.I4: 1, VarType.R4: 1.0, VarType.BSTR: "x", VarType.VARIANT: EMPTY}
+
+
+def allowed(rules: Rules, function: str, *arguments: Any) -> bool:
+    entry = BY_NAME[function]
+    given = arguments or [SAMPLES[argument.vt] for argument in entry.arguments if not argument.is_handle]
+    try:
+        rules.check(entry, given)
+    except AccessDenied:
+        return False
+    return True
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def test_no_command_of_the_virtual_controllers_is_forgotten() -> None:
+    tables = {
+        "Controller": {name: not command.writes for name, command in COMMANDS.items()},
+        "Robot": {name: command.reads for name, command in ROBOT_COMMANDS.items()},
+        "Extension": {name: not command.writes for name, command in EXTENSION_COMMANDS.items()},
+    }
+    for interface, commands in READING.items():
+        virtual = {name for name, reads in tables.get(interface, {}).items() if reads}
+        assert commands == virtual | OF_REAL_ONES.get(interface, set()), interface
+    for interface, table in tables.items():
+        assert not READING[interface] & {name for name, reads in table.items() if not reads}
+
+
+def test_no_command_of_a_ve026a_only_reads() -> None:
+    assert {"MOTOR", "SLVCHANGEMODE", "SLVMOVE"} == set(served._ROBOT_COMMANDS)
+    assert not READING["Robot"] & {name.lower() for name in served._ROBOT_COMMANDS}
+    assert "clearerror" not in READING["Controller"]
+
+
+def test_which_functions_read() -> None:
+    rules = Rules(read_only=True)
+    passed = {entry.name for entry in FUNCTIONS.values() if allowed(rules, entry.name)}
+    releasing = {entry.name for entry in FUNCTIONS.values() if entry.releases}
+    assert passed == {"Service_Start", "Service_Stop", "Controller_Connect"} | releasing | {
+        entry.name for entry in FUNCTIONS.values() if "_Get" in entry.name
+    }
+    assert allowed(rules, "Command_GetState")
+    for function in (
+        "Command_Execute",
+        "Variable_PutID",
+        "Robot_PutTag",
+        "File_Run",
+        "Robot_Move",
+        "Robot_Halt",
+        "Task_Start",
+    ):
+        assert not allowed(rules, function)
+
+
+@pytest.mark.parametrize(
+    "option", ["@Create=1", " @create = True", "@CREATE", "x=(,@Create=1", "a,@Create=0x1", "@Create=no thing"]
+)
+def test_a_file_that_would_be_made(option: str) -> None:
+    for function in ("Controller_GetFile", "File_GetFile"):
+        assert not allowed(Rules(read_only=True), function, "a.txt", option)
+        assert allowed(Rules(), function, "a.txt", option)
+
+
+@pytest.mark.parametrize("option", ["", "@Create=0", "@Create=False", "x=1"])
+def test_a_file_that_is_there(option: str) -> None:
+    assert allowed(Rules(read_only=True), "Controller_GetFile", "a.txt", option)
+
+
+@pytest.mark.parametrize(
+    ("function", "command", "reads"),
+    [
+        ("Robot_Execute", "CurPos", True),
+        ("Robot_Execute", " CURPOS ", True),
+        ("Robot_Execute", "TakeArm", False),
+        ("Robot_Execute", "slvMove", False),
+        ("Robot_Execute", "SysState", False),
+        ("Robot_Execute", "", False),
+        ("Robot_Execute", "CurPos\0", False),
+        ("Robot_Execute", "x" * 1_000_000, False),
+        ("Controller_Execute", "SysState", True),
+        ("Controller_Execute", "ClearError", False),
+        ("Extension_Execute", "CurPos", True),
+        ("Extension_Execute", "Chuck", False),
+        ("Task_Execute", "GetStatus", True),
+        ("File_Execute", "GetStatus", False),
+    ],
+)
+def test_which_commands_read(function: str, command: str, reads: bool) -> None:
+    assert allowed(Rules(read_only=True), function, command, EMPTY) is reads
+
+
+# --- lists ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("patterns", "function", "passes"),
+    [
+        (("Robot_*",), "Robot_Move", True),
+        (("robot_MOVE",), "Robot_Move", True),
+        (("Robot_Get*", "Variable_?etValue"), "Variable_GetValue", True),
+        (("Robot_*",), "Variable_GetValue", False),
+        (("Robot",), "Robot_Move", False),
+        (("",), "Robot_Move", False),
+        (("x",), "Service_Start", True),
+        (("x",), "Controller_Connect", True),
+        (("x",), "Controller_Disconnect", True),
+        (("x",), "Robot_Release", True),
+    ],
+)
+def test_lists_of_functions(patterns: tuple[str, ...], function: str, passes: bool) -> None:
+    assert allowed(Rules(functions=patterns), function) is passes
+
+
+@pytest.mark.parametrize(
+    ("patterns", "name", "passes"),
+    [
+        (("I1?",), "I15", True),
+        (("i1?",), " I15 ", True),
+        (("I1?",), "I1", False),
+        (("I1?",), "I*", False),
+        (("I?",), "I*", False),
+        (("I??",), "I*", False),
+        (("I[0-9]*",), "I*", False),
+        (("I*",), "I*", True),
+        (("*",), "I*", True),
+        (("I*", "@*"), "@MODE", True),
+        (("I[12]",), "I2", True),
+        (("I[12]",), "I3", False),
+        (("IO150",), "io150", True),
+        (("IO150",), "", False),
+        (("",), "", True),
+        (("*",), "x" * 100_000, False),
+        (("*a*a*a*a*a*b",), "a" * 999, False),
+        (("*",), "*" * 10_000_000, False),
+    ],
+)
+def test_lists_of_variables(patterns: tuple[str, ...], name: str, passes: bool) -> None:
+    for function in ("Controller_GetVariable", "Robot_GetVariable", "Task_GetVariable", "File_GetVariable"):
+        assert allowed(Rules(variables=patterns), function, name, "") is passes
+    assert allowed(Rules(variables=patterns), "Controller_GetFile", name[:10], "")
+
+
+@pytest.mark.parametrize(
+    ("patterns", "function", "command", "passes"),
+    [
+        (("Cur*",), "Robot_Execute", "CurPos", True),
+        (("Cur*",), "Robot_Execute", "TakeArm", False),
+        (("Cur*",), "Robot_Execute", "TakeArm.CurPos", False),
+        (("Cur*",), "Controller_GetCommand", "CurPos", True),
+        (("Cur*",), "Controller_GetCommand", "Robot.CurPos", True),
+        (("Cur*",), "Controller_GetCommand", "Robot.TakeArm", False),
+        (("Robot.*",), "Controller_GetCommand", "Robot.TakeArm", True),
+        (("Robot.*",), "Controller_GetCommand", "Hand0.Chuck", False),
+    ],
+)
+def test_lists_of_commands(patterns: tuple[str, ...], function: str, command: str, passes: bool) -> None:
+    assert allowed(Rules(commands=patterns), function, command, "") is passes
+
+
+def test_a_command_object_is_executed_once_it_is_allowed() -> None:
+    assert allowed(Rules(commands=("x",)), "Command_Execute", 0)
+
+
+def test_rules_add_up() -> None:
+    rules = Rules(read_only=True, functions=("Robot_*",), commands=("*",))
+    assert allowed(rules, "Robot_Execute", "CurPos", EMPTY)
+    assert not allowed(rules, "Robot_Execute", "TakeArm", EMPTY)
+    assert not allowed(rules, "Controller_Execute", "SysState", EMPTY)
+
+
+@pytest.mark.parametrize("wrong", [{"functions": "Robot_*"}, {"variables": "I1"}, {"commands": [1]}])
+def test_what_is_no_list(wrong: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match=next(iter(wrong))):
+        Rules(**wrong)
+
+
+# --- around providers -------------------------------------------------------------------------------------------------
+
+
+def test_a_gateway_that_only_reads() -> None:
+    device = VirtualRC8(motor=True)
+    with orinkit.serve(device, LISTEN) as server:
+        provider = Restricted(RemoteProvider(server.url), Rules(read_only=True))
+        with orinkit.serve(provider, LISTEN) as gate, orinkit.connect(gate.url) as rc8:
+            robot = rc8.robot()
+            assert len(robot.execute("CurJnt")) == 8
+            assert rc8.variable("I1").value == 0
+            assert rc8.execute("SysState")
+            for refused in (
+                lambda: rc8.variable("I1").put_value(1),
+                lambda: robot.execute("TakeArm"),
+                lambda: robot.execute("Motor", [0, 0]),
+                lambda: rc8.execute("ClearError"),
+                lambda: rc8.command("Robot.Motor").execute(0),
+                lambda: rc8.file("a.txt", create=True),
+                lambda: robot.move(1, "P1"),
+            ):
+                with pytest.raises(AccessDenied):
+                    refused()
+            assert device.state.arm.holder is None
+
+
+def test_around_any_provider() -> None:
+    recorder = Recorder()
+    provider = Restricted(recorder, Rules(variables=("v*",)))
+    with orinkit.serve(provider, LISTEN) as server, orinkit.connect(server.url, provider="Test.Recorder") as rc8:
+        assert rc8.robot().variable("v1").value
+        with pytest.raises(AccessDenied):
+            rc8.robot().variable("w1")
+    assert not any("w1" in str(call) for call in recorder.calls)
+    assert recorder.calls[-1].function == "Controller_Disconnect"
+
+
+def test_a_ve026a_stays_one() -> None:
+    with (
+        orinkit.serve(Restricted(VirtualVE026A(), Rules(read_only=True)), LISTEN) as server,
+        orinkit.connect(server.url, provider="") as controller,
+    ):
+        assert controller.handle == 1
+        robot = controller.robot()
+        assert len(robot.variable("@CURRENT_ANGLE").value) == 8
+        with pytest.raises(AccessDenied):
+            robot.execute("Motor", Variant(VarType.I2, 1))
+
+
+class Slow(ControllerObject):
+    """Gives its variables in every way that there is."""
+
+    def get_variable(self, name: str, option: str) -> Any:
+        made = VariableObject(name)
+        if name == "coded":
+            return Coded(hresult.S_FALSE, made)
+        if name == "blocking":
+            return Blocking(lambda: made)
+        if name == "soon":
+            return self._soon(made)
+        promise = Later[Any]()
+        if name == "fails":
+            promise.fail(CallError(0x80040201))
+        elif name == "later":
+            asyncio.get_running_loop().call_later(0.01, promise.finish, made)
+        else:
+            promise.finish(made)
+        return promise
+
+    async def _soon(self, made: VariableObject) -> VariableObject:
+        await asyncio.sleep(0)
+        return made
+
+    def get_extension(self, name: str, option: str) -> Any:
+        return "no object"
+
+
+class SlowProvider(Provider):
+    provider_names = ("*",)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
+        return Slow()
+
+
+def test_objects_that_come_late_are_restricted_too(caplog: pytest.LogCaptureFixture) -> None:
+    provider = Restricted(SlowProvider(), Rules(functions=("*_GetVariable", "*_GetName", "*_GetExtension")))
+    with orinkit.serve(provider, LISTEN) as server, orinkit.connect(server.url) as rc8:
+        for name in ("coded", "blocking", "soon", "later", "done"):
+            variable = rc8.variable(name)
+            assert variable.name == name
+            with pytest.raises(AccessDenied):
+                variable.get_value()
+        with pytest.raises(CallError) as failed:
+            rc8.variable("fails")
+        assert failed.value.code == 0x80040201
+        with pytest.raises(CallError) as failed:
+            rc8.extension("x")
+        assert failed.value.code == hresult.E_FAIL
+    caplog.clear()  # a device that gives no object is an error
+
+
+def test_work_in_threads_and_waiting() -> None:
+    shop = Workshop()
+    with (
+        orinkit.serve(Restricted(shop, Rules(commands=("B*", "Wait"))), LISTEN) as server,
+        orinkit.connect(server.url, provider="Test.Workshop") as client,
+    ):
+        shop.gate.set()
+        assert client.execute("Block", 1) == 1
+        assert client.execute("Wait", 2) == 2
+        with pytest.raises(AccessDenied):
+            client.execute("Echo", 3)
+    assert shop.closed == 1

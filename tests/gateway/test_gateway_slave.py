@@ -1,0 +1,59 @@
+"""Slave mode through a gateway that is a process of its own: a set-point every 8 ms."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from gateways import PATIENCE
+
+import orinkit
+from orinkit.poses import J
+
+GATEWAY = """
+import sys
+import orinkit
+from orinkit.gateway import RemoteProvider
+with orinkit.serve(RemoteProvider(sys.argv[1]), "tcp://127.0.0.1:0") as server:
+    print("ready", server.url, flush=True)
+    sys.stdin.read()
+"""
+CONTROLLER = ["-m", "orinkit", "serve", "rc8", "--tcp", "127.0.0.1:0", "--motor-on"]
+HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
+SECONDS = 3.0
+PERIOD = 0.008
+
+
+@contextmanager
+def process(*arguments: str) -> Iterator[str]:
+    """Run Python in a process of its own; yields the address that it serves."""
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as served:
+        try:
+            assert served.stdout is not None
+            yield served.stdout.readline().split()[1]
+        finally:
+            served.terminate()
+            served.wait(PATIENCE)
+
+
+def test_no_underflow_through_a_gateway() -> None:
+    count = round(SECONDS / PERIOD)
+    points = [(*HOME[:5], 20.0 * (number / count) ** 2 * (3 - 2 * number / count)) for number in range(count + 1)]
+    with process(*CONTROLLER) as controller, process("-c", GATEWAY, controller) as url, orinkit.connect(url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor():
+            robot.move(J(*HOME), "@E")
+            with robot.slave_mode() as stream:
+                result = stream.run(points)
+            assert result.underflows == 0
+            assert result.sent >= len(points)
+            assert abs(robot.joints[5] - 20.0) < 0.01
+        assert rc8.errors() == []

@@ -1,0 +1,136 @@
+"""Every VARIANT arrives bit by bit as it was sent, in both directions; by e-CAP every nan is the same one, as it is text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import pytest
+from gateways import HTTP, LISTEN, chain
+from hypothesis import given, settings
+
+import orinkit
+from orinkit.cao import functions as f
+from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, RobotObject
+from orinkit.client._sync_client import Client
+from orinkit.variant import ARRAY, SIZES, VARIANT_ARRAY, Variant, VarType
+from orinkit.variant_bytes import decode, encode_variant
+from strategies import same, strings, variants
+
+SIMPLE = [vt for vt in SIZES if vt not in (VarType.BOOL, VarType.DATE, VarType.CY, VarType.R4, VarType.R8)]
+EACH = [
+    Variant(VarType.EMPTY),
+    Variant(VarType.NULL),
+    *(Variant(vt, 1) for vt in SIMPLE),
+    *(Variant(vt | ARRAY, [1, 2]) for vt in SIMPLE),
+    *(Variant(vt, 0.1) for vt in (VarType.R4, VarType.R8, VarType.DATE)),
+    *(Variant(vt | ARRAY, [0.1, -0.0, float("inf")]) for vt in (VarType.R4, VarType.R8)),
+    Variant(VarType.R4, float("nan")),
+    Variant(VarType.BOOL, True),
+    Variant(VarType.BSTR, "日本語 \ud800"),
+    Variant(VarType.BSTR | ARRAY, ["", "a"]),
+    Variant(VARIANT_ARRAY, [Variant(VarType.R4, 0.1), Variant(VARIANT_ARRAY, [Variant(VarType.I2, 1)])]),
+]
+
+
+class Exact(ControllerObject):
+    """Gives back what it gets, and keeps it."""
+
+    def __init__(self, kept: list[Any]) -> None:
+        super().__init__()
+        self.kept = kept
+
+    def execute(self, command: str, parameter: Variant) -> Variant:
+        self.kept[:] = [command, parameter]
+        return parameter
+
+    def get_robot(self, name: str, option: str) -> Any:
+        return ExactRobot(self.kept)
+
+
+class ExactRobot(RobotObject):
+    def __init__(self, kept: list[Any]) -> None:
+        super().__init__()
+        self.kept = kept
+
+    def accelerate(self, axis: int, accel: float, decel: float) -> None:
+        self.kept[:] = [axis, accel, decel]
+
+    def move(self, interpolation: int, pose: Variant, option: str) -> None:
+        self.kept[:] = [interpolation, pose, option]
+
+
+class Keeper(Provider):
+    provider_names = ("*",)
+
+    def __init__(self) -> None:
+        self.kept: list[Any] = []
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
+        return Exact(self.kept)
+
+
+@pytest.fixture(scope="module")
+def keeper() -> Keeper:
+    return Keeper()
+
+
+class Way(NamedTuple):
+    """A client, its controller, and whether values travel as text on the way there."""
+
+    raw: Client
+    controller: int
+    text: bool
+
+
+@pytest.fixture(scope="module", params=[LISTEN, HTTP], ids=["tcp", "http"])
+def way(keeper: Keeper, request: pytest.FixtureRequest) -> Iterator[Way]:
+    with chain(keeper, 2, request.param) as url, orinkit.open_client(url) as raw:
+        yield Way(raw, raw.call(f.controller_connect, "", "", "", ""), request.param == HTTP)
+
+
+def check(keeper: Keeper, way: Way, value: Variant) -> None:
+    came = way.raw.request(f.controller_execute, way.controller, "Echo", value, exact=True).value
+    read, _ = decode(encode_variant(value), 0, exact=True)  # as it is after a packet has carried it
+    for arrived in (keeper.kept[1], came):
+        assert same(arrived, read)
+        if not way.text or "nan" not in repr(value):
+            assert encode_variant(arrived) == encode_variant(value)
+
+
+@pytest.mark.parametrize("value", EACH, ids=lambda value: f"{int(value.type):#x}")
+def test_each_type(keeper: Keeper, way: Way, value: Variant) -> None:
+    check(keeper, way, value)
+
+
+@given(value=variants())
+@settings(max_examples=150)
+def test_any_variant(keeper: Keeper, way: Way, value: Variant) -> None:
+    check(keeper, way, value)
+
+
+@given(text=strings())
+@settings(max_examples=50)
+def test_any_text(keeper: Keeper, way: Way, text: str) -> None:
+    way.raw.call(f.controller_execute, way.controller, text)
+    assert keeper.kept == [text, Variant(VarType.EMPTY)]
+
+
+def test_numbers_of_the_table(keeper: Keeper, way: Way) -> None:
+    raw = way.raw
+    robot = raw.call(f.controller_get_robot, way.controller, "")
+    for axis, accel in ((-1, 0.10000000149011612), (2**31 - 1, 3.4028234663852886e38), (-(2**31), -0.0)):
+        raw.call(f.robot_accelerate, robot, axis, accel, 1.5)
+        assert repr(keeper.kept) == repr([axis, accel, 1.5])
+    pose = Variant(VarType.R4 | ARRAY, [0.1] * 7)
+    raw.call(f.robot_move, robot, 1, pose, "NEXT")
+    assert keeper.kept[0] == 1
+    assert encode_variant(keeper.kept[1]) == encode_variant(pose)
+
+
+@pytest.mark.parametrize("size", [0, 1, 65536, 4_000_000])
+def test_large_values(keeper: Keeper, way: Way, size: int) -> None:
+    if way.text:
+        size //= 10  # as text it is longer
+    check(keeper, way, Variant(VarType.UI1 | ARRAY, bytes(range(256)) * (size // 256) + bytes(size % 256)))
+    check(keeper, way, Variant(VarType.BSTR, "あ" * (size // 2)))
