@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from struct import pack, unpack
 from typing import NamedTuple
 
 from orinkit import hresult
@@ -16,8 +17,8 @@ def i4(number: int) -> Variant:
     return Variant(VarType.I4, number)
 
 
-def r8(number: float) -> Variant:
-    return Variant(VarType.R8, number)
+def r4(number: float) -> Variant:
+    return Variant(VarType.R4, unpack("<f", pack("<f", number))[0])
 
 
 def i2(number: int) -> Variant:
@@ -112,12 +113,12 @@ BODIES = [
     Body("encoded in one piece: curl --data-urlencode '=Func=17,Arg1=2,...', encodeURIComponent",
          b"Func%3D17%2C%20Arg1%3D2%2CArg2%3dTest", 17, [i4(2), bstr("Test")]),
     Body("commas encoded, = not", b"Func=17%2CArg1=2%2CArg2=Test", 17, [i4(2), bstr("Test")]),
-    Body("numbers with blanks and signs", b"Func= 68 ,Arg1= 5 ,Arg2=%2B2,Arg3= -1.5 ,Arg4=", 68, [i4(5), i4(2), r8(-1.5)]),
-    Body("hexadecimal numbers", b"Func=0x44,Arg1=0X5,Arg2=-0x2,Arg3=0xff", 68, [i4(5), i4(-2), r8(255)]),
-    Body("numbers in notation", b"Func=68,Arg1=3,5,Arg2=2,2,Arg3=4,1.5", 68, [i4(5), i4(2), r8(1.5)]),
-    Body("numbers in notation, encoded", b"Func=68&Arg1=19%2C5&Arg2=8195%2C2&Arg3=8%2C1e2", 68, [i4(5), i4(2), r8(100)]),
-    Body("a whole number as a fraction or with an exponent", b"Func=68,Arg1=5,Arg2=2.0,Arg3=1E-3", 68, [i4(5), i4(2), r8(0.001)]),
-    Body("an exponent without a sign", b"Func=68,Arg1=5,Arg2=1e1,Arg3=2e3", 68, [i4(5), i4(10), r8(2000)]),
+    Body("numbers with blanks and signs", b"Func= 68 ,Arg1= 5 ,Arg2=%2B2,Arg3= -1.5 ,Arg4=", 68, [i4(5), i4(2), r4(-1.5)]),
+    Body("hexadecimal numbers", b"Func=0x44,Arg1=0X5,Arg2=-0x2,Arg3=0xff", 68, [i4(5), i4(-2), r4(255)]),
+    Body("numbers in notation", b"Func=68,Arg1=3,5,Arg2=2,2,Arg3=4,1.5", 68, [i4(5), i4(2), r4(1.5)]),
+    Body("numbers in notation, encoded", b"Func=68&Arg1=19%2C5&Arg2=8195%2C2&Arg3=8%2C1e2", 68, [i4(5), i4(2), r4(100)]),
+    Body("a whole number as a fraction or with an exponent", b"Func=68,Arg1=5,Arg2=2.0,Arg3=1E-3", 68, [i4(5), i4(2), r4(0.001)]),
+    Body("an exponent without a sign", b"Func=68,Arg1=5,Arg2=1e1,Arg3=2e3", 68, [i4(5), i4(10), r4(2000)]),
     Body("a handle beyond VT_I4", b"Func=20,Arg1=4294967295", 20, [Variant(VarType.UI4, 0xFFFFFFFF)]),
     Body("a negative handle", b"Func=20,Arg1=-1", 20, [i4(-1)]),
     Body("an optional number left out", b"Func=112,Arg1=4,Arg2=", 112, [i4(4)]),

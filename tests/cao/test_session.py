@@ -279,7 +279,7 @@ def test_the_provider_is_told_name_machine_option_and_client(device):
     value(session, "Controller_Connect", "b-CAP", PROVIDER, "192.168.0.1", "Interval=8")
     ((*told, who),) = device.calls
     assert told == ["b-CAP", "192.168.0.1", "Interval=8"]
-    assert who == client._replace(provider=PROVIDER, reason=session.reason)
+    assert who == client._replace(provider=PROVIDER, reason=session.client.reason)
     assert Session(Host(device)).client[:3] == ("", "memory", 0)
 
 

@@ -71,8 +71,8 @@ def test_the_oldest_reason_is_forgotten() -> None:
             f"no {number}",
             Variant(VarType.I4, hresult.signed(0x80020000 + number)),
         )
-    assert session.reason(0x80020000 + 7) == ""
-    assert session.reason(0x80020000 + 8) == "no 8"
+    assert session.client.reason(0x80020000 + 7) == ""
+    assert session.client.reason(0x80020000 + 8) == "no 8"
 
 
 def test_sessions_may_share_their_handles() -> None:

@@ -174,14 +174,14 @@ def test_a_device_that_raises(caplog: pytest.LogCaptureFixture) -> None:
 
 
 def test_a_controller_that_refuses() -> None:
-    with chain(Coder()) as url, pytest.raises(CallError) as failed, orinkit.connect(url, option="refuse") as rc8:
-        rc8.robot()
+    with chain(Coder()) as url, pytest.raises(CallError) as failed:
+        orinkit.connect(url, option="refuse")
     assert failed.value.code == 0x80040201
 
 
 def test_an_unknown_provider_of_the_controller() -> None:
-    with chain(Workshop()) as url, pytest.raises(CallError) as failed, orinkit.connect(url, provider="Mine") as rc8:
-        rc8.execute("Echo")
+    with chain(Workshop()) as url, pytest.raises(CallError) as failed:
+        orinkit.connect(url, provider="Mine")
     assert failed.value.code == hresult.E_CAO_PROV_INVALID
 
 
@@ -509,3 +509,7 @@ def test_what_is_no_upstream(arguments: dict[str, Any], error: type[Exception]) 
 def test_what_is_no_set_of_upstreams(upstreams: Any) -> None:
     with pytest.raises(ValueError):
         RemoteProvider(upstreams)
+
+
+def test_a_token_is_not_shown() -> None:
+    assert "secret" not in repr(Upstream("http://h", token="secret"))

@@ -24,7 +24,7 @@ EARLY = 0.005  # s by which a clock may be early
 @pytest.fixture(autouse=True)
 def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
     yield
-    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
 
 
 # --- a client that counts ---------------------------------------------------------------------------------------------

@@ -48,7 +48,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="there are no
 @pytest.fixture(autouse=True)
 def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
     yield
-    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ PATIENT = 20.0
 def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
     """Neither by the library nor by asyncio: an error in the log is a bug of the server, or of a device."""
     yield
-    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
 
 
 @pytest.fixture

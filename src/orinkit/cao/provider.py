@@ -15,7 +15,7 @@ with E_FAIL. For a device of your own, :class:`orinkit.Device` is the comfortabl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
@@ -436,8 +436,8 @@ class Provider:
         """
         return 1
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
-        """Return the controller object for one client.
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Result[ControllerObject]:
+        """Return the controller object for one client, at once or as any other method may.
 
         Args:
             name: the name that the client gives to the controller, or one made up where it gave none.
@@ -450,5 +450,6 @@ class Provider:
         """
         raise not_implemented()
 
-    def close(self) -> None:
-        """The server has stopped; write down what has to be kept."""
+    def close(self) -> Awaitable[None] | None:
+        """The server has stopped; write down what has to be kept. May be ``async``, and then take a moment."""
+        return None

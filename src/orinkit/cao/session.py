@@ -12,6 +12,7 @@ import logging
 from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from inspect import isawaitable
 from traceback import format_exception_only
 from typing import Any, Final, TypeAlias
@@ -56,6 +57,7 @@ class Pending:
     handle: int
     label: str
     work: Any
+    provider: Provider | None = None
 
 
 Outcome: TypeAlias = Reply | Pending
@@ -173,8 +175,9 @@ class Session:
 
     def __init__(self, host: Host, client: ClientInfo | None = None, numbers: Numbers | None = None) -> None:
         self.host = host
-        self.client = (client or ClientInfo())._replace(reason=self.reason)
         self._reasons: dict[int, str] = {}
+        # not a method of this session: a device that keeps the one must not keep the other
+        self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
         self._entries: dict[int, _Entry] = {}  # insertion order is age
         self._handles = numbers or Numbers()
         self._closed = False
@@ -186,10 +189,6 @@ class Session:
     def __len__(self) -> int:
         """Return how many objects the client holds."""
         return len(self._entries)
-
-    def reason(self, code: int) -> str:
-        """Tell what the last call that ended with this code failed of; ``""`` where that is not known."""
-        return self._reasons.get(hresult.unsigned(code), "")
 
     # --- a call -------------------------------------------------------------------------------------------------
 
@@ -224,10 +223,11 @@ class Session:
                 client would never learn its handle.
         """
         try:
-            if not told and isinstance(result, CaoObject):
-                result.release()
+            made = result.value if type(result) is Coded else result
+            if not told and isinstance(made, CaoObject):
+                made.release()
                 raise error_for(hresult.E_ABORT, pending.label)
-            return self._reply(pending.function, pending.handle, pending.label, result)
+            return self._reply(pending.function, pending.handle, pending.label, result, pending.provider)
         except BaseException as error:  # noqa: BLE001 - as in invoke
             return self._failed(pending.function, error)
 
@@ -246,11 +246,16 @@ class Session:
                 return existing
         with entry.guard:
             result = getattr(entry.served, function.method)(*values[1:])
+        return self._outcome(function, handle, label, result)
+
+    def _outcome(
+        self, function: Function[..., Any], parent: int, label: str, result: Any, provider: Provider | None = None
+    ) -> Outcome:
         if type(result) is Later and result.done:
             result = result.result()
         elif type(result) in (Blocking, Later) or isawaitable(result):
-            return Pending(function, handle, label, result)
-        return self._reply(function, handle, label, result)
+            return Pending(function, parent, label, result, provider)
+        return self._reply(function, parent, label, result, provider)
 
     def _find(self, function: Function[..., Any], handle: int) -> _Entry:
         """Return the object that a function is called on.
@@ -406,11 +411,15 @@ class Session:
             name = next(free for n in self._numbers if self._named("Controller", 0, free := f"Controller{n}") is None)
         with provider.guard:
             made = provider.connect(name, machine, option, self.client._replace(provider=provider_name))
-        return self._reply(function, 0, name, made, provider)
+        return self._outcome(function, 0, name, made, provider)
 
     def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:
         self._remove(self._find(function, values[0]).handle)
         return Reply()
+
+
+def _reason(reasons: dict[int, str], code: int) -> str:
+    return reasons.get(hresult.unsigned(code), "")
 
 
 _ON_WIRE: Final = 0xFFFF_FFFF

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from struct import pack, unpack
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
@@ -229,10 +230,16 @@ def _read_integer(text: str) -> Variant:
 
 
 def _read_real(text: str) -> Variant:
+    """Return a number in the single precision in which a client of b-CAP sends it; one too large for that as it is."""
     word = text.strip(BLANKS)
     if len(word) <= LONGEST and REAL.fullmatch(word):
-        return trusted(VarType.R8, coerce.to_real(trusted(VarType.R8, float(word))))  # a "-0" too: no whole number
-    return trusted(VarType.R8, coerce.to_real(_read_number(text)))
+        number = coerce.to_real(trusted(VarType.R8, float(word)))  # a "-0" too: no whole number
+    else:
+        number = coerce.to_real(_read_number(text))
+    try:
+        return trusted(VarType.R4, unpack("<f", pack("<f", number))[0])
+    except OverflowError:
+        return trusted(VarType.R8, number)
 
 
 def _read_handle(text: str) -> Variant:

@@ -10,6 +10,7 @@ from a second client, which has a connection of its own, as with every controlle
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -213,25 +214,31 @@ class RemoteProvider(Provider):
         self.dialect = _common_dialect(self._upstreams)
         self._connections: set[Connection] = set()
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
-        """Return the controller object for one client; it begins to connect.
+    async def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        """Connect for one client, and return its controller object.
 
         Raises:
-            CallError: E_INVALIDARG, the machine is none of those that are there.
+            CallError: E_INVALIDARG, the machine is none of those that are there; what the controller refuses with;
+                E_CAO_REMOTE_PROVIDER, it cannot be reached.
         """
         upstream, machine = self._choose(machine)
         wanted = Wanted(name, client.provider, machine, option)
         connection = Connection(upstream, wanted, self._connections.discard)
         self._connections.add(connection)
-        connection.begin()
+        try:
+            async with connection.turn:
+                await connection.ready()
+        except BaseException:
+            connection.close()
+            raise
         made: ControllerObject = _CLASSES["Controller"](connection)
         return made
 
-    def close(self) -> None:
-        """The server has stopped: end every connection at once."""
+    async def close(self) -> None:
+        """The server has stopped: end every connection."""
         for connection in list(self._connections):
-            connection.abort()
-        self._connections.clear()
+            connection.close()
+        await asyncio.gather(*(connection.ended() for connection in list(self._connections)))
 
     def _choose(self, machine: str) -> tuple[Upstream, str]:
         """Return the controller that is meant, and the machine name that it is to be told."""

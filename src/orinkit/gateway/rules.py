@@ -16,7 +16,7 @@ from orinkit import hresult
 from orinkit._pose_checks import brief
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider
+from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider, Result
 from orinkit.cao.table import Function
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
@@ -141,16 +141,16 @@ class Restricted(Provider):
         """Return the handle of an object, where these are fixed."""
         return self._provider.handle_of(interface, name)
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Result[ControllerObject]:
         """Return the controller object for one client."""
-        made: ControllerObject = _covered(
+        made: Result[ControllerObject] = _covered(
             "Controller", self._provider.connect(name, machine, option, client), self._rules
         )
         return made
 
-    def close(self) -> None:
+    def close(self) -> Awaitable[None] | None:
         """The server has stopped."""
-        self._provider.close()
+        return self._provider.close()
 
 
 class _RestrictedObject(CaoObject):

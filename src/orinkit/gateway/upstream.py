@@ -17,7 +17,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from orinkit import hresult
@@ -97,7 +97,7 @@ class Upstream:
     service: str | None = None
     dialect: str = "rc8"
     machine: str = ""
-    token: str = ""
+    token: str = field(default="", repr=False)
     cafile: str = ""
     retry: float = 0.5
     keep_alive: float | None = None
@@ -190,7 +190,6 @@ class Connection:
         self._released: deque[tuple[Function[[int], None], int]] = deque()
         self._alarm: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
-        self._beginning: asyncio.Task[None] | None = None
 
     # --- calls: for who has the turn ------------------------------------------------------------------------------
 
@@ -229,10 +228,6 @@ class Connection:
 
     # --- for anybody ----------------------------------------------------------------------------------------------
 
-    def begin(self) -> None:
-        """Connect in the background."""
-        self._beginning = self._spawn(self._begin())
-
     def release(self, release: Function[[int], None], handle: int, generation: int) -> None:
         """Release an object of the controller in the background, ahead of what is called from now on."""
         if self._closed or self._client is None or generation != self.generation:
@@ -248,18 +243,15 @@ class Connection:
         Where a call is under way the end of the connection has to say the same, as a controller takes no second call.
         """
         if not self._closed:
-            self._give_up()
+            self._closed = True
+            self._released.clear()
+            self._stop_alarm()
             self._spawn(self._part())
 
-    def abort(self) -> None:
-        """End it at once, without any waiting."""
-        self._give_up()
-        if self._client is None:
-            return
-        if self._client.wire.lossy:  # says Service_Stop, and does not wait for the answer
-            self._spawn(self._client.close())
-        else:
-            self._client.abandon()
+    async def ended(self) -> None:
+        """Wait until it has been closed; not for long."""
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=2 * _GOODBYE)
 
     # --- inside ---------------------------------------------------------------------------------------------------
 
@@ -359,13 +351,6 @@ class Connection:
             if self._released:  # those of a connection that is lost are forgotten
                 self._released.popleft()
 
-    async def _begin(self) -> None:
-        async with self.turn:
-            try:
-                await self.ready()
-            except CallError as error:  # the first call will tell
-                logger.debug("%s: %s", self.url, error)
-
     async def _send_releases(self) -> None:
         async with self.turn:
             try:
@@ -374,13 +359,6 @@ class Connection:
                 logger.debug("%s: %s", self.url, error)
 
     # --- its end --------------------------------------------------------------------------------------------------
-
-    def _give_up(self) -> None:
-        self._closed = True
-        self._released.clear()
-        self._stop_alarm()
-        if self._beginning is not None:
-            self._beginning.cancel()
 
     async def _part(self) -> None:
         client = self._client
@@ -398,11 +376,10 @@ class Connection:
         except (OrinError, TimeoutError) as error:
             logger.debug("%s: %s", self.url, error)
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-        return task
 
     # --- signs of life --------------------------------------------------------------------------------------------
 

@@ -91,7 +91,9 @@ class AsyncServer:
         """Stop listening, let every client go, close the providers."""
         await self._stop()
         for provider in self._host.providers:
-            provider.close()
+            ending = provider.close()
+            if ending is not None:
+                await ending
 
     async def _stop(self) -> None:
         await self._connections.refuse()
