@@ -13,6 +13,7 @@
     │   ├── ConnectionLost                 ended while in use
     │   └── ConnectionClosed               used after it was closed here
     ├── MissingExtra (ImportError)         a part of orinkit needs a package that is not installed
+    ├── LoadFailed                         a provider of one's own that cannot be loaded
     ├── ObjectReleased                     an object was used after it was closed here
     ├── StreamError                        streaming in slave mode has ended, or cannot begin
     ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
@@ -109,6 +110,10 @@ class ConnectionLost(TransportError):
 
 class ConnectionClosed(TransportError):
     """The link was used after it had been closed on this side."""
+
+
+class LoadFailed(OrinError):
+    """A provider could not be loaded; the message says which one, why, and where that happened."""
 
 
 class ObjectReleased(OrinError):

@@ -30,7 +30,7 @@ from typing import Final, NamedTuple, TypeGuard
 
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import Host
-from orinkit.errors import OrinError
+from orinkit.errors import LoadFailed as LoadFailed
 from orinkit.language import pick
 
 logger = logging.getLogger("orinkit.providers")
@@ -43,10 +43,6 @@ _SHOWN: Final = 100  # characters of a target in a message
 _LONGEST: Final = 500  # characters of an exception in a message
 _REPR: Final = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = _SHOWN
-
-
-class LoadFailed(OrinError):
-    """A provider could not be loaded; the message says which one, why, and where that happened."""
 
 
 class Installed(NamedTuple):

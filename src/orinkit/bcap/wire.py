@@ -116,7 +116,7 @@ DATAGRAM: Final = Wire(
 )  # fmt: skip
 LINE: Final = Wire(
     "serial", framer=LineFramer, server_framer=partial(LineFramer, tells=True),
-    crc=True, lossy=True, shared=True, packet=65536, timeout=0.5,
+    crc=True, lossy=True, shared=True, watched=False, packet=65536, timeout=0.5,
 )  # fmt: skip
 """Time-outs of 500 ms: RC8 table 5-1."""
 

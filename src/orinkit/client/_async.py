@@ -446,8 +446,7 @@ async def open_controller(
     )
     try:
         client.dialect = known or client.dialect
-        quiet = client.wire.shared or client.wire.name == "http" or not client.dialect.takes_options
-        await client.call(f.service_start, service_option("" if quiet and service is None else service, client.timeout))
+        await client.call(f.service_start, service_option(service, client.wire, client.dialect, client.timeout))
         handle = await client.call(f.controller_connect, name, provider, machine, option)
         controller = AsyncController(client, handle, name or provider)
         if known is None and (client.wire.shared or client.echoes) and is_ve026a(await _version(controller)):

@@ -112,13 +112,16 @@ def error_info(answer: Any) -> ErrorInfo:
     raise not_understood("GetCurErrorInfo", answer)
 
 
-def service_option(option: str | None, timeout: float) -> str | None:
+def service_option(option: str | None, wire: Carrier, dialect: Dialect, timeout: float) -> str | None:
     """Return Service_Start's option: as given, or a watchdog that lets long calls outlast the time-out.
 
-    The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1); where that cannot be, none is asked for.
+    The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1); where that cannot be, none is asked
+    for, nor where the controller tells in another way that it is at work.
     """
     if option is not None:
         return option or None
+    if not wire.watched or not dialect.takes_options:
+        return None
     interval = min(_USUAL_WDT, timeout / 2)
     return f"WDT={round(interval * 1000)}" if interval > _LEAST_WDT + 0.001 else None
 

@@ -574,8 +574,7 @@ def open_controller(
     client = Client.open(url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile)
     try:
         client.dialect = known or client.dialect
-        quiet = client.wire.shared or client.wire.name == "http" or not client.dialect.takes_options
-        client.call(f.service_start, service_option("" if quiet and service is None else service, client.timeout))
+        client.call(f.service_start, service_option(service, client.wire, client.dialect, client.timeout))
         handle = client.call(f.controller_connect, name, provider, machine, option)
         controller = Controller(client, handle, name or provider)
         if known is None and (client.wire.shared or client.echoes) and is_ve026a(_version(controller)):

@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, Final, TypeAlias
 
-from orinkit.ecap.message import read_reply, write_request
-
 from orinkit.cao.answers import Trace, checked, no_answer
 from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
 from orinkit.cao.table import Function
+from orinkit.ecap.message import read_reply, write_request
 from orinkit.errors import InvalidValue, error_for
 from orinkit.language import pick
 from orinkit.variant import Variant, VarType
@@ -24,7 +23,7 @@ from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
-HTTP: Final = Carrier("http", memory=60.0)
+HTTP: Final = Carrier("http", memory=60.0, watched=False)
 """e-CAP over HTTP. A server forgets a client after a silence that it is told; 60 s is what orinkit's own has by default."""
 
 _FAILED: Final = 0x8000_0000

@@ -141,9 +141,8 @@ class Upstream:
         )
         try:
             client.dialect = self.spoken
-            quiet = client.wire.shared or client.wire.name == "http" or not client.dialect.takes_options
-            option = "" if quiet and self.service is None else self.service
-            await client.call(f.service_start, service_option(option, client.timeout))
+            option = service_option(self.service, client.wire, client.dialect, client.timeout)
+            await client.call(f.service_start, option)
             handle = await client.call(f.controller_connect, *wanted)
         except BaseException:
             await client.close()
