@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 from urllib.parse import quote, unquote
 
 import pytest
@@ -65,7 +65,9 @@ class Answer(NamedTuple):
 
 
 class Web:
-    """One connection of a client that sends what it is told."""
+    """One connection of a client that sends what it is told. All of them are closed at the end of a test."""
+
+    opened: ClassVar[list[Web]] = []
 
     def __init__(self, url: str, *, keeps_cookies: bool = False, context: ssl.SSLContext | None = None) -> None:
         self.place = url.partition("//")[2].partition("/")[0]
@@ -77,6 +79,13 @@ class Web:
         self.keeps_cookies = keeps_cookies
         self.cookie = ""
         self._rest = b""
+        self.opened.append(self)
+
+    @classmethod
+    def close_all(cls) -> None:
+        """Close all."""
+        while cls.opened:
+            cls.opened.pop().close()
 
     def send(self, data: bytes) -> None:
         """Send bytes as they are."""
@@ -189,13 +198,15 @@ def curl(url: str, function: int, *arguments: Any) -> Answer:
 
 
 def connect(web: Web, provider: str = "Test.Workshop") -> int:
-    """Connect to the workshop; returns the controller's handle."""
+    """Begin, and connect to the workshop; returns the controller's handle."""
+    assert web.cookie or web.call(1).body == OK
     return web.call(3, "", provider, "localhost", "").handle
 
 
 @pytest.fixture(autouse=True)
 def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
     yield
+    Web.close_all()
     assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 
@@ -391,6 +402,8 @@ def test_an_encoded_body_is_refused(web: Web) -> None:
         ("::1", 421),
         ("[127.0.0.1]", 421),
         ("[evil.example]", 421),
+        ("[::1]evil.example", 421),
+        ("[::1]evil.example:80", 421),
         ("127.1", 421),
         ("a b", 421),
         ("]", 421),

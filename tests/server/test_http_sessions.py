@@ -36,6 +36,7 @@ STILL = 0.25  # s in which nothing is to happen
 @pytest.fixture(autouse=True)
 def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
     yield
+    Web.close_all()
     assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 
@@ -274,17 +275,19 @@ def test_one_client_too_many_is_told(workshop: Workshop) -> None:
 def test_those_who_only_ever_begin_shut_nobody_out(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
     """A script that says Service_Start again and again, each time with a session that nobody will ask for."""
     monkeypatch.setattr(http_sessions, "_YOUNG", 0.0)
-    with orinkit.serve(workshop, "http://127.0.0.1:0", clients=5) as server:
-        with Web(server.url, keeps_cookies=True) as web:
-            handle = connect(web)
-            for _ in range(20):
-                assert curl(server.url, 1).body == OK
-                assert echo(web, handle) == 0
-            theirs = connect_by_curl(server)
-            for _ in range(20):
-                assert curl(server.url, 1).body == OK
-            assert (echo(web, handle), curl_echo(server, theirs)) == (0, 0)
-            assert server.clients <= 5
+    with (
+        orinkit.serve(workshop, "http://127.0.0.1:0", clients=5) as server,
+        Web(server.url, keeps_cookies=True) as web,
+    ):
+        handle = connect(web)
+        for _ in range(20):
+            assert curl(server.url, 1).body == OK
+            assert echo(web, handle) == 0
+        theirs = connect_by_curl(server)
+        for _ in range(20):
+            assert curl(server.url, 1).body == OK
+        assert (echo(web, handle), curl_echo(server, theirs)) == (0, 0)
+        assert server.clients <= 5
 
 
 def test_one_without_cookies_may_begin_again_where_there_is_no_room(workshop: Workshop) -> None:
@@ -317,18 +320,21 @@ def test_a_handle_of_a_client_that_has_gone_is_never_another_ones(server: Server
 
 def test_objects_are_released_newest_first_after_silence() -> None:
     recorder = Recorder()
-    with orinkit.serve(recorder, "http://127.0.0.1:0", http=HttpOptions(idle=0.3)) as server:
-        with Web(server.url, keeps_cookies=True) as web:
-            controller = web.call(3, "RC", "Test.Recorder", "", "").handle
-            robot = web.call(7, controller, "Arm", "").handle
-            web.call(GET_VARIABLE, controller, "a", "")
-            web.call(62, robot, "b", "")
-            assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
-            assert [call.path for call in recorder.calls[-4:]] == ["RC/Arm/b", "RC/a", "RC/Arm", "RC"]
-            until(lambda: server.clients == 0)
-            cookie = web.cookie
-            assert web.call(7, controller, "Arm", "").code == hresult.E_HANDLE
-            assert web.cookie != cookie
+    with (
+        orinkit.serve(recorder, "http://127.0.0.1:0", http=HttpOptions(idle=0.3)) as server,
+        Web(server.url, keeps_cookies=True) as web,
+    ):
+        web.call(1)
+        controller = web.call(3, "RC", "Test.Recorder", "", "").handle
+        robot = web.call(7, controller, "Arm", "").handle
+        web.call(GET_VARIABLE, controller, "a", "")
+        web.call(62, robot, "b", "")
+        assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
+        assert [call.path for call in recorder.calls[-4:]] == ["RC/Arm/b", "RC/a", "RC/Arm", "RC"]
+        until(lambda: server.clients == 0)
+        cookie = web.cookie
+        assert web.call(7, controller, "Arm", "").code == hresult.E_HANDLE
+        assert web.cookie != cookie
 
 
 def test_whoever_says_something_stays(workshop: Workshop) -> None:
@@ -502,13 +508,15 @@ def test_a_motion_outlasts_the_silence_of_one_who_waits_for_it() -> None:
 
 def test_clients_are_logged(workshop: Workshop, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "orinkit.server")
-    with orinkit.serve(workshop, "http://127.0.0.1:0", http=HttpOptions(idle=0.1)) as server:
-        with Web(server.url, keeps_cookies=True) as web:
-            host, port = web.socket.getsockname()
-            connect(web)
-            until(lambda: server.clients == 0)
-            web.call(1)
-            web.call(2)
+    with (
+        orinkit.serve(workshop, "http://127.0.0.1:0", http=HttpOptions(idle=0.1)) as server,
+        Web(server.url, keeps_cookies=True) as web,
+    ):
+        host, port = web.socket.getsockname()
+        connect(web)
+        until(lambda: server.clients == 0)
+        web.call(1)
+        web.call(2)
     told = [record.getMessage() for record in caplog.records]
     who = f"{host}:{port}/http"
     assert [line for line in told if line.startswith(who)] == [

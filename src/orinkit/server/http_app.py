@@ -7,12 +7,9 @@ far as a function.
 from __future__ import annotations
 
 import asyncio
-import hmac
 import logging
-import socket
 from collections.abc import Callable
 from functools import partial
-from ipaddress import ip_address
 from typing import Any, Final, TypeVar
 from urllib.parse import quote
 
@@ -26,7 +23,8 @@ from orinkit.ecap.message import Request, read_request, write_reply
 from orinkit.errors import CallError
 from orinkit.language import pick
 from orinkit.server.connections import Connections
-from orinkit.server.http_guard import GuardedProtocol, closing
+from orinkit.server.http_door import Door, Headers, closed, plain, too_long
+from orinkit.server.http_guard import GuardedProtocol
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
 from orinkit.server.waiting import in_thread
@@ -35,20 +33,19 @@ from orinkit.variant import VARIANT_ARRAY, Variant
 logger = logging.getLogger("orinkit.server")
 
 T = TypeVar("T")
-Headers = dict[bytes, bytes]
 
 LARGE: Final = 64 * 1024
 """Bytes of a body that is read, or written, in a thread, so that no other client waits for it."""
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
+_CONNECT: Final = 3
+_WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
 _LARGE_AT_A_TIME: Final = 2  # threads; more would only take turns, and the event loop with them
 _ELEMENT: Final = 16  # bytes of an array's element as text, about
+_SUSPICIOUS: Final = (401, 403, 421)
 _LONGEST_DETAIL: Final = 500  # characters
 _BEATS: Final = range(80, 60_001)  # ms
-_REMEMBERED: Final = 64  # headers that have been looked at
-_FORM: Final = b"application/x-www-form-urlencoded"
-_UTF8: Final = (b"utf-8", b"utf8")
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
 _TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
 _BEATING: Final = b"orinkit-executing"
@@ -89,21 +86,27 @@ class App:
             if refusal is None:
                 refusal = await self._serve(exchange)
             if refusal is not None:
+                self._log(exchange, refusal.status_code)
                 await exchange.refuse(refusal, self._shared.limits.packet)
         except _Gone:
             pass
         except asyncio.CancelledError:
-            if (
-                not exchange.connection.gone
-            ):  # else it is the server that is being closed, and nobody is there to be told
+            if not exchange.connection.gone:
                 raise
+            # else the server is being closed, and nobody is there who could be told
         except Exception:
             logger.exception("%s: answering a request", exchange.connection.name)
             if not exchange.begun:
                 text = pick(
                     "the server made a mistake; its log says which", "サーバ内部のエラーです。ログを参照してください"
                 )
-                await exchange.refuse(_plain(500, text), 0)
+                await exchange.refuse(plain(500, text), 0)
+
+    def _log(self, exchange: Exchange, status: int) -> None:
+        level = logging.INFO
+        if status in _SUSPICIOUS:
+            level = self._shared.refusal_level(asyncio.get_running_loop().time())
+        logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
         """Answer a request that may come in; returns what refuses it, because of its length."""
@@ -114,13 +117,13 @@ class App:
         try:
             body = await exchange.body(self._shared.limits.packet)
             if body is None:
-                return _too_long(self._shared.limits.packet)
+                return too_long(self._shared.limits.packet)
             try:
                 request = await self._read(body)
             except CallError as error:
                 await self._answer(exchange, Reply(error.code, detail=error.detail))
                 return None
-            if session is None:
+            if session is None or session.ended:  # while its request was read
                 session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
                 if session is not None:
                     session.enter()
@@ -146,15 +149,17 @@ class App:
     def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
         """Return the client of a request that no cookie tells of; ``None`` where there is none and will be none."""
         address, port = exchange.scope["client"] or ("", 0)
-        by_cookie = keeps_cookies or _BEATING in exchange.headers
-        there = None if by_cookie else self._sessions.at(address)
+        if _BEATING in exchange.headers and function_id in _WITHOUT_HANDLE:  # as orinkit's own clients begin
+            keeps_cookies = True
         if function_id == _SERVICE_STOP:  # nobody comes only to leave
-            return there
-        if by_cookie:
+            return None if keeps_cookies else self._sessions.at(address)
+        if keeps_cookies:
             session = self._sessions.newcomer(address, port)
+        elif function_id == _SERVICE_START:
+            session = self._sessions.beginning(address, port)
         else:
-            session = self._sessions.without_cookie(address, port, function_id)
-        if session is not None and session is not there:
+            session = self._sessions.without_cookie(address, port)
+        if session is not None and not session.plain:
             exchange.add(b"set-cookie", self._set_cookie(session.key))
         return session
 
@@ -209,9 +214,7 @@ class App:
     async def _wait(self, exchange: Exchange, session: HttpSession, call: Call) -> Reply:
         """Return the answer of a call that takes its time, and let the client know meanwhile that it is at work."""
         seconds = session.invoke_timeout
-        detail = pick(f"not done within {seconds:g} s", f"{seconds:g} 秒以内に完了しませんでした")
-        late = Reply(hresult.E_TIMEOUT, detail=detail)
-        timer = asyncio.get_running_loop().call_later(seconds, call.give_up, late)
+        timer = asyncio.get_running_loop().call_later(seconds, _be_late, call, seconds)
         exchange.connection.when_gone = call.give_up
         if exchange.connection.gone:  # while the request was read
             call.give_up()
@@ -349,119 +352,16 @@ class Exchange:
         await self._send(message)
 
 
-class Door:
-    """Looks at a request's header: whether it is a call, of somebody who may call, for this server.
-
-    Args:
-        options: who is let in.
-        secure: it is https.
-    """
-
-    def __init__(self, options: HttpOptions, *, secure: bool) -> None:
-        own = socket.gethostname().lower().rstrip(".")
-        self._hosts = {"localhost", own, own.partition(".")[0], *(host.lower().rstrip(".") for host in options.hosts)}
-        self._token = options.token.encode()
-        self._port = "443" if secure else "80"
-        self._known_hosts: set[bytes] = {b""}
-        self._known_types: set[bytes] = {_FORM}
-
-    def refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
-        """Return the answer for one who is not let in; ``None`` for a call."""
-        host = headers.get(b"host", b"")
-        if host not in self._known_hosts and not self._is_ours(host):
-            return _wrong_host(host)
-        if b"origin" in headers and not self._is_own(headers[b"origin"], host):
-            return _plain(
-                403,
-                pick("calls of other web sites are refused (Origin)", "他のサイトからの呼び出しは拒否します (Origin)"),
-            )
-        if method != "POST":
-            return _not_post(method)
-        if self._token and not self._shows_token(headers.get(b"authorization", b"")):
-            text = pick("a token is needed: Authorization: Bearer ...", "トークンが必要です: Authorization: Bearer ...")
-            return _plain(401, text, {"WWW-Authenticate": "Bearer"})
-        kind = headers.get(b"content-type", _FORM)
-        if (kind not in self._known_types and not self._is_form(kind)) or not _is_plain(headers):
-            return _plain(415, pick(f"Content-Type: {_FORM.decode()}, UTF-8 is needed", _NOT_A_FORM))
-        return None
-
-    def _is_ours(self, given: bytes) -> bool:
-        """Whether a Host header names this server. A web page can have a name of its own point here, but no address."""
-        host, _ = _host_and_port(given.decode("latin-1").lower(), "")
-        name = host.removesuffix(".")
-        if name in self._hosts or name.endswith(".localhost") or _is_address(host):
-            _remember(self._known_hosts, given)
-            return True
-        return False
-
-    def _is_own(self, origin: bytes, host: bytes) -> bool:
-        """Whether a web page is of this server itself."""
-        _, mark, place = origin.decode("latin-1").lower().partition("://")
-        called = host.decode("latin-1").lower()
-        scheme_port = "443" if origin[:6].lower() == b"https:" else "80"
-        return bool(mark and called) and (
-            place == called or _host_and_port(place, scheme_port) == _host_and_port(called, self._port)
-        )
-
-    def _shows_token(self, given: bytes) -> bool:
-        kind, _, token = given.partition(b" ")
-        return hmac.compare_digest(token.strip(), self._token) and kind.lower() == b"bearer"
-
-    def _is_form(self, given: bytes) -> bool:
-        kind, *parameters = (part.strip() for part in given.lower().split(b";"))
-        for parameter in parameters:
-            name, _, value = parameter.partition(b"=")
-            if name.strip() == b"charset" and value.strip().strip(b'"') not in _UTF8:
-                return False
-        if kind == _FORM:
-            _remember(self._known_types, given)
-        return kind == _FORM
+# --- small things ------------------------------------------------------------------------------------------------------
 
 
-# --- what is told ------------------------------------------------------------------------------------------------------
-
-_NOT_A_FORM: Final = f"Content-Type: {_FORM.decode()} と UTF-8 が必要です"
-
-
-def _plain(status: int, text: str, headers: dict[str, str] | None = None) -> PlainTextResponse:
-    return PlainTextResponse(f"{text}\n", status, headers)
-
-
-def closed() -> PlainTextResponse:
-    """Return the answer of a server that is being closed."""
-    return _plain(503, closing(), {"Connection": "close"})
-
-
-def _not_post(method: str) -> PlainTextResponse:
-    text = pick("e-CAP is spoken with POST", "e-CAP は POST で送信してください")
-    if method == "GET":
-        text = (
-            "orinkit: this is an e-CAP server. Try: curl -d 'Func=1' URL\n"
-            "orinkit: e-CAP サーバです。例: curl -d 'Func=1' URL"
-        )
-    return _plain(405, text, {"Allow": "POST"})
-
-
-def _wrong_host(given: bytes) -> PlainTextResponse:
-    shown = ascii(given[:60].decode("latin-1"))
-    return _plain(
-        421,
-        pick(
-            f"this server is not {shown}; it is called by its address, or a name that it has been told (--http-host)",
-            f"このサーバの名前は {shown} ではありません。アドレスか、--http-host で指定した名前で呼び出してください",
-        ),
-    )
-
-
-def _too_long(most: int) -> PlainTextResponse:
-    return _plain(413, pick(f"a body has at most {most} bytes", f"ボディは {most} バイトまでです"))
+def _be_late(call: Call, seconds: float) -> None:
+    detail = pick(f"not done within {seconds:g} s", f"{seconds:g} 秒以内に完了しませんでした")
+    call.give_up(Reply(hresult.E_TIMEOUT, detail=detail))
 
 
 def _too_many(clients: int) -> str:
     return pick(f"{clients} clients are connected", f"{clients} 台のクライアントが接続中です")
-
-
-# --- small things ------------------------------------------------------------------------------------------------------
 
 
 def _immediately(session: Session, request: Request) -> Reply:
@@ -469,30 +369,6 @@ def _immediately(session: Session, request: Request) -> Reply:
     outcome = session.invoke(request.function.id, request.arguments)
     assert isinstance(outcome, Reply)
     return outcome
-
-
-def _is_plain(headers: Headers) -> bool:
-    return headers.get(b"content-encoding", b"identity").lower() == b"identity"
-
-
-def _remember(known: set[bytes], given: bytes) -> None:
-    if len(known) < _REMEMBERED:
-        known.add(given)
-
-
-def _host_and_port(place: str, usual: str) -> tuple[str, str]:
-    """Cut ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
-    host, bracket, rest = place.rpartition("]")
-    name, colon, port = (rest if bracket else place).partition(":")
-    return (host + bracket if bracket else name), (port if colon else usual)
-
-
-def _is_address(host: str) -> bool:
-    try:
-        address = ip_address(host.removeprefix("[").removesuffix("]"))
-    except ValueError:
-        return False
-    return (address.version == 6) is host.startswith("[")
 
 
 def _is_long(result: Variant) -> bool:

@@ -10,6 +10,7 @@ import logging
 import math
 import socket
 import ssl
+import sys
 from collections.abc import Callable
 from enum import Enum
 from typing import Final, Protocol, cast
@@ -29,6 +30,7 @@ LONGEST_HEADER: Final = 32 * 1024
 KEPT_ALIVE: Final = 75.0
 """Seconds that a connection is kept on which nothing is asked."""
 
+_LONG_HEADER: Final = 431
 _FEWEST: Final = 64  # connections that there may always be
 _TO_SHAKE_HANDS: Final = 10.0  # s
 _TO_SAY_GOODBYE: Final = 2.0  # s, TLS
@@ -248,7 +250,8 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def send_400_response(self, msg: str) -> None:
         """What has come is no HTTP."""
-        too_long = len(self.conn.trailing_data[0]) > LONGEST_HEADER
+        error = sys.exception()  # what uvicorn has caught; it tells nobody of the status that goes with it
+        too_long = isinstance(error, h11.RemoteProtocolError) and error.error_status_hint == _LONG_HEADER
         level = self._shared.refusal_level(self.loop.time())
         logger.log(level, "%s: closed: %s", self.name, "the header is too long" if too_long else msg)
         if too_long:

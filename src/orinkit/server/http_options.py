@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Final
 
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
+_HOST: Final = re.compile(r"[\w.-]+", re.ASCII)
 _LEAST_IDLE: Final = 0.1  # s
 _MOST_IDLE: Final = 86_400.0
 
@@ -26,7 +28,8 @@ class HttpOptions:
         idle: seconds of silence after which a client is forgotten and everything that it holds is released.
 
     Raises:
-        InvalidValue: a token that a header cannot carry, or seconds that are none from 0.1 to 86,400.
+        InvalidValue: a token that a header cannot carry, a host name that is none, or seconds that are none from 0.1 to
+            86,400.
     """
 
     token: str = ""
@@ -41,6 +44,15 @@ class HttpOptions:
                 pick(
                     "a token has ASCII letters, digits and signs only, and no blanks",
                     "トークンに使えるのは空白を除く ASCII の文字だけです",
+                )
+            )
+        given: object = self.hosts
+        wrong = [given] if isinstance(given, str) else [name for name in self.hosts if not _HOST.fullmatch(name)]
+        if wrong:
+            raise InvalidValue(
+                pick(
+                    f'hosts are names without a port, as ("robot.example",), not {wrong[0]!r:.80}',
+                    f'hosts はポートを含まないホスト名のタプルです (例: ("robot.example",)): {wrong[0]!r:.80}',
                 )
             )
         if not (math.isfinite(self.idle) and _LEAST_IDLE <= self.idle <= _MOST_IDLE):

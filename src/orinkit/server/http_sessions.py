@@ -1,8 +1,9 @@
 """Clients of e-CAP. They have no connection of their own: a cookie tells who it is, or the address that a request is from.
 
 A client that keeps cookies is known by its cookie. Of those that keep none (``curl``, a PLC) there is one for each address:
-whoever sends no cookie from there is that client. Nobody says which kind it is, so a first request without a cookie makes
-a session that can be reached either way, until it shows which.
+whoever sends no cookie from there is that client. Service_Start does not tell which kind it is of: its session can be
+reached either way, until it shows. One that has been used without its cookie cannot be reached by it any more, so that
+nobody's objects are ever mixed up with another's.
 """
 
 from __future__ import annotations
@@ -84,6 +85,8 @@ class HttpSession:
         session: its objects.
         invoke_timeout: seconds that its calls may take.
         known: its cookie has come back.
+        plain: it has been used without a cookie.
+        ended: it is nobody's any more.
         behind: the client of the same address whose Service_Start this may be as well.
     """
 
@@ -94,6 +97,7 @@ class HttpSession:
         self.session = Session(shared.host, ClientInfo(address, "http", port), shared.numbers)
         self.invoke_timeout = shared.invoke_timeout
         self.known = False
+        self.plain = False
         self.behind: HttpSession | None = None
         self._sessions = sessions
         self._shared = shared
@@ -103,7 +107,7 @@ class HttpSession:
         self._waiting = 0  # requests that are being answered
         self._broken = False
         self._closing = False
-        self._ended = False
+        self.ended = False
         self._heard = self._loop.time()
         self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
         logger.info("%s connected", self._name)
@@ -125,7 +129,7 @@ class HttpSession:
         self._heard = self._loop.time()
         if self._closing and not self._waiting:
             self.end()
-        elif broken and not self._ended:
+        elif broken and not self.ended:
             self._broken = True
             self._be_watched()
 
@@ -165,7 +169,7 @@ class HttpSession:
         try:
             result = await result_of(pending.work)
         except BaseException as error:
-            if isinstance(error, asyncio.CancelledError) and self._ended:
+            if isinstance(error, asyncio.CancelledError) and self.ended:
                 raise  # it is the client that has gone
             reply = self.session.fail(pending, error)
         else:
@@ -208,9 +212,9 @@ class HttpSession:
 
         Work in a thread goes on, as a thread cannot be cancelled; an object that it makes is released then.
         """
-        if self._ended:
+        if self.ended:
             return
-        self._ended = True
+        self.ended = True
         self._timer.cancel()
         self._sessions.forget(self)
         self._shared.open.discard(self)
@@ -282,19 +286,17 @@ class HttpSessions:
         shared.all.add(made)
         return made
 
-    def without_cookie(self, address: str, port: int, function_id: int) -> HttpSession | None:
-        """Return the client that a request without a cookie is from; ``None`` where there is no room for it.
+    def beginning(self, address: str, port: int) -> HttpSession | None:
+        """Return the client that a Service_Start without a cookie is from; ``None`` where there is no room for it.
 
-        Service_Start may be the address's client, which begins again, or one who keeps cookies and has none yet. It gets
-        a session that is found by its cookie. Where the address's client has nothing to lose, it takes its place as well.
+        It is a new one, for it may be one that keeps cookies and has none yet. It may also be the address's: its place is
+        taken, unless another one has shown that it is that; then both have begun.
         """
         there = self._by_address.get(address)
-        if there is not None and function_id != _SERVICE_START:
-            return there
         made = self.newcomer(address, port)
         if made is None:
-            return there
-        if there is None or there.idle:
+            return None if there is None else self._be_plain(there)
+        if there is None or not there.plain:
             self._by_address[address] = made
             if there is not None:
                 there.replaced()
@@ -303,6 +305,21 @@ class HttpSessions:
             there.leave()
             made.behind = there
         return made
+
+    def without_cookie(self, address: str, port: int) -> HttpSession | None:
+        """Return the client that any other request without a cookie is from; ``None`` where there is no room for it."""
+        there = self._by_address.get(address)
+        if there is None:
+            there = self.newcomer(address, port)
+            if there is None:
+                return None
+            self._by_address[address] = there
+        return self._be_plain(there)
+
+    def _be_plain(self, session: HttpSession) -> HttpSession:
+        session.plain = True
+        self._by_key.pop(session.key, None)
+        return session
 
     def _make_room(self) -> None:
         lost = next((each for each in self._by_key.values() if each.seems_lost()), None)

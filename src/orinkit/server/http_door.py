@@ -1,0 +1,159 @@
+"""Who may call over HTTP: everything that the header of a request tells, and what those are told who may not."""
+
+from __future__ import annotations
+
+import hmac
+import socket
+from ipaddress import ip_address
+from typing import Final, TypeAlias
+
+from starlette.responses import PlainTextResponse
+
+from orinkit.language import pick
+from orinkit.server.http_guard import closing
+from orinkit.server.http_options import HttpOptions
+
+Headers: TypeAlias = dict[bytes, bytes]
+
+_REMEMBERED: Final = 64  # headers that have been looked at
+_FORM: Final = b"application/x-www-form-urlencoded"
+_UTF8: Final = (b"utf-8", b"utf8")
+
+
+class Door:
+    """Looks at a request's header: whether it is a call, of somebody who may call, for this server.
+
+    Args:
+        options: who is let in.
+        secure: it is https.
+    """
+
+    def __init__(self, options: HttpOptions, *, secure: bool) -> None:
+        own = socket.gethostname().lower().rstrip(".")
+        self._hosts = {"localhost", own, own.partition(".")[0], *(host.lower().rstrip(".") for host in options.hosts)}
+        self._token = options.token.encode()
+        self._port = "443" if secure else "80"
+        self._known_hosts: set[bytes] = {b""}
+        self._known_types: set[bytes] = {_FORM}
+
+    def refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
+        """Return the answer for one who is not let in; ``None`` for a call."""
+        host = headers.get(b"host", b"")
+        if host not in self._known_hosts and not self._is_ours(host):
+            return _wrong_host(host)
+        if b"origin" in headers and not self._is_own(headers[b"origin"], host):
+            return plain(
+                403,
+                pick("calls of other web sites are refused (Origin)", "他のサイトからの呼び出しは拒否します (Origin)"),
+            )
+        if method != "POST":
+            return _not_post(method)
+        if self._token and not self._shows_token(headers.get(b"authorization", b"")):
+            text = pick("a token is needed: Authorization: Bearer ...", "トークンが必要です: Authorization: Bearer ...")
+            return plain(401, text, {"WWW-Authenticate": "Bearer"})
+        kind = headers.get(b"content-type", _FORM)
+        if (kind not in self._known_types and not self._is_form(kind)) or not _is_unpacked(headers):
+            return plain(415, pick(f"Content-Type: {_FORM.decode()}, UTF-8 is needed", _NOT_A_FORM))
+        return None
+
+    def _is_ours(self, given: bytes) -> bool:
+        """Whether a Host header names this server. A web page can have a name of its own point here, but no address."""
+        host, _ = _host_and_port(given.decode("latin-1").lower(), "")
+        name = host.removesuffix(".")
+        if name in self._hosts or name.endswith(".localhost") or _is_address(host):
+            _remember(self._known_hosts, given)
+            return True
+        return False
+
+    def _is_own(self, origin: bytes, host: bytes) -> bool:
+        """Whether a web page is of this server itself."""
+        _, mark, place = origin.decode("latin-1").lower().partition("://")
+        called = host.decode("latin-1").lower()
+        scheme_port = "443" if origin[:6].lower() == b"https:" else "80"
+        return bool(mark and called) and (
+            place == called or _host_and_port(place, scheme_port) == _host_and_port(called, self._port)
+        )
+
+    def _shows_token(self, given: bytes) -> bool:
+        kind, _, token = given.partition(b" ")
+        return hmac.compare_digest(token.strip(), self._token) and kind.lower() == b"bearer"
+
+    def _is_form(self, given: bytes) -> bool:
+        kind, *parameters = (part.strip() for part in given.lower().split(b";"))
+        for parameter in parameters:
+            name, _, value = parameter.partition(b"=")
+            if name.strip() == b"charset" and value.strip().strip(b'"') not in _UTF8:
+                return False
+        if kind == _FORM:
+            _remember(self._known_types, given)
+        return kind == _FORM
+
+
+# --- what is told ------------------------------------------------------------------------------------------------------
+
+_NOT_A_FORM: Final = f"Content-Type: {_FORM.decode()} と UTF-8 が必要です"
+
+
+def plain(status: int, text: str, headers: dict[str, str] | None = None) -> PlainTextResponse:
+    """Return an answer with a text of one line."""
+    return PlainTextResponse(f"{text}\n", status, headers)
+
+
+def closed() -> PlainTextResponse:
+    """Return the answer of a server that is being closed."""
+    return plain(503, closing(), {"Connection": "close"})
+
+
+def _not_post(method: str) -> PlainTextResponse:
+    text = pick("e-CAP is spoken with POST", "e-CAP は POST で送信してください")
+    if method == "GET":
+        text = (
+            "orinkit: this is an e-CAP server. Try: curl -d 'Func=1' URL\n"
+            "orinkit: e-CAP サーバです。例: curl -d 'Func=1' URL"
+        )
+    return plain(405, text, {"Allow": "POST"})
+
+
+def _wrong_host(given: bytes) -> PlainTextResponse:
+    shown = ascii(given[:60].decode("latin-1"))
+    return plain(
+        421,
+        pick(
+            f"this server is not {shown}; it is called by its address, or a name that it has been told (--http-host)",
+            f"このサーバの名前は {shown} ではありません。アドレスか、--http-host で指定した名前で呼び出してください",
+        ),
+    )
+
+
+def too_long(most: int) -> PlainTextResponse:
+    """Return the answer to a body that has more bytes than that."""
+    return plain(413, pick(f"a body has at most {most} bytes", f"ボディは {most} バイトまでです"))
+
+
+# --- small things ------------------------------------------------------------------------------------------------------
+
+
+def _is_unpacked(headers: Headers) -> bool:
+    return headers.get(b"content-encoding", b"identity").lower() == b"identity"
+
+
+def _remember(known: set[bytes], given: bytes) -> None:
+    if len(known) < _REMEMBERED:
+        known.add(given)
+
+
+def _host_and_port(place: str, usual: str) -> tuple[str, str]:
+    """Cut ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
+    host, bracket, rest = place.rpartition("]")
+    name, colon, port = (rest if bracket else place).partition(":")
+    if bracket and name:  # something between the bracket and the port
+        return place, ""
+    return (host + bracket if bracket else name), (port if colon else usual)
+
+
+def _is_address(host: str) -> bool:
+    try:
+        address = ip_address(host.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return (address.version == 6) is host.startswith("[")

@@ -1,0 +1,352 @@
+"""Connections of clients that are slow, silent, greedy, or many."""
+
+from __future__ import annotations
+
+import logging
+import random
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from callers import until
+from test_http_server import EXECUTE, OK, PATIENCE, Web, certificate, connect, curl, request
+
+import orinkit
+from devices import Workshop
+from orinkit import hresult
+from orinkit.server import http_guard
+from orinkit.server.background import Server
+from orinkit.server.http_guard import Stage
+from orinkit.server.http_options import HttpOptions
+
+DESCRIPTORS = Path("/proc/self/fd")
+SOON = 0.3  # s
+
+__all__ = ["certificate"]  # the fixture
+
+
+@pytest.fixture(autouse=True)
+def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    yield
+    Web.close_all()
+    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+
+
+@pytest.fixture
+def workshop() -> Workshop:
+    return Workshop()
+
+
+@pytest.fixture
+def server(workshop: Workshop) -> Iterator[Server]:
+    with orinkit.serve(workshop, "http://127.0.0.1:0", clients=16) as served:
+        yield served
+
+
+def patience(monkeypatch: pytest.MonkeyPatch, stage: Stage, seconds: float) -> None:
+    monkeypatch.setattr(stage, "seconds", seconds)
+
+
+def still_open(web: Web) -> bool:
+    """Whether the server has not closed a connection on which nothing is to be read."""
+    web.socket.setblocking(False)
+    try:
+        return web.socket.recv(1) != b""
+    except BlockingIOError:
+        return True
+    except ConnectionError:
+        return False
+    finally:
+        web.socket.settimeout(PATIENCE)
+
+
+def works(web: Web, handle: int, number: int) -> bool:
+    return web.call(EXECUTE, handle, "Echo", f"3,{number}").result == f"3,{number}"
+
+
+# --- many -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("beginning", [b"", b"P", b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: a", "body"])
+def test_300_slow_connections_shut_nobody_out(server: Server, beginning: bytes | str) -> None:
+    with Web(server.url, keeps_cookies=True) as web:
+        handle = connect(web)
+        slow = []
+        for number in range(300):
+            one = Web(server.url)
+            one.send(one.head("x" * 100) + b"Func=" if isinstance(beginning, str) else beginning)
+            slow.append(one)
+            if number % 10 == 0:
+                assert works(web, handle, number)  # over the same connection all the time
+        assert curl(server.url, 1).body == OK  # and over one that comes last
+        for number in range(20):
+            assert works(web, handle, number)
+            for one in slow[-20:]:  # a byte now and then, as slowloris does
+                one.send(b"a")
+        assert sum(map(still_open, slow)) <= 64
+        assert not any(map(still_open, slow[:200]))
+        for one in slow:
+            one.close()
+        assert works(web, handle, 1)
+
+
+def test_connections_at_work_are_not_closed_for_others(workshop: Workshop, server: Server) -> None:
+    busy = []
+    for _ in range(8):
+        with Web(server.url, keeps_cookies=True) as first:
+            handle = connect(first)
+            for number in range(8):
+                web = Web(server.url)
+                web.cookie = first.cookie
+                body = request(EXECUTE, handle, "Wait", f"3,{number}")
+                web.send(web.head(body) + body.encode())
+                assert workshop.at_work.acquire(timeout=PATIENCE)
+                busy.append(web)
+    with Web(server.url) as refused:  # 64 are at work
+        assert refused.ended()
+    workshop.gate.set()
+    assert [web.answer().result for web in busy] == [f"3,{number}" for number in range(8)] * 8
+    with Web(server.url) as welcome:
+        assert welcome.call(1).body == OK
+
+
+def test_one_that_was_used_lately_stays_longer_than_one_that_never_was(server: Server) -> None:
+    with Web(server.url) as used:
+        assert used.call(1).body == OK
+        never = [Web(server.url) for _ in range(62)]
+        assert curl(server.url, 1).body == OK  # so these have been taken
+        assert used.call(1).body == OK
+        late = [Web(server.url) for _ in range(30)]
+        until(lambda: sum(map(still_open, [*never, *late])) == 63)
+        assert used.call(1).body == OK
+        assert [still_open(web) for web in never] == [False] * 29 + [True] * 33
+
+
+# --- slow -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_connection_on_which_nothing_is_asked(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    patience(monkeypatch, Stage.NEW, SOON)
+    with Web(server.url) as web:
+        assert web.ended()
+
+
+def test_a_header_that_comes_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    patience(monkeypatch, Stage.HEADER, SOON)
+    with Web(server.url) as web:
+        assert web.call(1).body == OK
+        head = web.head("Func=1")
+        begun = time.monotonic()
+        with pytest.raises(OSError):
+            for byte in head[:-1]:
+                web.send(bytes([byte]))
+                time.sleep(SOON / 20)
+            web.send(b"")
+            raise BrokenPipeError
+        assert SOON / 2 < time.monotonic() - begun < PATIENCE
+        assert web.answer().status == 408
+        assert web.ended()
+
+
+def test_a_body_that_comes_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    patience(monkeypatch, Stage.BODY, SOON)
+    with Web(server.url, keeps_cookies=True) as other, Web(server.url) as web:
+        handle = connect(other)
+        web.send(web.head("x" * 1000) + b"Func=1,")
+        answered = False
+        for _ in range(int(PATIENCE / SOON * 10)):
+            assert works(other, handle, 1)
+            try:
+                web.send(b"x")
+            except OSError:
+                answered = True
+                break
+            time.sleep(SOON / 10)
+        assert answered
+        answer = web.answer()
+        assert (answer.status, answer.headers["connection"]) == (408, "close")
+        assert server.clients == 1
+
+
+def test_a_refused_body_that_never_ends(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    patience(monkeypatch, Stage.BODY, SOON)
+    with Web(server.url) as web:
+        web.send(web.head("x" * 1000, Content_Type="text/plain") + b"Func=1,")
+        assert web.answer().status == 408
+        assert web.ended()
+
+
+def test_an_idle_connection_is_closed_after_a_while(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    patience(monkeypatch, Stage.REST, SOON)
+    with Web(server.url) as web:
+        for _ in range(3):
+            assert web.call(1).body == OK
+        assert web.ended()
+
+
+def test_work_takes_as_long_as_it_takes(server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
+    for stage in Stage:
+        if stage is not Stage.WORK:
+            patience(monkeypatch, stage, SOON)
+    with Web(server.url, keeps_cookies=True) as web, Web(server.url) as clock:
+        body = request(EXECUTE, connect(web), "Wait", "8,done")
+        web.send(web.head(body) + body.encode())
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        assert clock.ended()  # so much time has passed
+        workshop.gate.set()
+        assert web.answer().result == "8,done"
+
+
+def greedy(server: Server, result: int) -> Web:
+    """One that asks for much and reads nothing."""
+    web = Web(server.url, keeps_cookies=True)
+    handle = connect(web)
+    web.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 100_000)
+    body = request(EXECUTE, handle, "Large", f"3,{result}")
+    web.send(web.head(body, Connection="close") + body.encode())
+    return web
+
+
+def test_an_answer_that_is_not_taken(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    for stage in (Stage.TAKING, Stage.LEAVING):
+        patience(monkeypatch, stage, SOON)
+    before = len(list(DESCRIPTORS.iterdir()))
+    web = greedy(server, 6_000_000)
+    until(lambda: len(list(DESCRIPTORS.iterdir())) == before + 1)  # its own end is all that is left
+    with pytest.raises((EOFError, ConnectionError)):
+        web.answer()  # of which it is too late to take all
+
+
+def test_an_answer_that_is_taken_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    for stage in (Stage.TAKING, Stage.LEAVING):
+        patience(monkeypatch, stage, 2 * SOON)
+    web = greedy(server, 6_000_000)
+    taken = 0
+    begun = time.monotonic()
+    while data := web.socket.recv(65536):
+        taken += len(data)
+        time.sleep(SOON / 30)
+    assert taken > 12_000_000
+    assert time.monotonic() - begun > 3 * SOON
+
+
+# --- gone -------------------------------------------------------------------------------------------------------------
+
+
+def test_clients_that_vanish_anywhere_leave_nothing(server: Server, workshop: Workshop) -> None:
+    with Web(server.url, keeps_cookies=True) as web:
+        handle = connect(web)
+        before = len(list(DESCRIPTORS.iterdir()))
+        dice = random.Random(7)
+        bodies = [
+            "Func=1",
+            request(EXECUTE, handle, "Echo", "8," + "x" * 100_000),
+            request(EXECUTE, handle, "Large", "3,500000"),
+        ]
+        bodies.append(request(EXECUTE, handle, "EchoLater", "8204,(3,1),(3,5)"))
+        for number in range(200):
+            one = Web(server.url)
+            if dice.random() < 0.8:
+                one.cookie = web.cookie
+            body = dice.choice(bodies)
+            data = one.head(body, **({"Orinkit_Executing": "80"} if dice.random() < 0.5 else {})) + body.encode()
+            one.send(data[: dice.randrange(len(data) + 1)] if dice.random() < 0.7 else data * 2)
+            if dice.random() < 0.3:
+                one.socket.shutdown(socket.SHUT_WR)
+            if dice.random() < 0.5:
+                one.reset()
+            one.close()
+            if number % 20 == 0:
+                assert works(web, handle, number)
+        until(lambda: len(list(DESCRIPTORS.iterdir())) == before)
+        assert works(web, handle, 1)
+
+
+def test_a_client_that_half_closes_after_its_request_is_answered_if_that_is_quick(server: Server) -> None:
+    for _ in range(20):
+        with Web(server.url) as web:
+            web.send(web.head("Func=1") + b"Func=1")
+            web.socket.shutdown(socket.SHUT_WR)
+            assert web.answer().body == OK
+            assert web.ended()
+
+
+# --- TLS --------------------------------------------------------------------------------------------------------------
+
+
+def test_handshakes_that_never_end_shut_nobody_out(
+    workshop: Workshop, certificate: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cert, key = certificate
+    trusting = ssl.create_default_context(cafile=str(cert))
+    options = HttpOptions(cert=str(cert), key=str(key))
+    with orinkit.serve(workshop, "https://127.0.0.1:0", clients=16, http=options) as server:
+        with Web(server.url, keeps_cookies=True, context=trusting) as web:
+            handle = connect(web)
+            slow = []
+            for number in range(150):
+                one = Web(server.url)
+                one.send((b"", b"\x16", b"\x16\x03\x01\x02\x00\x01", b"\0\0")[number % 4])
+                slow.append(one)
+                if number % 10 == 0:
+                    assert works(web, handle, number)
+            with Web(server.url, context=trusting) as late:
+                assert late.call(1).body == OK
+            assert sum(map(still_open, slow)) <= 64
+            monkeypatch.setattr(http_guard, "_TO_SHAKE_HANDS", SOON)
+            with Web(server.url) as one:
+                assert one.ended()
+            assert works(web, handle, 1)
+        one = Web(server.url)  # is in the middle of it when the server is closed
+        one.send(b"\x16\x03\x01")
+    assert one.ended()
+
+
+def test_tls_clients_that_vanish(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
+    cert, key = certificate
+    trusting = ssl.create_default_context(cafile=str(cert))
+    options = HttpOptions(cert=str(cert), key=str(key))
+    with orinkit.serve(workshop, "https://127.0.0.1:0", http=options) as server:
+        before = len(list(DESCRIPTORS.iterdir()))
+        dice = random.Random(7)
+        for _ in range(60):
+            one = Web(server.url, context=trusting if dice.random() < 0.7 else None)
+            if dice.random() < 0.5:
+                one.send(one.head("Func=1") + b"Func=1"[: dice.randrange(7)])
+            if dice.random() < 0.5:
+                one.reset()
+            one.close()
+        until(lambda: len(list(DESCRIPTORS.iterdir())) == before)
+        with Web(server.url, context=trusting) as web:
+            assert web.call(1).body == OK
+
+
+# --- logs -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_flood_of_garbage_is_no_flood_of_warnings(server: Server, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    for _ in range(30):
+        with Web(server.url) as web:
+            web.send(b"\0\0\0\r\n\r\n")
+            assert web.answer().status == 400
+    assert len([record for record in caplog.records if record.levelno >= logging.WARNING]) == 1
+
+
+def test_calls_from_many_threads_over_connections_of_their_own(server: Server) -> None:
+    codes: list[int] = []
+
+    def client() -> None:
+        codes.extend(curl(server.url, 1).code for _ in range(20))
+
+    threads = [threading.Thread(target=client) for _ in range(10)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE)
+    assert len(codes) == 200
+    assert set(codes) <= {0, hresult.E_MAX_CONNECT}  # each of them begins: there is room for 16
