@@ -39,7 +39,7 @@ soak: setup-dev ## the long tests / 長時間テスト
 
 coverage: setup-dev ## tests of the core; every branch of it must be covered / コアの分岐カバレッジ 100 %
 	$(RUN) coverage erase
-	$(RUN) coverage run -m pytest -q -m "not soak" $(CORE_TESTS)
+	$(RUN) coverage run -m pytest -q -m "not soak" -n 2 --dist loadfile $(CORE_TESTS)
 	$(RUN) coverage combine -q
 	$(RUN) coverage report --show-missing --skip-covered --fail-under=100
 

@@ -441,7 +441,7 @@ def test_a_farewell(conversation):
     """Service_Stop, said three times, for nobody answers it."""
     assert conversation.farewell() == [], "the controller knows nothing of it"
     Call(conversation)
-    packets = [packet.decode(data, crc=conversation.wire.crc) for data in conversation.farewell()]
+    packets = [packet.decode(data, crc=conversation.wire.crc) for data, _ in conversation.farewell()]
     assert packets == [Packet(2, 2, [], 2), Packet(3, 2, [], 2), Packet(4, 2, [], 2)]
     assert conversation.farewell() == []
     stop = Call(conversation, function=f.service_stop, nothing=True)
@@ -454,7 +454,7 @@ def test_a_farewell_ends_what_is_at_work():
     client, server = Conversation(wire=DATAGRAM), ServerConversation(wire=DATAGRAM)
     operation = client.call(f.controller_execute, (2, "x", 0), TRY)
     (call,) = server.receive(next(operation)[0], 0.0)
-    reset, stop = server.receive(client.farewell()[0], 0.0)
+    reset, stop = server.receive(client.farewell()[0][0], 0.0)
     assert isinstance(reset, Reset)
     assert isinstance(stop, Execute)
     assert server.finish(call, 0, None) == b""

@@ -2,12 +2,13 @@
 
 Each request is posted by a task of its own, which goes on when the caller of :meth:`AsyncHttpLink.receive` is cancelled or
 its time is up; the next request, or closing, ends it and its connection. Closing waits for nothing: the connection below
-httpx2 is one of :mod:`orinkit.transport.aio_tcp`, which can be closed at once.
+httpx2 is one of :mod:`orinkit.transport.aio_stream`, which can be closed at once.
 """
 
 from __future__ import annotations
 
 import asyncio
+import socket
 import ssl
 from collections.abc import AsyncIterator
 from contextlib import aclosing
@@ -17,16 +18,17 @@ from orinkit.errors import ConnectionLost, OrinError
 from orinkit.extra import require
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.aio_tcp import AsyncTcpLink
-from orinkit.transport.http_reply import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, not_to_be_lent, tls_failed
+from orinkit.transport.aio_stream import AsyncStreamLink
+from orinkit.transport.http_reply import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, Reached, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
+from orinkit.transport.socket_link import CHUNK
 
 require(NEED, "http", "httpx2")
 
 import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
-from orinkit.transport.http_link import context_of, has_news  # noqa: E402
+from orinkit.transport.http_connection import context_of, has_news, url_of  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -34,7 +36,7 @@ _LONG: Final = 3600.0  # s
 _TLS_FAILURES: Final = (ssl.SSLError, ConnectionResetError, ConnectionAbortedError)
 
 
-class AsyncHttpLink:
+class AsyncHttpLink(Reached):
     """A server of e-CAP, in asyncio; nothing is opened before the first request.
 
     Args:
@@ -48,37 +50,11 @@ class AsyncHttpLink:
 
     def __init__(self, address: HttpAddress, access: Access = NOTHING, most: int = MOST) -> None:
         self._loop = asyncio.get_running_loop()
-        self._contact = Contact(address, access, most)
-        self._url = httpx2.URL(self._contact.url)
+        super().__init__(Contact(address, access, most))
+        self._url = url_of(self._contact)
         self._transport = _Transport(self._contact, self._url, context_of(address, access))
         self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
-        self._open = True
         self._asked: _Asked | None = None
-
-    @property
-    def tells(self) -> bool | None:
-        """Whether the server says that it is at work on a call; ``None`` where that is not known yet."""
-        return self._contact.tells
-
-    @property
-    def patience(self) -> float:
-        """Seconds that a server gets for a call that cannot say that it is at work; may be set."""
-        return self._contact.patience
-
-    @patience.setter
-    def patience(self, seconds: float) -> None:
-        self._contact.patience = seconds
-
-    def fileno(self) -> int:
-        """Refuse.
-
-        Raises:
-            StreamError: a connection over HTTP cannot be lent.
-            ConnectionClosed: the link has been closed.
-        """
-        if not self._open:
-            raise closed()
-        raise not_to_be_lent()
 
     def send(self, data: bytes) -> None:
         """Keep the body of a request, which :meth:`receive` posts.
@@ -120,20 +96,25 @@ class AsyncHttpLink:
             longer = self._contact.wait(asked.data, seconds)
             asked.task = self._loop.create_task(self._carry(asked, seconds))
         await asked.wait(seconds)
-        if not asked.news:
-            if self._transport.connecting and self._open:
+        if not asked.news and self._wants(asked):
+            if self._transport.connecting:
                 self._drop()
                 raise connect_failed(self._contact.address, TimeoutError("timed out"))
             await asked.wait(longer - seconds)
-        if not self._open:
+        if not self._wants(asked):
             raise closed()
         if not asked.done:
             return asked.take_sign()
         self._asked = None
-        if asked.failure is not None:
+        try:
+            return asked.task.result()
+        except OrinError:
             self._transport.drop()
-            raise asked.failure
-        return asked.answer
+            raise
+
+    def _wants(self, asked: _Asked) -> bool:
+        """Tell whether a request has neither been given up by another task, which closes the link, nor by closing it."""
+        return self._open and asked is self._asked
 
     def _check(self) -> None:
         if not self._open:
@@ -141,18 +122,16 @@ class AsyncHttpLink:
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
 
-    async def _carry(self, asked: _Asked, seconds: float) -> None:
+    async def _carry(self, asked: _Asked, seconds: float) -> bytes:
         """Carry out a request; is cancelled when nobody wants it any more."""
         try:
-            asked.answer = await self._post(asked, seconds)
-        except OrinError as error:
-            asked.failure = error
+            return await self._post(asked, seconds)
         except httpcore2.ProtocolError as error:
             if self._transport.unanswered:
-                asked.answer = b""
-            else:
-                asked.failure = self._contact.broken(error, ended=self._transport.ended)
-        asked.finish()
+                return b""
+            raise self._contact.broken(error, ended=self._transport.ended) from error
+        finally:
+            asked.finish()
 
     async def _post(self, asked: _Asked, seconds: float) -> bytes:
         await self._transport.connect()
@@ -160,7 +139,7 @@ class AsyncHttpLink:
         response = await self._client.send(request, stream=True)
         headers = response.headers.multi_items()
         if response.status_code != _OK:
-            shown = await self._shown(response)
+            shown = await self._shown(response, min(SHOWING, seconds / 2))
             raise self._contact.refusal(response.status_code, headers, shown, len(asked.data))
         body = self._contact.accept(headers)
         async with aclosing(response.aiter_raw()) as pieces:
@@ -169,11 +148,11 @@ class AsyncHttpLink:
                     await asked.sign()
         return body.whole()
 
-    async def _shown(self, response: httpx2.Response) -> bytes:
+    async def _shown(self, response: httpx2.Response, seconds: float) -> bytes:
         """Return as much of the body of an error as comes soon."""
         shown = b""
         try:
-            async with asyncio.timeout(SHOWING), aclosing(response.aiter_raw()) as pieces:
+            async with asyncio.timeout(seconds), aclosing(response.aiter_raw()) as pieces:
                 async for piece in pieces:
                     shown += piece
                     if len(shown) >= SHOWN:
@@ -206,17 +185,13 @@ class _Asked:
 
     Attributes:
         data: its body.
-        task: that carries it out.
-        answer: that has come, ``b""`` if none will.
-        failure: why not.
-        done: nothing more will come.
+        task: that carries it out, and returns the answer, ``b""`` if none came.
+        done: the task has ended.
     """
 
     def __init__(self, data: bytes) -> None:
         self.data = data
-        self.task: asyncio.Task[None] | None = None
-        self.answer = b""
-        self.failure: OrinError | None = None
+        self.task: asyncio.Task[bytes] | None = None
         self.done = False
         self._taken: asyncio.Future[None] | None = None  # while there is a sign of work that nobody has taken
         self._waiter: asyncio.Future[None] | None = None
@@ -255,14 +230,14 @@ class _Asked:
         return _SIGN
 
     def finish(self) -> None:
-        """Say that nothing more will come."""
+        """Say that the task has ended."""
         self.done = True
         self._wake()
 
     def give_up(self) -> None:
         """Stop the task."""
-        if self.task is not None:
-            self.task.cancel()
+        if self.task is not None and not self.task.cancel() and not self.task.cancelled():
+            self.task.exception()  # that nobody wants to know any more
         self._wake()
 
     def _wake(self) -> None:
@@ -316,16 +291,29 @@ class _Transport(httpx2.AsyncBaseTransport):
 
     async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
         """Send a request over the connection, once, and return the reply as soon as its headers have come."""
+        reply = await self._exchange(request)
+        if reply is None:
+            self.hang_up()
+            await self.connect()
+            reply = await self._exchange(request)
+        assert reply is not None
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_Pieces(reply))
+
+    async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
+        """Return the reply, ``None`` where something came behind the last one; then nothing has been sent."""
         assert self._connection is not None
         assert self._stream is not None
         assert isinstance(request.stream, httpx2.AsyncByteStream)
         self._stream.begin = b""
-        reply = await self._connection.handle_async_request(
-            httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
-        )
-        if not self._stream.begin:  # it came with the one before
-            raise self._contact.unasked()
-        return httpx2.Response(reply.status, headers=reply.headers, stream=_Pieces(reply))
+        try:
+            reply = await self._connection.handle_async_request(
+                httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
+            )
+        except httpcore2.ProtocolError:
+            if self._stream.unsent:
+                return None
+            raise
+        return None if self._stream.unsent else reply
 
     def drop(self) -> None:
         """Close the connection if something is under way over it."""
@@ -339,8 +327,12 @@ class _Transport(httpx2.AsyncBaseTransport):
             self._stream.hang_up()
 
 
-class _Wire(AsyncTcpLink):
+class _Wire(AsyncStreamLink, asyncio.BufferedProtocol):
     """A TCP connection, perhaps with TLS; :meth:`open` makes one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._view = memoryview(bytearray(CHUNK))
 
     @classmethod
     async def open(cls, address: HttpAddress, context: ssl.SSLContext | None) -> Self:
@@ -359,12 +351,32 @@ class _Wire(AsyncTcpLink):
             raise connect_failed(address, error) from error
         return wire
 
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The link is up."""
+        super().connection_made(transport)
+        peer = transport.get_extra_info("socket")
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
+        """Where to put what comes next: a view, for with TLS asyncio fills slices of it, which must not be copies."""
+        return self._view
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Bytes came."""
+        self._came(self._view[:nbytes])
+
+    def _descriptor(self, transport: asyncio.Transport) -> int:
+        descriptor: int = transport.get_extra_info("socket").fileno()
+        return descriptor
+
     @property
     def has_news(self) -> bool:
-        """Whether anything has come, or the end."""
-        if self._transport is None or self._ended or self._received or self._transport.is_closing():
+        """Whether anything has come, or the end; or something is still being sent."""
+        link = self._transport
+        if link is None or self._ended or self._received or link.is_closing() or link.get_write_buffer_size():
             return True
-        return has_news(self._descriptor(self._transport))
+        return has_news(self._descriptor(link))
 
     def close(self) -> None:
         """Close; TLS does not say goodbye, as that would take time."""
@@ -377,6 +389,7 @@ class _Stream(httpcore2.AsyncNetworkStream):
     """A connection as httpx2 uses it.
 
     Attributes:
+        unsent: what has been written, and is sent when an answer is waited for.
         begin: the first bytes of the reply.
         ended: the other side has closed the connection.
     """
@@ -384,18 +397,18 @@ class _Stream(httpcore2.AsyncNetworkStream):
     def __init__(self, wire: _Wire, contact: Contact) -> None:
         self._wire = wire
         self._contact = contact
-        self._unsent = bytearray()
+        self.unsent = bytearray()
         self.begin = b""
         self.ended = False
 
     async def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
         """Keep bytes, so that headers and body travel together."""
-        self._unsent += buffer
+        self.unsent += buffer
 
     async def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
         """Send what has been written, and return the next bytes."""
-        if self._unsent:
-            unsent, self._unsent = bytes(self._unsent), bytearray()
+        if self.unsent:
+            unsent, self.unsent = bytes(self.unsent), bytearray()
             try:
                 self._wire.send(unsent)
             except ConnectionLost:  # a server may refuse a request that it has not read, and close

@@ -5,7 +5,7 @@ A reply with status 200 has an answer of e-CAP in its body. Any other is an exce
 ==================================================  ===============================================================
 301 and other redirects, 401, 403, 404, 405, 407,   ``ConnectFailed``: no e-CAP for this client at this address; the
 421                                                 call was not carried out. A redirect is named, never followed.
-408, 425, 429                                       ``TransportError``: the call was not carried out; another one may be
+408, 429                                            ``TransportError``: the call was not carried out; another one may be
 413, 414, 431                                       ``LimitExceeded``: the request is too long for this server
 502, 503, 504                                       ``ConnectionLost``: the server, or the one behind it, has gone
 any other                                           ``ProtocolError``: not what e-CAP answers
@@ -25,6 +25,7 @@ from typing import Final, TypeAlias
 from orinkit.errors import (
     ConnectFailed,
     ConnectionLost,
+    InvalidAddress,
     InvalidValue,
     LimitExceeded,
     OrinError,
@@ -35,7 +36,7 @@ from orinkit.errors import (
 from orinkit.language import pick
 from orinkit.transport.access import Access
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.link_errors import lost
+from orinkit.transport.link_errors import closed, lost
 from orinkit.variant_bytes import DEFAULT_LIMITS
 
 MOST: Final = DEFAULT_LIMITS.packet + 65536
@@ -75,7 +76,6 @@ _KINDS: Final[dict[int, Callable[[str], OrinError]]] = {
     413: LimitExceeded,
     414: LimitExceeded,
     421: ConnectFailed,
-    425: TransportError,
     429: TransportError,
     431: LimitExceeded,
     502: ConnectionLost,
@@ -106,10 +106,6 @@ _HINTS: Final = {
     421: (
         "The server does not go by this name. Try: its address, or have it serve this name too",
         "サーバはこの名前では応答しません。対処: サーバのアドレスを使うか、この名前をサーバに登録してください",
-    ),
-    425: (
-        "The call was not carried out. Try: again",
-        "実行されていません。対処: もう一度実行してください",
     ),
     429: (
         "There were too many requests; this one was not carried out. Try: again, a little later",
@@ -166,7 +162,8 @@ class Contact:
     @property
     def url(self) -> str:
         """What the server is called in a request: without the zone of an IPv6 address, which is of this computer."""
-        return str(self.address._replace(host=self.address.host.partition("%")[0]))
+        host = self.address.host
+        return str(self.address._replace(host=host.partition("%")[0] if ":" in host else host))
 
     def fields(self, seconds: float) -> list[tuple[str, str]]:
         """Return the headers of a request.
@@ -178,7 +175,7 @@ class Contact:
             ("Accept-Encoding", "identity"),
             ("User-Agent", "orinkit"),
             ("Content-Type", "application/x-www-form-urlencoded"),
-            (_EXECUTING, str(max(_FEWEST, min(_SIGNS, int(seconds * 500))))),
+            (_EXECUTING, str(int(max(_FEWEST, min(_SIGNS, seconds * 500))))),
         ]
         if self._token:
             fields.append(("Authorization", f"Bearer {self._token}"))
@@ -217,7 +214,7 @@ class Contact:
         """Keep a cookie, or throw it away where the server says so; returns whether it stands for another session."""
         pair, *attributes = text.split(";")
         name, equals, value = (part.strip() for part in pair.partition("="))
-        if not name or not equals or len(pair) > _COOKIE:
+        if not name or not equals or len(pair) > _COOKIE or not (pair.isascii() and pair.isprintable()):
             return False
         before = self._cookies.get(name)
         if not value or any(map(_ends_it, attributes)):
@@ -250,7 +247,7 @@ class Contact:
     def _hint(self, status: int, kind: Callable[[str], OrinError], where: str, asked: int) -> str:
         if status == HTTPStatus.UNAUTHORIZED:
             return _wrong_token() if self._token else _missing_token()
-        if where:
+        if where and kind is ConnectFailed:
             return _elsewhere(where)
         if kind is LimitExceeded:
             return _long_request(asked)
@@ -266,15 +263,6 @@ class Contact:
             raise self._strange(
                 pick(f"something that is no HTTP, {begin[:BEGIN]!r}", f"HTTP ではありません ({begin[:BEGIN]!r})")
             )
-
-    def unasked(self) -> ProtocolError:
-        """Return the exception for a reply that was there before the request."""
-        return self._strange(
-            pick(
-                "more than one answer to a call came; the next call was not sent",
-                "1 つの呼び出しに複数の応答が来ました。次の呼び出しは送信していません",
-            )
-        )
 
     def broken(self, reason: Exception, *, ended: bool) -> OrinError:
         """Return the exception for a reply that breaks the rules of HTTP.
@@ -306,6 +294,43 @@ class Contact:
                 f"{self.address} の応答が上限 {self.most} バイトを超えました",
             )
         )
+
+
+class Reached:
+    """What both links show of their server.
+
+    Args:
+        contact: with it.
+    """
+
+    def __init__(self, contact: Contact) -> None:
+        self._contact = contact
+        self._open = True
+
+    @property
+    def tells(self) -> bool | None:
+        """Whether the server says that it is at work on a call; ``None`` where that is not known yet."""
+        return self._contact.tells
+
+    @property
+    def patience(self) -> float:
+        """Seconds that a server gets for a call that cannot say that it is at work; may be set."""
+        return self._contact.patience
+
+    @patience.setter
+    def patience(self, seconds: float) -> None:
+        self._contact.patience = seconds
+
+    def fileno(self) -> int:
+        """Refuse.
+
+        Raises:
+            StreamError: a connection over HTTP cannot be lent.
+            ConnectionClosed: the link has been closed.
+        """
+        if not self._open:
+            raise closed()
+        raise _not_to_be_lent()
 
 
 class Body:
@@ -378,6 +403,16 @@ def tls_failed(address: HttpAddress, error: Exception) -> ConnectFailed:
     )
 
 
+def no_url(address: HttpAddress, error: Exception) -> InvalidAddress:
+    """Return the exception for an address that no URL can have."""
+    return InvalidAddress(
+        pick(
+            f"'{address!s:.200}' is no address: {error}. Try: a name of letters, digits and hyphens, or an IP address",
+            f"'{address!s:.200}' はアドレスとして使えません: {error}。対処: 英数字とハイフンの名前か IP アドレスを使ってください",
+        )
+    )
+
+
 def no_certificates(cafile: str, error: Exception) -> InvalidValue:
     """Return the exception for a file that has no certificates."""
     return InvalidValue(
@@ -388,7 +423,7 @@ def no_certificates(cafile: str, error: Exception) -> InvalidValue:
     )
 
 
-def not_to_be_lent() -> StreamError:
+def _not_to_be_lent() -> StreamError:
     """Return the exception for a connection that another process is to have."""
     return StreamError(
         pick(
