@@ -17,8 +17,11 @@ demo: setup-all ## a client and a virtual RC8 talk, every packet explained / ク
 CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \
 	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py) tests/cao tests/bcap tests/ecap tests/properties
 
+# These wait for minutes in real time: they begin first.
+LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot.py tests/cli/test_demo_ve026a.py
+
 test: lint types coverage ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
-	$(RUN) pytest -m "not soak" -n 3 --dist loadfile $(CORE_TESTS:%=--ignore=%) --ignore=tests/slave
+	$(RUN) pytest -m "not soak" -n 3 --dist loadfile $(CORE_TESTS:%=--ignore=%) --ignore=tests/slave $(LONGEST) tests
 	$(RUN) pytest -m "not soak" tests/slave
 
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査

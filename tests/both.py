@@ -1,4 +1,4 @@
-"""One test body for the synchronous and the asynchronous client, over TCP, UDP and serial lines.
+"""One test body for the synchronous and the asynchronous client, over TCP, UDP, serial lines and HTTP.
 
 ``both.run(client.call(...))`` gives the result of either: of the synchronous one it is there already, the coroutine
 of the asynchronous one is run in an event loop of the test's own.
@@ -17,7 +17,7 @@ import pytest
 import orinkit
 from orinkit import aio
 
-LISTEN_AT = {"tcp": "tcp://127.0.0.1:0", "udp": "udp://127.0.0.1:0", "serial": "pty://"}
+LISTEN_AT = {"tcp": "tcp://127.0.0.1:0", "udp": "udp://127.0.0.1:0", "serial": "pty://", "http": "http://127.0.0.1:0"}
 """Where a server is to listen that is reached over each kind of wire; the fixture ``listen_at`` is one after the other."""
 
 

@@ -39,5 +39,5 @@ def both(request: pytest.FixtureRequest) -> Iterator[Both]:
 
 @pytest.fixture(params=list(LISTEN_AT))
 def listen_at(request: pytest.FixtureRequest) -> str:
-    """Where a server is to listen: over TCP, UDP, and a serial line."""
+    """Where a server is to listen: over TCP, UDP, a serial line, and HTTP."""
     return LISTEN_AT[request.param]

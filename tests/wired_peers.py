@@ -160,6 +160,8 @@ class UdpPeer(BadPeer):
             return
         line = UdpLine(self._datagrams)
         self._lines.append(line)
+        if self.stopping.is_set():  # nobody closes it any more
+            line.close()
         self._run(self._scripts[0], line)
 
     def __exit__(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import pytest
 
 from orinkit import language
-from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, Wire
+from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
+from orinkit.cao.carrier import Carrier
 from orinkit.client._motion_common import note_broken_off, note_closed, note_failure
+from orinkit.ecap.client import HTTP
 from orinkit.errors import ConnectionClosed, OrinError
 
 
-def gone(wire: Wire) -> str:
+def gone(wire: Carrier) -> str:
     error = RuntimeError()
     note_failure(error, ConnectionClosed("closed"), wire)
     (note,) = error.__notes__
@@ -22,11 +24,12 @@ def gone(wire: Wire) -> str:
     [
         (STREAM, "the controller then stops the arm and takes it back by itself", "停止と占有解除はコントローラが行います"),
         (DATAGRAM, "after 10 s of silence or later, and then stops the arm", "10 秒以上無通信が続いた後に"),
+        (HTTP, "after 60 s of silence or later, and then stops the arm", "60 秒以上無通信が続いた後に"),
         (LINE, "may go on moving, and stays taken, until the next client connects", "シリアル回線では"),
     ],
-    ids=lambda value: value.name if isinstance(value, Wire) else "",
+    ids=lambda value: value.name if isinstance(value, Carrier) else "",
 )  # fmt: skip
-def test_a_connection_that_is_gone(wire: Wire, en: str, ja: str) -> None:
+def test_a_connection_that_is_gone(wire: Carrier, en: str, ja: str) -> None:
     assert en in gone(wire)
     language.use("ja")
     assert ja in gone(wire)
@@ -36,16 +39,18 @@ def test_a_connection_that_is_gone(wire: Wire, en: str, ja: str) -> None:
 def test_a_connection_that_was_closed(note) -> None:
     assert "lost" not in note(STREAM)
     assert "should the packet that says so be lost, after 10 s of silence or later" in note(DATAGRAM)
+    assert "should the server not hear of that, after 60 s of silence or later" in note(HTTP)
     assert "should the packet that says so be lost, only when the next client connects" in note(LINE)
     language.use("ja")
     assert "失われた" not in note(STREAM)
     assert "10 秒以上無通信が続いた後" in note(DATAGRAM)
+    assert "終了をサーバに伝えられなかった場合は、60 秒以上" in note(HTTP)
     assert "次のクライアントが接続したとき" in note(LINE)
 
 
-@pytest.mark.parametrize("wire", [STREAM, DATAGRAM, LINE], ids=lambda wire: wire.name)
+@pytest.mark.parametrize("wire", [STREAM, DATAGRAM, LINE, HTTP], ids=lambda wire: wire.name)
 @pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
-def test_it_is_said_once(note, wire: Wire) -> None:
+def test_it_is_said_once(note, wire: Carrier) -> None:
     error = RuntimeError()
     error.add_note(note(wire))
     note_failure(error, ConnectionClosed("closed"), wire)

@@ -19,6 +19,7 @@ from orinkit import functions as f
 from orinkit.bcap import packet
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.table import Argument, Function
+from orinkit.ecap.message import read_reply, read_request
 from orinkit.errors import (
     CallError,
     CallTimeout,
@@ -58,7 +59,11 @@ class Wire:
         self.codes: list[int] = []
 
     def __call__(self, direction: str, data: bytes) -> None:
-        (self.sent if direction == ">" else self.codes).append(packet.decode(data).code)
+        if data[0] == packet.SOH:
+            code = packet.decode(data).code
+        else:
+            code = read_request(data).function.id if direction == ">" else read_reply(data)[0]
+        (self.sent if direction == ">" else self.codes).append(code)
 
 
 # --- all 137 functions ----------------------------------------------------------------------------------------------
@@ -393,9 +398,12 @@ def test_the_object_limit_says_so_and_the_connection_goes_on(both: Both, listen_
 
 
 @pytest.mark.parametrize(
-    "form", ["tcp://127.0.0.1:{}", "tcp:127.0.0.1:{}", "127.0.0.1:{}", "TCP://localhost:{}/", " tcp:127.0.0.1:{} "]
-)
-@only("tcp", because="they are addresses of TCP")
+    ("listen_at", "form"),
+    [("tcp", "tcp://127.0.0.1:{}"), ("tcp", "tcp:127.0.0.1:{}"), ("tcp", "127.0.0.1:{}"), ("tcp", "TCP://localhost:{}/"),
+     ("tcp", " tcp:127.0.0.1:{} "), ("http", "http://127.0.0.1:{}/"), ("http", "http://127.0.0.1:{}/any/path?x=1"),
+     ("http", "HTTP://localhost:{}"), ("http", " http://127.0.0.1:{} ")],
+    indirect=["listen_at"],
+)  # fmt: skip
 def test_connection_strings(both: Both, server: Server, form: str) -> None:
     port = server.url.rpartition(":")[2]
     controller = both.connect(form.format(port), provider=PROVIDER)
@@ -406,7 +414,8 @@ def test_connection_strings(both: Both, server: Server, form: str) -> None:
 @pytest.mark.parametrize(
     "url",
     ["", "tcp://", "tcp:", "tcp://:5007", "tcp://127.0.0.1:notaport", "tcp://127.0.0.1:65536", "tcp://127.0.0.1:-1",
-     "udp://", "com:", "pty://", "gopher://127.0.0.1", "tcp://127.0.0.1:5007/path", "tcp://[::1", "tcp://a b:c:d"],
+     "udp://", "com:", "pty://", "gopher://127.0.0.1", "tcp://127.0.0.1:5007/path", "tcp://[::1", "tcp://a b:c:d",
+     "http://", "https:", "http://:8080", "http://127.0.0.1:notaport", "https://127.0.0.1:65536", "http://[::1"],
 )  # fmt: skip
 def test_wrong_connection_strings(both: Both, url: str) -> None:
     with pytest.raises(InvalidAddress) as caught:
@@ -415,18 +424,20 @@ def test_wrong_connection_strings(both: Both, url: str) -> None:
     assert isinstance(caught.value, ValueError)
 
 
-def test_a_name_that_does_not_exist(both: Both) -> None:
+@pytest.mark.parametrize("scheme", ["tcp", "http"])
+def test_a_name_that_does_not_exist(both: Both, scheme: str) -> None:
     with pytest.raises(ConnectFailed, match=r"robot\.invalid"):
-        both.connect("tcp://robot.invalid:5007", timeout=20)
+        both.connect(f"{scheme}://robot.invalid:5007", timeout=20)
 
 
-def test_ipv6(both: Both, recorder: Recorder) -> None:
+@pytest.mark.parametrize("scheme", ["tcp", "http"])
+def test_ipv6(both: Both, recorder: Recorder, scheme: str) -> None:
     try:
-        server = orinkit.serve(recorder, "tcp://[::1]:0")
+        server = orinkit.serve(recorder, f"{scheme}://[::1]:0")
     except ConnectFailed:
         pytest.skip("this machine has no IPv6")
     with server:
-        assert server.url.startswith("tcp://[::1]:")
+        assert server.url.startswith(f"{scheme}://[::1]:")
         controller = both.connect(server.url, provider=PROVIDER)
         both.run(controller.close())
 
@@ -445,18 +456,25 @@ def test_wrong_timeouts(both: Both, server: Server, timeout: float) -> None:
 # --- trace, requests with code, errors ------------------------------------------------------------------------------
 
 
-@only("tcp", because="the bytes of the others: tests/bcap")
-def test_trace_shows_every_packet(both: Both, server: Server) -> None:
+@pytest.mark.parametrize(
+    ("listen_at", "sent", "answered"),
+    [
+        (
+            "tcp",
+            bytes.fromhex("012c00000001000000010000000100180000000800010000000e0000005700440054003d0034003000300004"),
+            bytes.fromhex("01100000000100000000000000000004"),
+        ),
+        ("http", b"Func=1,Arg1=WDT%3D400,Arg2=,Arg3=,Arg4=,Arg5=", b"0x00000000"),
+    ],
+    indirect=["listen_at"],
+    ids=["tcp", "http"],
+)
+def test_trace_shows_every_packet(both: Both, server: Server, sent: bytes, answered: bytes) -> None:
+    """The bytes over UDP and serial lines: tests/bcap."""
     seen: list[tuple[str, bytes]] = []
     client = both.client(server.url, trace=lambda direction, data: seen.append((direction, data)))
     both.run(client.call(f.service_start, "WDT=400"))
-    assert seen == [
-        (
-            ">",
-            bytes.fromhex("012c00000001000000010000000100180000000800010000000e0000005700440054003d0034003000300004"),
-        ),
-        ("<", bytes.fromhex("01100000000100000000000000000004")),
-    ]
+    assert seen == [(">", sent), ("<", answered)]
     both.run(client.close())
 
 
@@ -531,7 +549,7 @@ def test_a_named_argument_that_there_is_not(both: Both, server: Server) -> None:
     both.run(client.close())
 
 
-@only("tcp", because="elsewhere a call at work is told of when it is asked for again, and does not time out")
+@only("tcp", "http", because="elsewhere a call at work is told of when it is asked for again, and does not time out")
 def test_errors_survive_pickling(both: Both, server: Server) -> None:
     caught: list[Exception] = []
     controller = both.connect(server.url, provider="Test.Workshop", timeout=20)

@@ -16,6 +16,7 @@ import orinkit
 from both import Both, only
 from devices import Call, Recorder
 from orinkit import J, P, T, V, aio, hresult, language
+from orinkit import functions as f
 from orinkit.cao import provider as p
 from orinkit.cao.provider import Blocking, ClientInfo, Later, Provider
 from orinkit.errors import (
@@ -36,6 +37,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 HOME = J(0, 45, 90, 0, 45, 0)
 THERE = J(45, 30, 120, 0, -60, 0)
 PATIENCE = 20.0
+SEVERAL = only("tcp", "udp", "http", because="a line has one client at a time")
 
 
 # --- what the calls are ---------------------------------------------------------------------------------------------
@@ -369,7 +371,7 @@ def test_motions_that_follow_each_other(both: Both, moving: Any) -> None:
     assert both.run(first.get_done()) is True
 
 
-@only("tcp", "udp", because="a line has one client at a time")
+@SEVERAL
 def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url: str) -> None:
     first = both.run(moving.move(THERE, speed=50, wait=False))
     second = both.run(moving.move(HOME, speed=1, wait=False))
@@ -381,7 +383,7 @@ def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url
     assert both.run(first.get_done()) is True
 
 
-@only("tcp", "udp", because="a line has one client at a time")
+@SEVERAL
 def test_a_stop_before_the_follower_has_begun_is_the_followers(both: Both, moving: Any, url: str) -> None:
     both.run(moving.move(THERE, speed=1, wait=False))
     for pose in (HOME, P(380, 0, 250, 180, 0, 180, 5)):
@@ -396,7 +398,7 @@ def halt_from_elsewhere(url: str) -> None:
         other.robot().halt()
 
 
-@only("tcp", "udp", because="a line has one client at a time")
+@SEVERAL
 def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
     motion = both.run(moving.move(THERE, speed=1, wait=False))
     assert both.run(motion.get_progress()) < 1
@@ -416,7 +418,7 @@ def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
     both.run(moving.move(HOME))  # the next one is another matter
 
 
-@only("tcp", "udp", because="a line has one client at a time")
+@SEVERAL
 def test_another_client_halts_a_motion_that_is_waited_for(both: Both, moving: Any, rc8: VirtualRC8, url: str) -> None:
     def halt() -> None:
         until(lambda: bool(rc8.pendant.status()["moving"]))
@@ -585,7 +587,7 @@ def test_a_block_that_fails_halts(both: Both, robot: Any, rc8: VirtualRC8) -> No
     assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
 
 
-@only("tcp", "udp", because="a line has one client at a time")
+@SEVERAL
 def test_a_stop_in_a_block_comes_out_of_it(both: Both, robot: Any, rc8: VirtualRC8, url: str) -> None:
     def body() -> None:
         both.run(robot.move(THERE, speed=1, wait=False))
@@ -606,7 +608,7 @@ def test_keeping_what_is_set(both: Both, robot: Any) -> None:
         both.within(robot.arm(group=99), lambda _: None)
 
 
-@only("tcp", "udp", because="a line has one client at a time")
+@SEVERAL
 def test_an_arm_that_another_one_has(both: Both, robot: Any, url: str) -> None:
     entered = []
     with orinkit.connect(url) as other:
@@ -625,9 +627,10 @@ def test_a_motor_that_cannot_go_on_gives_the_arm_back(both: Both, robot: Any, rc
     assert status(rc8, "arm_holder") == [""]
 
 
-def test_the_controller_goes_away_in_the_middle(both: Both) -> None:
+@only("tcp", "http", because="on the others nobody tells of it")
+def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str) -> None:
     device = VirtualRC8(clock=Clock(20))
-    server = orinkit.serve(device, "tcp://127.0.0.1:0")
+    server = orinkit.serve(device, listen_at)
     controller = both.connect(server.url)
     robot = both.run(controller.robot())
 
@@ -758,6 +761,9 @@ class ScriptedController(p.ControllerObject):
         return ScriptedRobot(self._device)
 
 
+TIMES_OUT = only("tcp", because="elsewhere a call at work is told of, and never times out")
+
+
 class Scripted(Provider):
     """A controller whose robot does what a test says.
 
@@ -799,10 +805,8 @@ def device() -> Scripted:
 
 
 @pytest.fixture
-def scripted(both: Both, device: Scripted) -> Iterator[Any]:
-    with orinkit.serve(
-        device, "tcp://127.0.0.1:0"
-    ) as server:  # elsewhere a call at work is told of, and never times out
+def scripted(both: Both, listen_at: str, device: Scripted) -> Iterator[Any]:
+    with orinkit.serve(device, listen_at) as server:
         controller = both.connect(server.url, provider="Test.Scripted", timeout=0.25, service="")
         yield both.run(controller.robot())
         device.close()
@@ -878,6 +882,7 @@ def test_the_end_of_a_good_block_may_fail(both: Both, scripted: Any, device: Scr
     assert device.calls == [*TAKEN, ("Motor", [0, 0]), "Halt", "GiveArm"]
 
 
+@TIMES_OUT
 def test_each_step_takes_one_timeout_at_most(both: Both, scripted: Any, device: Scripted) -> None:
     def body() -> None:
         for name in ("Halt", "Motor", "GiveArm"):
@@ -891,6 +896,7 @@ def test_each_step_takes_one_timeout_at_most(both: Both, scripted: Any, device: 
     assert len(caught.value.__notes__) >= 2
 
 
+@TIMES_OUT
 def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: Any, device: Scripted) -> None:
     """The controller does not answer within the time-out and is busy with the motion from then on."""
     device.answers["Move"] = [device.never]
@@ -902,6 +908,19 @@ def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: 
         both.run(scripted.get_joints())
 
 
+@only("http", because="elsewhere the controller is busy with the call before")
+def test_a_call_that_is_at_work_does_not_keep_the_arm_from_being_halted(
+    both: Both, scripted: Any, device: Scripted
+) -> None:
+    device.answers["Move"] = [device.never]
+    move = (f.robot_move, scripted.handle, 1, "P1", "")
+    with pytest.raises(CallTimeout) as caught:
+        holding(both, scripted, lambda: both.run(scripted.client.request(*move, timeout=0.05)))
+    assert not hasattr(caught.value, "__notes__")
+    assert device.calls == [*TAKEN, ("Move", ""), "Halt", *GIVEN]
+
+
+@TIMES_OUT
 def test_a_call_that_is_only_slow_is_waited_for(both: Both, scripted: Any, device: Scripted) -> None:
     slow = Later[None]()
     device.answers["Slow"] = [slow]
@@ -918,6 +937,7 @@ def test_a_call_that_is_only_slow_is_waited_for(both: Both, scripted: Any, devic
     assert device.calls == [*TAKEN, "Slow", "Halt", *GIVEN]
 
 
+@TIMES_OUT
 def test_taking_of_which_nobody_knows_is_undone(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["Motor"] = [Blocking(lambda: time.sleep(0.35)), None]
     with pytest.raises(CallTimeout):
@@ -977,6 +997,7 @@ def test_answers_that_are_no_numbers(both: Both, scripted: Any, device: Scripted
         both.run(scripted.motion_complete())
 
 
+@TIMES_OUT
 def test_a_busy_controller_is_told_so(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["Move"] = [device.never]
     with pytest.raises(CallTimeout):

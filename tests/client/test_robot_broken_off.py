@@ -24,9 +24,9 @@ def device() -> VirtualRC8:
     return VirtualRC8(motor=True)
 
 
-@pytest.fixture(params=["tcp://127.0.0.1:0", "udp://127.0.0.1:0", "pty://"], ids=["tcp", "udp", "serial"])
-def url(request: pytest.FixtureRequest, device: VirtualRC8) -> Iterator[str]:
-    with orinkit.serve(device, request.param) as server:
+@pytest.fixture
+def url(listen_at: str, device: VirtualRC8) -> Iterator[str]:
+    with orinkit.serve(device, listen_at) as server:
         yield server.url
 
 

@@ -33,5 +33,5 @@ def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silence: float) 
         time.sleep(silence)
         with pytest.raises(InvalidHandle) as caught:
             both.run(client.call(f.controller_get_name, 2 if silence else 99))
-        assert ("forgets a UDP client" in str(caught.value)) is (silence > 0)
+        assert ("forgets a client on UDP" in str(caught.value)) is (silence > 0)
         both.run(client.close())

@@ -25,7 +25,7 @@ from callers import (
 )  # fmt: skip
 
 import orinkit
-from both import only
+from both import LISTEN_AT, only
 from orinkit import hresult
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.wire import STREAM
@@ -126,6 +126,12 @@ class OldClient:
 
     def close(self) -> None:
         self.raw.close()
+
+
+@pytest.fixture(params=["tcp", "udp", "serial"])
+def listen_at(request: pytest.FixtureRequest) -> str:
+    """All that is here are packets; programs of e-CAP: test_ecap_document.py."""
+    return LISTEN_AT[request.param]
 
 
 @pytest.fixture

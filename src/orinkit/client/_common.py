@@ -163,7 +163,7 @@ def forgotten_after(wire: Carrier) -> str:
     """Return what there is to say of a handle that is not known any more, to a client that was silent for long."""
     name, seconds = wire.name.upper(), wire.memory
     return pick(
-        f"a controller forgets a {name} client that calls nothing for {seconds:g} s, with all its objects. "
+        f"a controller forgets a client on {name} that calls nothing for {seconds:g} s, with all its objects. "
         "Connect again, call something now and then, or use TCP",
         f"コントローラは {seconds:g} 秒間呼び出しのない {name} クライアントを、オブジェクトも含めて忘れます。"
         "接続し直すか、定期的に呼び出すか、TCP を使ってください",

@@ -264,11 +264,16 @@ def note_closed(wire: Carrier) -> str:
 
 
 def _if_it_is_lost(wire: Carrier) -> str:
-    """Return when the arm stops where the packet that tells of a client's end may be lost, in brackets."""
+    """Return when the arm stops where what tells of a client's end may not arrive, in brackets."""
     if wire.shared:
         return pick(
             " (should the packet that says so be lost, only when the next client connects)",
             " (終了を伝えるパケットが失われた場合は、次のクライアントが接続したとき)",
+        )
+    if wire.memory and not wire.lossy:
+        return pick(
+            f" (should the server not hear of that, after {wire.memory:g} s of silence or later)",
+            f" (終了をサーバに伝えられなかった場合は、{wire.memory:g} 秒以上無通信が続いた後)",
         )
     if wire.memory:
         return pick(

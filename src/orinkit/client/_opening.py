@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
 from orinkit.bcap.client import Conversation
 from orinkit.bcap.wire import WIRES, Wire
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     AnyConversation: TypeAlias = Conversation | EcapConversation
 
+L = TypeVar("L")
 _LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
 
 
@@ -57,6 +58,27 @@ def conversation(wire: Carrier, limits: Limits, trace: Trace | None) -> AnyConve
     from orinkit.ecap.client import Conversation as EcapConversation
 
     return EcapConversation(limits, trace, wire)
+
+
+@runtime_checkable
+class _Repeatable(Protocol):
+    """A link over which a call cannot be left alone while something else is said."""
+
+    def another(self) -> Self: ...
+
+    def close(self) -> None: ...
+
+
+def parting(link: L) -> L:
+    """Return the link to take leave over.
+
+    Where that cannot be done beside a call that another thread or task may have at work, it is another link to the same
+    place, and this one is closed: the call ends, and no other one can come in between.
+    """
+    if isinstance(link, _Repeatable):
+        link.close()
+        return link.another()
+    return link
 
 
 def access_to(address: AnyAddress, token: str, cafile: str) -> Access:

@@ -18,7 +18,7 @@ from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.table import Function
 from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after
-from orinkit.client._opening import access_to, conversation, opening_of
+from orinkit.client._opening import access_to, conversation, opening_of, parting
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.drive import Deadline, LentLink, Link, run, say_goodbye
 from orinkit.transport.links import open_link
@@ -70,6 +70,7 @@ class Client:
         if wire.shared:  # answers to the client before it may be under way still: they are not to fit
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
+        self._left = False
         self.handles = Handles()
         self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
 
@@ -272,8 +273,16 @@ class Client:
 
         With UDP and serial lines Service_Stop is sent before, and no answer is waited for; with HTTP for a second at most.
         """
-        say_goodbye(self._link, self._conversation.farewell())
-        self._link.close()
+        link = self._link
+        try:
+            words = [] if self._left else self._conversation.farewell()
+            self._left = True
+            if words:
+                link = parting(link)
+            say_goodbye(link, words)
+        finally:  # being cancelled, or interrupted, leaves nothing open
+            link.close()
+            self._link.close()
 
     def __enter__(self) -> Self:
         return self

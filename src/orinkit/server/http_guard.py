@@ -13,6 +13,7 @@ import ssl
 import sys
 from collections.abc import Callable
 from enum import Enum
+from itertools import chain
 from typing import Final, Protocol, cast
 
 import h11
@@ -66,7 +67,10 @@ class Kept(Protocol):
 
 
 class Guard:
-    """Counts the connections of a listener. Where there is one too many, the one goes that has done nothing for longest.
+    """Counts the connections of a listener. Where there is one too many, one goes that has nothing at work.
+
+    That is the oldest of those that have not been answered yet, so that many who only connect take each other's place and
+    not that of clients; if there is none, the one whose last answer is oldest.
 
     Args:
         shared: what all clients of the server share.
@@ -79,32 +83,35 @@ class Guard:
     def __init__(self, shared: Connections) -> None:
         self.shared = shared
         self.most = max(_FEWEST, 2 * shared.clients)
-        self._kept: dict[Kept, None] = {}  # the one whose last answer is oldest first
+        self._strangers: dict[Kept, None] = {}  # the oldest first
+        self._known: dict[Kept, None] = {}  # the one whose last answer is oldest first
 
     def __len__(self) -> int:
         """Return how many connections there are."""
-        return len(self._kept)
+        return len(self._strangers) + len(self._known)
 
     def admit(self, connection: Kept) -> bool:
         """Count a new connection; False where there are too many, all of them at work."""
-        if len(self._kept) >= self.most:
-            oldest = next((each for each in self._kept if not each.at_work), None)
+        if len(self) >= self.most:
+            resting = (each for each in chain(self._strangers, self._known) if not each.at_work)
+            oldest = next(resting, None)
             if oldest is None:
                 return False
             self.discard(oldest)
             oldest.abort()
-        self._kept[connection] = None
+        self._strangers[connection] = None
         return True
 
     def answered(self, connection: Kept) -> None:
         """A connection has proved its worth."""
-        if connection in self._kept:
-            del self._kept[connection]
-            self._kept[connection] = None
+        if connection in self._strangers or connection in self._known:
+            self.discard(connection)
+            self._known[connection] = None
 
     def discard(self, connection: Kept) -> None:
         """Count a connection no more."""
-        self._kept.pop(connection, None)
+        self._strangers.pop(connection, None)
+        self._known.pop(connection, None)
 
 
 class Joining(h11.Connection):
@@ -413,3 +420,7 @@ class Entrance(asyncio.Protocol):
     def abort(self) -> None:
         """Close it at once."""
         self._task.cancel()
+        if self._transport is not None:  # a task that has not begun yet does nothing more, and would leave it open
+            self._transport.abort()
+        self._guard.discard(self)
+        self._guard.shared.discard(self)

@@ -12,7 +12,7 @@ import socket
 import ssl
 import threading
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import httpcore2
 import httpx2
@@ -304,6 +304,18 @@ def url_of(contact: Contact) -> httpx2.URL:
         return httpx2.URL(contact.url)
     except httpx2.InvalidURL as error:
         raise no_url(contact.address, error) from error
+
+
+class Known(NamedTuple):
+    """What is known of a server.
+
+    Attributes:
+        contact: with it.
+        context: how its certificate is checked, ``None`` without TLS.
+    """
+
+    contact: Contact
+    context: ssl.SSLContext | None
 
 
 def context_of(address: HttpAddress, access: Access) -> ssl.SSLContext | None:

@@ -22,7 +22,7 @@ require(NEED, "http", "httpx2")
 import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
-from orinkit.transport.http_connection import Transport, context_of, url_of  # noqa: E402
+from orinkit.transport.http_connection import Known, Transport, context_of, url_of  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -35,15 +35,19 @@ class HttpLink(Reached):
         address: of the server.
         access: what lets a client in.
         most: bytes of a reply.
+        known: what is known of the server already.
 
     Raises:
         InvalidValue: the token cannot be sent, or there are no certificates in the file.
     """
 
-    def __init__(self, address: HttpAddress, access: Access = NOTHING, most: int = MOST) -> None:
-        super().__init__(Contact(address, access, most))
+    def __init__(
+        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
+    ) -> None:
+        self._known = known or Known(Contact(address, access, most), context_of(address, access))
+        super().__init__(self._known.contact)
         self._url = url_of(self._contact)
-        self._transport = Transport(self._contact, self._url, context_of(address, access))
+        self._transport = Transport(self._contact, self._url, self._known.context)
         self._client = httpx2.Client(transport=self._transport, trust_env=False)
         self._busy = threading.Lock()
         self._owner = 0  # the thread that the request is of
@@ -168,6 +172,16 @@ class HttpLink(Reached):
         self._request = self._body = None
         self._pieces = iter(())
         self._transport.drop()
+
+    def another(self) -> HttpLink:
+        """Return a link to the same server, for the same client, over which nothing is under way.
+
+        It is closed where the server has never answered, and so knows nothing of this client.
+        """
+        made = HttpLink(self._contact.address, known=self._known)
+        if self.tells is None:
+            made.close()
+        return made
 
     def release(self) -> None:
         """Close, as nobody else can have it."""

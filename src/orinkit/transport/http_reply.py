@@ -180,7 +180,7 @@ class Contact:
         if self._token:
             fields.append(("Authorization", f"Bearer {self._token}"))
         if self._cookies:
-            fields.append(("Cookie", "; ".join(f"{name}={value}" for name, value in self._cookies.items())))
+            fields.append(("Cookie", "; ".join(f"{name}={value}" for name, value in dict(self._cookies).items())))
         return fields
 
     def wait(self, request: bytes, seconds: float) -> float:

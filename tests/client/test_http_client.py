@@ -1,0 +1,227 @@
+"""What is of its own with clients over HTTP: who they are to the server, and how they leave."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import orinkit
+from both import Both
+from devices import Call, Recorder, Workshop
+from http_wired import EcapPeer
+from orinkit import HttpOptions, aio
+from orinkit import functions as f
+from orinkit.errors import CallTimeout, ConnectFailed, ConnectionClosed, ConnectionLost, StreamError
+from orinkit.server.background import Server
+from orinkit.virtual.rc8 import VirtualRC8
+from peers import Line, reply
+
+ANYWHERE = "http://127.0.0.1:0"
+PATIENCE = 8.0  # less than a server takes to forget a client that has not taken leave
+PROVIDER = "Test.Workshop"
+
+
+@pytest.fixture
+def workshop() -> Workshop:
+    return Workshop()
+
+
+@pytest.fixture
+def server(workshop: Workshop) -> Iterator[Server]:
+    with orinkit.serve(workshop, ANYWHERE) as served:
+        yield served
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+# --- the end of a client ----------------------------------------------------------------------------------------------
+
+
+def test_a_client_that_was_silent_for_too_long_is_told(both: Both) -> None:
+    recorder = Recorder()
+    with orinkit.serve(recorder, ANYWHERE, http=HttpOptions(idle=0.1)) as server:
+        controller = both.connect(server.url, provider="Test.Recorder", name="RC")
+        assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
+        with pytest.raises(ConnectionLost, match="the session has ended"):
+            both.run(controller.get_name())
+        with pytest.raises(ConnectionClosed):
+            both.run(controller.get_name())
+        both.run(controller.close())
+        controller = both.connect(server.url, provider="Test.Recorder", name="RC")
+        assert "Controller_GetName" in both.run(controller.get_name())
+        both.run(controller.close())
+
+
+def test_a_server_that_was_started_again_is_another_one(both: Both, workshop: Workshop) -> None:
+    with orinkit.serve(workshop, ANYWHERE) as server:
+        url = server.url
+        controller = both.connect(url, provider=PROVIDER)
+    with orinkit.serve(Workshop(), url):
+        with pytest.raises(ConnectionLost, match="the session has ended"):
+            both.run(controller.execute("Echo", 1))
+        both.run(controller.close())
+
+
+def test_a_client_that_is_closed_in_a_call_takes_leave(server: Server, workshop: Workshop) -> None:
+    """By another thread; the call ends, and the server lets everything go at once."""
+    client = orinkit.connect(server.url, provider=PROVIDER).client
+
+    def close() -> None:
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        client.close()
+
+    closer = threading.Thread(target=close)
+    closer.start()
+    with pytest.raises(ConnectionClosed):
+        client.call(f.controller_execute, 2, "Wait", 1)
+    closer.join()
+    assert workshop.cancelled.acquire(timeout=PATIENCE)
+    assert workshop.released == ["Controller"]
+
+
+def test_a_client_that_is_closed_while_threads_call_takes_leave(server: Server, workshop: Workshop) -> None:
+    for turn in range(1, 16):
+        client = orinkit.connect(server.url, provider=PROVIDER).client
+        handle = client.call(f.controller_connect, "", PROVIDER, "localhost", "")
+        begun = threading.Semaphore(0)
+
+        def work(client: orinkit.Client = client, handle: int = handle, begun: Any = begun) -> None:
+            try:
+                while True:
+                    assert client.call(f.controller_execute, handle, "Echo", "mine") == "mine"
+                    begun.release()
+            except ConnectionClosed:
+                pass
+
+        threads = [threading.Thread(target=work) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        assert begun.acquire(timeout=PATIENCE)
+        client.close()
+        for thread in threads:
+            thread.join(PATIENCE)
+            assert not thread.is_alive()
+        until(lambda turn=turn: len(workshop.released) == 2 * turn)
+
+
+def test_a_client_that_is_closed_while_tasks_call_takes_leave(server: Server, workshop: Workshop) -> None:
+    async def body(turns: int) -> None:
+        client = (await aio.connect(server.url, provider=PROVIDER)).client
+
+        async def work() -> None:
+            with pytest.raises(ConnectionClosed):
+                while True:
+                    assert await client.call(f.controller_execute, handle, "EchoLater", ["mine", 1]) == "mine"
+
+        handle = await client.call(f.controller_connect, "", PROVIDER, "localhost", "")
+        tasks = [asyncio.ensure_future(work()) for _ in range(4)]
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        await client.close()
+        await asyncio.gather(*tasks)
+
+    for turns in range(1, 16):
+        asyncio.run(body(turns))
+        until(lambda turns=turns: len(workshop.released) == 2 * turns)
+
+
+def test_a_client_whose_connection_broke_takes_leave_over_another_one(both: Both) -> None:
+    def breaks(line: Line) -> None:
+        line.send(reply(line.request()))
+        line.request()
+
+    with EcapPeer(breaks, lambda line: line.serve(reply)) as peer:
+        client = both.client(peer.url)
+        both.run(client.call(f.service_start))
+        with pytest.raises(ConnectionLost):
+            both.run(client.call(f.controller_execute, 2, "Echo", 1))
+        both.run(client.close())
+        both.run(client.close())
+        assert [post.body.partition(b",")[0] for post in peer.posts] == [b"Func=1", b"Func=17", b"Func=2"]
+
+
+def test_taking_leave_of_a_silent_server_takes_a_second_at_most(both: Both) -> None:
+    def script(line: Line) -> None:
+        line.send(reply(line.request()))
+        while True:
+            line.request()
+
+    with EcapPeer(script) as peer:
+        client = both.client(peer.url)
+        both.run(client.call(f.service_start))
+        began = time.monotonic()
+        both.run(client.close())
+        assert time.monotonic() - began < 3
+        with pytest.raises(ConnectionClosed):
+            both.run(client.call(f.service_start))
+
+
+def test_being_cancelled_while_one_takes_leave_leaves_nothing_open() -> None:
+    def script(line: Line) -> None:
+        line.send(reply(line.request()))
+        while True:
+            line.request()
+
+    async def body() -> None:
+        client = await aio.open_client(peer.url)
+        await client.call(f.service_start)
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.1):
+                await client.close()
+        with pytest.raises(ConnectionClosed):
+            await client.call(f.service_start)
+        await client.close()
+
+    both = Both("async")
+    with EcapPeer(script) as peer:
+        both.run(body())
+        both.close()
+        assert [post.body[:7] for post in peer.posts] == [b"Func=1,", b"Func=2,"]
+
+
+# --- what there is not ------------------------------------------------------------------------------------------------
+
+
+def test_a_call_that_timed_out_does_not_keep_the_next_one_waiting(
+    both: Both, server: Server, workshop: Workshop
+) -> None:
+    controller = both.connect(server.url, provider=PROVIDER)
+    for number in range(3):
+        with pytest.raises(CallTimeout):
+            both.run(controller.client.request(f.controller_execute, controller.handle, "Wait", number, timeout=0.05))
+        assert both.run(controller.execute("Echo", number)) == number
+    workshop.gate.set()
+    both.run(controller.close())
+    assert workshop.released == ["Controller"]
+
+
+def test_a_server_that_wants_a_token(both: Both, workshop: Workshop) -> None:
+    with orinkit.serve(workshop, ANYWHERE, http=HttpOptions(token="s3cret")) as server:
+        for options in ({}, {"token": "other"}):
+            with pytest.raises(ConnectFailed, match="token"):
+                both.connect(server.url, provider=PROVIDER, **options)
+        controller = both.connect(server.url, provider=PROVIDER, token="s3cret")
+        assert both.run(controller.execute("Echo", 1)) == 1
+        both.run(controller.close())
+
+
+def test_a_stream_of_set_points_needs_b_cap() -> None:
+    with (
+        orinkit.serve(VirtualRC8(motor=True), ANYWHERE) as server,
+        orinkit.connect(server.url) as controller,
+        controller.robot() as robot,
+        robot.arm(),
+    ):
+        with pytest.raises(StreamError, match="tcp://"), robot.slave_mode():
+            pass
+        assert robot.joints  # the connection goes on
