@@ -8,7 +8,6 @@ one ``struct`` call for a whole packet.
 from __future__ import annotations
 
 import argparse
-import multiprocessing.connection
 import socket
 import struct
 import subprocess
@@ -16,55 +15,15 @@ import sys
 import time
 from collections.abc import Callable
 
-import orinkit
 import virtual as bench_virtual
+from ecap import ecap
+from gateway import gateway
 from measuring import alternate, each_us, in_turn, line, on_core, process
 from orinkit import functions, variant_bytes
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation, encode_request
-from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, VariableObject
-from orinkit.variant import Value, Variant
 from round_trips import ARGUMENTS, POSE, REPLY, round_trips, tcp_exchange, tcp_peer
-
-
-class Cell(VariableObject):
-    """A variable that keeps what is written."""
-
-    value: Variant | float = 0.0
-
-    def get_value(self) -> Value:
-        """The value."""
-        return self.value
-
-    def put_value(self, value: Variant) -> None:
-        """Set it."""
-        self.value = value
-
-
-class Bench(ControllerObject):
-    """The least controller."""
-
-    def get_variable(self, name: str, option: str) -> Cell:  # noqa: ARG002
-        """Any name will do."""
-        return Cell(name)
-
-
-class BenchProvider(Provider):
-    """Serves it."""
-
-    provider_names = ("CaoProv.DENSO.VRC",)
-
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Bench:  # noqa: ARG002
-        """Accept everyone."""
-        return Bench(name)
-
-
-def server_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """Serve until the parent goes."""
-    on_core(-1)
-    with orinkit.serve(BenchProvider(), "tcp://127.0.0.1:0") as server:
-        pipe.send(server.url)
-        pipe.recv()
+from served import PROVIDER, tcp_server
 
 
 def codec(count: int) -> None:
@@ -130,7 +89,7 @@ def server(seconds: float) -> None:
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for function, arguments in (
             (functions.service_start, ()),
-            (functions.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", "")),
+            (functions.controller_connect, ("", PROVIDER, "localhost", "")),
             (functions.controller_get_variable, (2, "D1", "")),
         ):
             peer.sendall(encode_request(function, arguments, 1))
@@ -157,7 +116,7 @@ def server(seconds: float) -> None:
         with process(tcp_peer) as url, tcp_exchange(url, get) as exchange:
             return 1e6 / each_us(exchange, int(seconds * 10_000))
 
-    with process(server_peer) as url:
+    with process(tcp_server) as url:
         one, echo, ratio = alternate(lambda: rate(url, 1), bare_rate, 3)
         line("server, requests/s on one connection", one, echo, ratio, "/s", "aim >= 10,000 /s")
         many, echo, ratio = alternate(lambda: rate(url, 50), bare_rate, 3)
@@ -210,6 +169,8 @@ def main() -> None:
     round_trips(3000 // scale)
     codec(20_000 // scale)
     server(2.0 / scale)
+    ecap(500 // scale, 2.0 / scale)
+    gateway(500 // scale)
     virtual(500 // scale)
     start_up(15 // scale or 1)
 

@@ -7,6 +7,7 @@ import multiprocessing.connection
 import os
 import statistics
 import time
+import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -81,4 +82,5 @@ def middle(results: list[tuple[float, float, float]]) -> tuple[float, float, flo
 
 def line(what: str, ours: float, bare: float, ratio: float, unit: str, aim: str = "") -> None:
     """Print one result."""
-    print(f"{what:<58} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")
+    width = 58 - sum(unicodedata.east_asian_width(sign) in "WF" for sign in what)
+    print(f"{what:<{width}} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")

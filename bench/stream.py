@@ -274,6 +274,8 @@ def latency(seconds: float) -> None:
 
 def main() -> None:
     """Run everything."""
+    from gateway import slave_through_gateway  # which is made of what is above
+
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="seconds instead of minutes, to see that it runs")
     parser.add_argument("--minutes", type=float, default=10.0, help="of each long run")
@@ -283,6 +285,7 @@ def main() -> None:
     latency(min(20.0, seconds))
     short_cycles(min(30.0, seconds))
     other_wires(min(60.0, seconds))
+    slave_through_gateway(min(60.0, seconds))
     long_run(seconds)
 
 

@@ -13,9 +13,9 @@ from orinkit import hresult, language
 from orinkit.bcap import client as core
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation, encode_request
-from orinkit.cao.answers import Reply
 from orinkit.bcap.packet import Packet
 from orinkit.cao import functions as f
+from orinkit.cao.answers import Reply
 from orinkit.errors import (
     CallError,
     CallTimeout,

@@ -16,7 +16,7 @@ from devices import Call, Recorder, Workshop
 from http_wired import EcapPeer
 from orinkit import HttpOptions, aio
 from orinkit import functions as f
-from orinkit.errors import CallTimeout, ConnectFailed, ConnectionClosed, ConnectionLost, StreamError
+from orinkit.errors import CallError, CallTimeout, ConnectFailed, ConnectionClosed, ConnectionLost, StreamError
 from orinkit.server.background import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import Line, reply
@@ -225,3 +225,11 @@ def test_a_stream_of_set_points_needs_b_cap() -> None:
         with pytest.raises(StreamError, match="tcp://"), robot.slave_mode():
             pass
         assert robot.joints  # the connection goes on
+
+
+def test_an_error_says_what_the_server_said_of_it(both: Both, server: Server) -> None:
+    controller = both.connect(server.url, provider=PROVIDER)
+    with pytest.raises(CallError) as caught:
+        both.run(controller.execute("Crash"))
+    assert caught.value.detail == "RuntimeError: the device is broken"
+    both.run(controller.close())

@@ -74,6 +74,12 @@ def test_failures() -> None:
     error = failure_of(Conversation().call(f.variable_get_value, (9,), 3.0), b"0x80070006")
     assert isinstance(error, CallError)
     assert (error.code, error.function) == (hresult.E_HANDLE, "Variable_GetValue")
+    assert error.detail == ""
+    error = failure_of(
+        Conversation().call(f.variable_get_value, (9,), 3.0), "0x80070006,handle 9\n は使われていません".encode()
+    )
+    assert isinstance(error, CallError)
+    assert error.detail == "handle 9 は使われていません"
     assert isinstance(failure_of(Conversation().call(f.service_start, ("",), 3.0), None), CallTimeout)
     assert isinstance(failure_of(Conversation().call(f.service_start, ("",), 3.0), b""), ConnectionLost)
     assert isinstance(failure_of(Conversation().call(f.service_start, ("",), 3.0), b"<html>"), ProtocolError)

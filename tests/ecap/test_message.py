@@ -136,8 +136,12 @@ def test_numbers_and_texts_of_other_kinds():
     assert b"Arg3=0.1," in write_request(drive, (2, 1, 0.1, ""))
     assert b"Arg3=1000000," in write_request(drive, (2, 1, 10**6, ""))
     assert b"Arg3=1e%2B20," in write_request(drive, (2, 1, 1e20, ""))
-    assert read_request(write_request(drive, (2, 1, 1e20, ""))).arguments[2] == Variant(VarType.R4, 1.0000000200408773e20)
-    assert read_request(b"Func=68,Arg1=2,Arg2=1,Arg3=1e39").arguments[2] == Variant(VarType.R8, 1e39)  # too large for one
+    assert read_request(write_request(drive, (2, 1, 1e20, ""))).arguments[2] == Variant(
+        VarType.R4, 1.0000000200408773e20
+    )
+    assert read_request(b"Func=68,Arg1=2,Arg2=1,Arg3=1e39").arguments[2] == Variant(
+        VarType.R8, 1e39
+    )  # too large for one
 
 
 @pytest.mark.parametrize(

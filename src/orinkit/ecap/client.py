@@ -15,7 +15,7 @@ from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
 from orinkit.cao.table import Function
-from orinkit.ecap.message import read_reply, write_request
+from orinkit.ecap.message import read_detail, read_reply, write_request
 from orinkit.errors import InvalidValue, error_for
 from orinkit.language import pick
 from orinkit.variant import Variant, VarType
@@ -102,7 +102,7 @@ class Conversation:
         self._tell("<", received)
         code, result = read_reply(received, self._limits)
         if code >= _FAILED:
-            raise error_for(code, "", function.name, arguments)
+            raise error_for(code, read_detail(received), function.name, arguments)
         self._stopped = function is service_stop
         if function.result is None:
             return code, None

@@ -30,6 +30,7 @@ from orinkit.variant import ARRAY, Variant, VarType, misfit, trusted, variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _FAILED: Final = 0x8000_0000
+_DETAIL: Final = 500  # characters
 _EMPTY: Final = Field("")
 
 
@@ -336,6 +337,12 @@ def read_reply(body: bytes, limits: Limits = DEFAULT_LIMITS) -> tuple[int, Varia
         raise _no_reply(rest, str(error)) from None
 
 
+def read_detail(body: bytes) -> str:
+    """Return what a reply says of its failure behind the return code, as one line; ``""`` where it says nothing."""
+    _, rest = _cut_reply(body)
+    return shown(" ".join(rest[: 4 * _DETAIL].decode("utf-8", "replace").split()))
+
+
 def explain_reply(body: bytes) -> str:
     """Return a reply in one line, whatever is in it: ``S_OK 3,2``."""
     try:
@@ -345,7 +352,8 @@ def explain_reply(body: bytes) -> str:
     info = hresult.lookup(code)
     if info.failed:
         name = "" if info.name.startswith("0x") else f" {info.name}"
-        return f"0x{code:08X}{name}: {info.text}"
+        detail = read_detail(body)
+        return f"0x{code:08X}{name}: {info.text}" + (f" [{detail}]" if detail else "")
     return f"{info.name} {shown(rest[:1000].decode('utf-8', 'replace'))}".rstrip()
 
 

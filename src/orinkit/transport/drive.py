@@ -168,8 +168,10 @@ def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[Par
         raise
     except BaseException:
         if sent:
-            say_goodbye(link, farewell())
-            link.close()
+            try:
+                say_goodbye(link, farewell())
+            finally:  # who is interrupted once more does not wait for an answer to that
+                link.close()
         raise
 
 

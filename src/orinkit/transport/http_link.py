@@ -14,7 +14,8 @@ from orinkit.extra import require
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.drive import Deadline
-from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN, Body, Contact, Reached
+from orinkit.transport.http_body import Body
+from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN, Contact, Reached
 from orinkit.transport.link_errors import closed
 
 require(NEED, "http", "httpx2")

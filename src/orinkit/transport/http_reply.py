@@ -21,6 +21,7 @@ import re
 from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Final, TypeAlias
+from urllib.parse import unquote_to_bytes
 
 from orinkit.errors import (
     ConnectFailed,
@@ -36,6 +37,7 @@ from orinkit.errors import (
 from orinkit.language import pick
 from orinkit.transport.access import Access
 from orinkit.transport.address import HttpAddress
+from orinkit.transport.http_body import Body
 from orinkit.transport.link_errors import closed, lost
 from orinkit.variant_bytes import DEFAULT_LIMITS
 
@@ -64,7 +66,9 @@ _LINE: Final = 200  # characters of a text of the server
 _HTTP: Final = b"HTTP/"
 _TITLE: Final = re.compile(r"<title[^>]*>([^<]*)", re.IGNORECASE)
 _PLAIN: Final = ("", "identity")
-_READ: Final = ("orinkit-executing", "set-cookie", "content-encoding", "content-length")
+_DETAIL: Final = "orinkit-detail"
+_READ: Final = ("orinkit-executing", "set-cookie", "content-encoding", "content-length", _DETAIL)
+_LONGEST_DETAIL: Final = 4096  # characters
 
 _KINDS: Final[dict[int, Callable[[str], OrinError]]] = {
     401: ConnectFailed,
@@ -208,7 +212,8 @@ class Contact:
                 raise self._strange(pick(f"an answer compressed with {what}", f"{what} で圧縮された応答です"))
             if name == "content-length" and value.isdecimal() and int(value) > self.most:
                 raise self._too_long()
-        return Body(self.most, self._too_long, self._strange)
+        detail = next((value for name, value in known if name == _DETAIL), "")
+        return Body(self.most, self._too_long, self._strange, unquote_to_bytes(detail[:_LONGEST_DETAIL]))
 
     def _keep(self, text: str) -> bool:
         """Keep a cookie, or throw it away where the server says so; returns whether it stands for another session."""
@@ -331,49 +336,6 @@ class Reached:
         if not self._open:
             raise closed()
         raise _not_to_be_lent()
-
-
-class Body:
-    """The body of a reply, as it comes.
-
-    Args:
-        most: bytes that it may have.
-        too_long: makes the exception for more.
-        strange: makes the exception for what cannot be, given what it is.
-    """
-
-    def __init__(
-        self, most: int, too_long: Callable[[], LimitExceeded], strange: Callable[[str], ProtocolError]
-    ) -> None:
-        self._most = most
-        self._too_long = too_long
-        self._strange = strange
-        self._data = bytearray()
-
-    def add(self, piece: bytes) -> bool:
-        """Take the next bytes; returns True for blank lines ahead of the answer: the server is at work.
-
-        Raises:
-            LimitExceeded: there are more than allowed.
-        """
-        if not self._data:
-            piece = piece.lstrip()
-            if not piece:
-                return True
-        if len(self._data) + len(piece) > self._most:
-            raise self._too_long()
-        self._data += piece
-        return False
-
-    def whole(self) -> bytes:
-        """Return the answer, which is complete.
-
-        Raises:
-            ProtocolError: there is none.
-        """
-        if not self._data:
-            raise self._strange(pick("an empty answer", "応答が空です"))
-        return bytes(self._data)
 
 
 def first_line(body: bytes) -> str:
