@@ -130,7 +130,7 @@ def alive() -> dict[int, object]:
     found: dict[int, object] = {}
     for thing in gc.get_objects():
         kind = type(thing)
-        ours = isinstance(thing, Session | CaoObject) or kind.__module__.startswith(
+        ours = isinstance(thing, Session | CaoObject) or str(kind.__module__).startswith(
             ("orinkit.server.", "uvicorn.protocols", "starlette.")
         )
         if ours or (isinstance(thing, asyncio.Task | asyncio.TimerHandle) and not _over(thing)):
