@@ -12,7 +12,7 @@ from typing import Final
 #: What to try, shared by several codes: key -> (English, Japanese).
 HINTS: Final[dict[str, tuple[str, str]]] = {
     "": ("", ""),
-    "access": ("Check the communication permission of this client and who holds the right to write.", "このクライアントの通信権限と、書き込み権限の所在を確認してください。"),
+    "access": ("Check the communication permission of this client and who holds the right to write; behind a gateway, what its rules allow.", "このクライアントの通信権限と、書き込み権限の所在を確認してください。ゲートウェイ経由の場合は、その許可リストも確認してください。"),
     "arguments": ("Check the number, the types and the order of the arguments.", "引数の個数・型・順序を確認してください。"),
     "busy": ("Wait for the answer to the request before, or use a second connection.", "前の要求の応答を待つか、別の接続を使ってください。"),
     "clients": ("Close connections that are no longer used, then connect again.", "使っていない接続を閉じてから、接続し直してください。"),
@@ -29,7 +29,7 @@ HINTS: Final[dict[str, tuple[str, str]]] = {
     "network": ("Check the cable, the address and the port, then connect again.", "ケーブル・アドレス・ポート番号を確認し、接続し直してください。"),
     "objects": ("Release objects that are no longer used.", "使っていないオブジェクトを解放してください。"),
     "packet": ("The two sides disagree on the packet; decode its bytes to see where.", "双方のパケットの解釈が食い違っています。バイト列を解読して、違う箇所を探してください。"),
-    "provider": ("Name the provider of the controller: CaoProv.DENSO.VRC (RC8, COBOTTA), CaoProv.DENSO.VRC9 (RC9).", "コントローラに合ったプロバイダ名を指定してください: CaoProv.DENSO.VRC (RC8, COBOTTA)、CaoProv.DENSO.VRC9 (RC9)。"),
+    "provider": ("Name the provider of the controller (provider=, --provider): CaoProv.DENSO.VRC (RC8, COBOTTA), CaoProv.DENSO.VRC9 (RC9), that of a device of your own.", "コントローラに合ったプロバイダ名を指定してください (provider=、--provider): CaoProv.DENSO.VRC (RC8, COBOTTA)、CaoProv.DENSO.VRC9 (RC9)、または自作デバイスのプロバイダ名。"),
     "restart": ("Restart the controller's service; if it comes back, look at the controller's log.", "コントローラのサービスを再起動してください。再発する場合は、コントローラのログを確認してください。"),
     "size": ("Split the data over several calls; over UDP, where a packet holds 504 bytes, use TCP (16 MiB).", "データを複数回に分けてください。UDPの上限は504バイトです。TCP (16MiB) も検討してください。"),
     "arm": ("Check the spelling. A VE026A has Motor, slvChangeMode, slvMove and ClearError only: in Python connect with dialect='ve026a'.", "つづりを確認してください。VE026A のコマンドは Motor、slvChangeMode、slvMove、ClearError のみです。Python では dialect='ve026a' で接続してください。"),

@@ -20,7 +20,7 @@ from orinkit import hresult
 from orinkit.cao.service import ServiceOptions, read_options
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.ecap.message import Request, read_request, write_reply
-from orinkit.errors import CallError
+from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.server.connections import Connections
 from orinkit.server.http_door import Door, Headers, closed, plain, too_long
@@ -238,11 +238,12 @@ class App:
                 body = write_reply(code, result)
         except Exception:
             logger.exception("a result cannot be sent")
-            body = write_reply(hresult.E_FAIL, None)
+            code = hresult.E_FAIL
+            body = write_reply(code, None)
         if len(body) > self._shared.limits.packet:
-            code = hresult.E_TOO_MUCH_DATA
-            body = write_reply(self._codes.get(code, code), None)
-        await exchange.answer(body, reply.detail)
+            code = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
+            body = write_reply(code, None)
+        await exchange.answer(body, code, reply.detail)
 
 
 class Exchange:
@@ -278,6 +279,9 @@ class Exchange:
     def add(self, name: bytes, value: bytes) -> None:
         """Have the answer tell something more in its header."""
         self._more.append((name, value))
+
+    def _tell(self, name: bytes, text: str) -> None:
+        self.add(name, quote(text[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace").encode())
 
     async def _next(self) -> bytes:
         message = await self._receive()
@@ -328,17 +332,19 @@ class Exchange:
                 await self._begin([])
             await self._send({"type": "http.response.body", "body": b"\n", "more_body": True})
 
-    async def answer(self, body: bytes, detail: str) -> None:
+    async def answer(self, body: bytes, code: int, detail: str) -> None:
         """Answer with a return code.
 
         Args:
             body: with the code.
+            code: of the device.
             detail: what went wrong, in words.
         """
         if not self.begun:
+            if hresult.failed(code):  # what a person with curl would not know otherwise
+                self._tell(b"orinkit-error", str(error_for(code)))
             if detail:
-                text = quote(detail[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace")
-                self.add(b"orinkit-detail", text.encode())
+                self._tell(b"orinkit-detail", detail)
             await self._begin([(b"content-length", b"%d" % len(body))])
         await self._send({"type": "http.response.body", "body": body})
 
