@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 from cyclopts import Group, Parameter
 
@@ -20,6 +20,7 @@ from orinkit.language import pick
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
 
+LOCALHOST: Final = "localhost"
 CONNECTION = Group(pick("Connection", "接続"), sort_key=8)
 OBJECT = Group(pick("Object", "オブジェクト"), sort_key=7)
 
@@ -99,6 +100,16 @@ class Connection:
         ),
     ] = None
 
+    machine: Annotated[
+        str,
+        Parameter(
+            help=pick(
+                "Machine name of Controller_Connect; behind a gateway it says which controller.",
+                "Controller_Connect のマシン名。ゲートウェイ経由ではコントローラを選ぶ名前。",
+            )
+        ),
+    ] = LOCALHOST
+
     @property
     def known_dialect(self) -> Dialect:
         """Dialect of the controller as far as it can be known before the controller is asked."""
@@ -109,6 +120,7 @@ class Connection:
         return orinkit.connect(
             url,
             provider=self.provider,
+            machine=self.machine,
             timeout=self.timeout,
             tries=self.tries,
             trace=self._transcript(),

@@ -22,6 +22,7 @@ from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.transport.address import Address, HttpAddress, parse_address
 
 _CONTROL_CLIENTS: Final = 16
+_WITH_PORTS: Final = ("tcp", "udp", "http", "https")
 LISTENING: Final = Group(pick("Network", "ネットワーク"), sort_key=8)
 _WEB: Final = Web()
 
@@ -40,9 +41,9 @@ class Listening:
         Parameter(
             show_default=_default,
             help=pick(
-                "HOST:PORT to listen on; may be given again. Port 0 takes a free one. No default beside --udp, --serial, "
-                "--pty and --http.",
-                "待ち受ける HOST:PORT。複数指定可。ポート 0 は空きポート。--udp、--serial、--pty、--http を指定した場合、既定値は使わない。",
+                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be given again. Port 0 takes a free one. No default "
+                "beside --udp, --serial, --pty and --http.",
+                "待ち受ける HOST:PORT。PORT のみなら 127.0.0.1。複数指定可。ポート 0 は空きポート。--udp、--serial、--pty、--http を指定した場合、既定値は使わない。",
             ),
         ),
     ] = ()
@@ -50,7 +51,8 @@ class Listening:
         tuple[str, ...],
         Parameter(
             help=pick(
-                "HOST:PORT to listen on with UDP; may be given again.", "UDP で待ち受ける HOST:PORT。複数指定可。"
+                "HOST:PORT to listen on with UDP, or PORT alone for 127.0.0.1; may be given again.",
+                "UDP で待ち受ける HOST:PORT。PORT のみなら 127.0.0.1。複数指定可。",
             )
         ),
     ] = ()
@@ -144,14 +146,8 @@ def run(providers: Sequence[Provider], listening: Listening, control: Control | 
     With a control port it says ``ready control URL`` after these.
     """
     begin_log(listening)
-    for place in (*listening.tcp, *listening.udp):
-        address = parse_address(place)
-        if isinstance(address, Address) and not _is_loopback(address.host):
-            print(_warning(place, pick("b-CAP knows no passwords", "b-CAP にはパスワードがない")), file=sys.stderr)
-    for place in listening.web.http if listening.web.token_file is None else ():
-        address = parse_address(_url(listening.web.scheme, place))
-        if isinstance(address, HttpAddress) and not _is_loopback(address.host):
-            print(_warning(place, pick("there is no --token-file", "--token-file の指定がない")), file=sys.stderr)
+    for warning in _warnings(listening):
+        print(warning, file=sys.stderr)
     asyncio.run(_serve(providers, _urls(listening), listening, control))
     return 0
 
@@ -210,6 +206,8 @@ def _urls(listening: Listening) -> list[str]:
 
 def _url(scheme: str, place: str) -> str:
     named = "://" in place or place.lower().startswith((f"{scheme}:", "com:"))
+    if scheme in _WITH_PORTS and place.isascii() and place.isdecimal():
+        place = f"127.0.0.1:{place}"
     url = place if named else f"{scheme}://{place}"
     found = parse_address(url).scheme
     if found != scheme:
@@ -225,6 +223,29 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def _warnings(listening: Listening) -> Iterator[str]:
+    """Yield what should be known of who can use the device."""
+    web = listening.web
+    for scheme in ("tcp", "udp"):
+        for place in getattr(listening, scheme):
+            address = parse_address(_url(scheme, place))
+            if isinstance(address, Address) and not _is_loopback(address.host):
+                yield _warning(place, pick("b-CAP knows no passwords", "b-CAP にはパスワードがない"))
+    for place in web.http if web.token_file is None else ():
+        address = parse_address(_url(web.scheme, place))
+        if isinstance(address, HttpAddress) and not _is_loopback(address.host):
+            yield _warning(place, pick("there is no --token-file", "--token-file の指定がない"))
+    beside = [f"--{option}" for option in ("tcp", "udp", "serial", "pty") if getattr(listening, option)]
+    if web.token_file is not None and beside:
+        options = ", ".join(beside)
+        yield pick(
+            f"orinkit: warning: --token-file is for --http only; b-CAP knows no token: whoever reaches {options} can use "
+            "the device",
+            f"orinkit: 警告: --token-file は --http にのみ有効です。b-CAP にはトークンがないため、{options} "
+            "に接続できる人は誰でも操作できます",
+        )
 
 
 def _warning(url: str, reason: str) -> str:

@@ -25,8 +25,10 @@ class Web:
         tuple[str, ...],
         Parameter(
             help=pick(
-                "HOST:PORT to listen on for e-CAP over HTTP; may be given again. With --cert it is https.",
-                "e-CAP (HTTP) を待ち受ける HOST:PORT。複数指定可。--cert を指定すると https になる。",
+                "HOST:PORT to listen on for e-CAP over HTTP, or PORT alone for 127.0.0.1; may be given again. A host alone means "
+                "port 80. With --cert it is https, and port 443.",
+                "e-CAP (HTTP) を待ち受ける HOST:PORT。PORT のみなら 127.0.0.1。複数指定可。ポートを省略すると 80。"
+                "--cert を指定すると https になり、省略時のポートは 443。",
             )
         ),
     ] = ()
@@ -83,8 +85,7 @@ class Web:
         Raises:
             Failure: a file cannot be read, or an option makes no sense.
         """
-        if self.key is not None and self.cert is None:
-            raise unusable("--key needs --cert", "--key には --cert が必要です")
+        self._refuse_what_does_nothing()
         for option, path in (("--cert", self.cert), ("--key", self.key)):
             if path is not None:
                 read(option, path)
@@ -93,3 +94,19 @@ class Web:
             return HttpOptions(token, self.cert or "", self.key or "", self.http_host, self.http_idle)
         except InvalidValue as error:
             raise Failure(str(error), 2) from None
+
+    def _refuse_what_does_nothing(self) -> None:
+        if self.key is not None and self.cert is None:
+            raise unusable("--key needs --cert", "--key には --cert が必要です")
+        given = {
+            "--token-file": self.token_file is not None,
+            "--cert": self.cert is not None,
+            "--http-host": bool(self.http_host),
+            "--http-idle": self.http_idle != DEFAULT_HTTP.idle,
+        }
+        options = ", ".join(option for option, is_given in given.items() if is_given)
+        if options and not self.http:
+            raise unusable(
+                f"{options} needs --http HOST:PORT: it is for e-CAP over HTTP, b-CAP has no such thing",
+                f"{options} には --http HOST:PORT が必要です (e-CAP (HTTP) 専用で、b-CAP では使えません)",
+            )

@@ -136,7 +136,7 @@ def _call_service(
     entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: Connection
 ) -> tuple[tuple[Any, ...], Any]:
     if entry is functions.controller_connect and not texts:
-        texts = ("", connection.provider, "localhost", "")
+        texts = ("", connection.provider, connection.machine, "")
     arguments = read_arguments(entry, entry.arguments, texts)
     with connection.open_client(url) as client:
         if entry is not functions.service_start:
@@ -196,11 +196,19 @@ def read_arguments(
     required = sum(not argument.optional for argument in arguments)
     if not required <= len(texts) <= len(arguments):
         takes = f"{required}" if required == len(arguments) else f"{required}-{len(arguments)}"
+        several = len(texts) > len(arguments) > 0 and arguments[-1].vt is VarType.VARIANT
         raise unusable(
-            f"{len(texts)} given, {takes} wanted for {signature(entry)}; the handle is filled in",
-            f"{signature(entry)} の引数は {takes} 個ですが {len(texts)} 個指定されています (ハンドルは自動で補われます)",
+            f"{len(texts)} given, {takes} wanted for {signature(entry)}; the handle is filled in{_SEVERAL[0] * several}",
+            f"{signature(entry)} の引数は {takes} 個ですが {len(texts)} 個指定されています "
+            f"(ハンドルは自動で補われます){_SEVERAL[1] * several}",
         )
     return tuple(_read(argument, text) for argument, text in zip(arguments, texts, strict=False))
+
+
+_SEVERAL: Final = (
+    '. Try: several values are one argument, as 8197,10,50 or "8204,(5,1),(11,1)"',
+    '。対処: 複数の値は 8197,10,50 や "8204,(5,1),(11,1)" のように 1 つの引数で指定してください',
+)
 
 
 def _read(argument: Argument, text: str) -> Any:

@@ -22,6 +22,10 @@ _LISTENING: Final = Listening()
 _NAMED: Final = re.compile(r"([^=:/?&]+)=(.*)", re.DOTALL)
 
 
+def _all(_given: object) -> str:
+    return pick("all", "すべて")
+
+
 def gateway(
     *,
     upstream: Annotated[
@@ -38,6 +42,7 @@ def gateway(
         tuple[str, ...],
         Parameter(
             group=_UPSTREAM,
+            show_default=_all,
             help=pick("Provider name that is passed on; all are unless told otherwise. May be given again.",
                       "中継するプロバイダ名。指定しなければすべて中継する。複数指定可。"),
         ),

@@ -134,6 +134,8 @@ async def _listen_at(address: Address | HttpAddress, shared: Connections, http: 
 
             return await UdpListener.open(address, shared)
         return await TcpListener.open(address, shared)
+    except ConnectFailed:  # it is not the port that is wrong
+        raise
     except (OSError, ValueError) as error:
         raise ConnectFailed(
             pick(

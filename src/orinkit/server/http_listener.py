@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import ssl
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
 from orinkit import extra
+from orinkit.errors import ConnectFailed
 from orinkit.language import pick
 from orinkit.server.connections import Connections
 from orinkit.server.http_options import HttpOptions
@@ -40,7 +42,8 @@ class HttpListener:
 
         Raises:
             OSError: the address cannot be used.
-            ValueError: the host is no host name; there is no certificate for https, or none that can be used.
+            ValueError: the host is no host name.
+            ConnectFailed: there is no certificate for https, or none that can be used.
             MissingExtra: uvicorn or starlette is missing.
         """
         extra.require(("HTTP", "HTTP "), "http", "starlette", "uvicorn")
@@ -49,7 +52,7 @@ class HttpListener:
         from orinkit.server.http_app import App
         from orinkit.server.http_guard import Entrance, Guard, GuardedProtocol
 
-        context = _context(options) if address.scheme == "https" else None
+        context = _context(address, options) if address.scheme == "https" else None
         app = App(shared, options, secure=context is not None)
         config = _config(app)
         state = ServerState()
@@ -105,18 +108,55 @@ def _config(app: App) -> Config:
     return config
 
 
-def _context(options: HttpOptions) -> ssl.SSLContext:
+def _context(address: HttpAddress, options: HttpOptions) -> ssl.SSLContext:
+    """Return the server's side of TLS.
+
+    Raises:
+        ConnectFailed: there is no certificate, or none that can be used with its key.
+    """
     if not options.cert:
-        raise ValueError(pick("https needs a certificate (cert)", "https には証明書 (cert) が必要です"))
+        raise _unusable(address, pick("https needs a certificate", "https には証明書が必要です"))
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
         context.load_cert_chain(options.cert, options.key or None, password=lambda: "")  # never asks on the terminal
     except (OSError, ValueError) as error:
-        files = f"{options.cert}, {options.key}" if options.key else options.cert
-        reason = pick(
-            "PEM files of a certificate and of its key, which has no password, are needed",
-            "証明書と、パスワードなしの秘密鍵の PEM ファイルが必要です",
-        )
-        raise ValueError(f"{files}: {error}: {reason}") from error
+        raise _unusable(address, _reason(options, error)) from error
     return context
+
+
+def _reason(options: HttpOptions, error: Exception) -> str:
+    """Return why certificate and key cannot be used; OpenSSL itself says "PEM lib" of nearly everything."""
+    cert, key = options.cert, options.key or options.cert
+    if isinstance(error, ssl.SSLError) and error.reason == "KEY_VALUES_MISMATCH":
+        return pick(
+            f"the key in {key} is not that of the certificate in {cert}",
+            f"{key} の秘密鍵は {cert} の証明書のものではありません",
+        )
+    try:
+        certificates, keys = (Path(name).read_bytes() for name in (cert, key))
+    except (OSError, ValueError) as unreadable:
+        return str(unreadable)
+    if b"CERTIFICATE-----" not in certificates:
+        if b"CERTIFICATE-----" in keys:
+            return pick(
+                f"{cert} has no certificate in it, {key} has one: exchange them",
+                f"{cert} に証明書がなく、{key} にあります。入れ替えてください",
+            )
+        return pick(f"{cert} has no certificate in it", f"{cert} に証明書がありません")
+    if b"PRIVATE KEY-----" not in keys:
+        return pick(f"{key} has no private key in it", f"{key} に秘密鍵がありません")
+    if b"ENCRYPTED" in keys:
+        return pick(f"the key in {key} has a password", f"{key} の秘密鍵にパスワードが設定されています")
+    return f"{', '.join(dict.fromkeys((cert, key)))}: {error}"
+
+
+def _unusable(address: HttpAddress, reason: str) -> ConnectFailed:
+    return ConnectFailed(
+        pick(
+            f"cannot listen on {address}: {reason}. Try: PEM files of a certificate and of its key, which has no password: "
+            "cert= (--cert), and key= (--key) if the key is in a file of its own",
+            f"{address} で待ち受けできません: {reason}。対処: 証明書と、パスワードなしの秘密鍵の PEM ファイルを cert= (--cert) と "
+            "key= (--key、鍵が別ファイルの場合) で指定してください",
+        )
+    )

@@ -55,6 +55,7 @@ SHOWING: Final = 1.0
 """Seconds that are waited for them."""
 NEED: Final = ("e-CAP over HTTP", "HTTP による e-CAP ")
 
+_ALERT: Final = b"\x15\x03"  # how TLS says no to what is none
 _EXECUTING: Final = "Orinkit-Executing"
 _SIGNS: Final = 400  # ms between the signs of a server that it is at work
 _FEWEST: Final = 80  # ms, the least that is allowed
@@ -264,6 +265,8 @@ class Contact:
         Raises:
             ProtocolError: what answers does not speak HTTP.
         """
+        if begin[:2] == _ALERT:
+            raise self._speaks_tls()
         if begin[:BEGIN] != _HTTP[: len(begin)]:
             raise self._strange(
                 pick(f"something that is no HTTP, {begin[:BEGIN]!r}", f"HTTP ではありません ({begin[:BEGIN]!r})")
@@ -289,6 +292,15 @@ class Contact:
                 "A server with TLS is https://, b-CAP is tcp://",
                 f"{self.address} は e-CAP サーバではありません: {what}。対処: ポートを確認してください。"
                 "TLS のサーバは https://、b-CAP は tcp:// です",
+            )
+        )
+
+    def _speaks_tls(self) -> ProtocolError:
+        secure = str(self.address._replace(scheme="https"))
+        return ProtocolError(
+            pick(
+                f"what answers at {self.address} is a server with TLS. Try: {secure}",
+                f"{self.address} は TLS のサーバです。対処: {secure} を使ってください",
             )
         )
 
@@ -357,9 +369,9 @@ def tls_failed(address: HttpAddress, error: Exception) -> ConnectFailed:
     """Return the exception for a server whose certificate is not trusted, or that has no TLS."""
     return ConnectFailed(
         pick(
-            f"cannot connect to {address}: {error}. Try: cafile=, a PEM file with the server's certificate or the one "
-            "that it is signed by; the name in the certificate; http:// if the server has no TLS",
-            f"{address} に接続できません: {error}。対処: サーバ証明書またはその発行者の証明書 (PEM) を cafile= で指定するか、"
+            f"cannot connect to {address}: {error}. Try: cafile= (--cafile), a PEM file with the server's certificate or "
+            "the one that it is signed by; the name in the certificate; http:// if the server has no TLS",
+            f"{address} に接続できません: {error}。対処: サーバ証明書またはその発行者の証明書 (PEM) を cafile= (--cafile) で指定するか、"
             "証明書の名前を確認してください。TLS のないサーバなら http:// を使ってください",
         )
     )
@@ -379,8 +391,8 @@ def no_certificates(cafile: str, error: Exception) -> InvalidValue:
     """Return the exception for a file that has no certificates."""
     return InvalidValue(
         pick(
-            f"cafile {cafile!r:.200} cannot be used: {error}. Try: a PEM file, -----BEGIN CERTIFICATE-----",
-            f"cafile {cafile!r:.200} は使用できません: {error}。対処: PEM ファイル (-----BEGIN CERTIFICATE-----) を指定してください",
+            f"cafile (--cafile) {cafile!r:.200} cannot be used: {error}. Try: a PEM file, -----BEGIN CERTIFICATE-----",
+            f"cafile (--cafile) {cafile!r:.200} は使用できません: {error}。対処: PEM ファイル (-----BEGIN CERTIFICATE-----) を指定してください",
         )
     )
 
@@ -438,8 +450,8 @@ def _wrong_token() -> str:
 
 def _missing_token() -> str:
     return pick(
-        "The server lets in only who has its token. Try: token=",
-        "このサーバにはトークンが必要です。対処: token= を指定してください",
+        "The server lets in only who has its token. Try: token= (--token-file)",
+        "このサーバにはトークンが必要です。対処: token= (--token-file) を指定してください",
     )
 
 

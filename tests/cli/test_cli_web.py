@@ -1,0 +1,177 @@
+"""What belongs to e-CAP and to gateways on the command line: tokens, certificates, schemes, machine names, ports."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from pathlib import Path
+
+import pytest
+
+import orinkit
+from http_peers import CERTIFICATE, KEY
+from orinkit import language
+from orinkit.cli._serving import Listening, _urls, _warnings
+from orinkit.cli._web import Web
+from orinkit.errors import ConnectFailed, InvalidAddress, ProtocolError
+from orinkit.gateway import RemoteProvider
+from orinkit.server.http_options import HttpOptions
+from orinkit.transport.access import Access
+from orinkit.transport.address import HttpAddress
+from orinkit.transport.http_reply import Contact, no_certificates, tls_failed
+from orinkit.virtual.rc8 import VirtualRC8
+
+ADDRESS = HttpAddress("http", "127.0.0.1", 8080)
+
+
+# --- machine names ----------------------------------------------------------------------------------------------------
+
+
+def test_a_controller_behind_a_gateway_is_chosen(run, refused, url):
+    other = VirtualRC8(language="en")
+    with (
+        orinkit.serve(other, "tcp://127.0.0.1:0") as second,
+        orinkit.serve(RemoteProvider({"left": url, "right": second.url}), "tcp://127.0.0.1:0") as both,
+    ):
+        assert run("put", both.url, "I1", "7", "--machine", "left").code == 0
+        assert run("get", both.url, "I1", "--machine", "left").out == "7\n"
+        assert run("get", both.url, "I1", "--machine", "right").out == "0\n"
+        assert run("call", both.url, "Controller_Connect", "--machine", "right").code == 0
+        assert "E_INVALIDARG" in refused("get", both.url, "I1")
+    other.close()
+
+
+# --- options that would do nothing ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--token-file", str(CERTIFICATE)], "--token-file needs --http"),
+        (["--cert", str(CERTIFICATE), "--key", str(KEY)], "--cert needs --http"),
+        (["--http-host", "cell7", "--http-idle", "5"], "--http-host, --http-idle needs --http"),
+        (["--key", str(KEY)], "--key needs --cert"),
+    ],
+)
+def test_options_of_http_without_http(refused, options, named):
+    assert named in refused("serve", "rc8", "--tcp", "127.0.0.1:0", *options, code=2)
+    assert named in refused("gateway", "--upstream", "tcp://192.0.2.1", *options, code=2)
+
+
+def test_a_token_is_none_of_b_cap():
+    web = Web(http=("8080",), token_file="token.txt")
+    assert list(_warnings(Listening(web=web))) == []
+    (warning,) = _warnings(Listening(tcp=("5007",), pty=True, web=web))
+    assert warning.startswith("orinkit: warning: --token-file is for --http only")
+    assert "--tcp, --pty" in warning
+    language.use("ja")
+    (warning,) = _warnings(Listening(udp=("5007",), web=web))
+    assert "--udp に接続できる人" in warning
+
+
+# --- addresses --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("listening", "urls"),
+    [
+        (Listening(tcp=("5008",), udp=("5009",)), ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"]),
+        (Listening(web=Web(http=("8080", "192.0.2.1"))), ["http://127.0.0.1:8080", "http://192.0.2.1"]),
+        (Listening(web=Web(http=("0",), cert="c.pem")), ["https://127.0.0.1:0"]),
+    ],
+)
+def test_a_port_alone_is_one_of_this_machine(listening, urls):
+    assert _urls(listening) == urls
+
+
+@pytest.mark.parametrize("port", ["65536", "99999999999"])
+def test_a_port_that_is_none(port):
+    with pytest.raises(InvalidAddress, match="is not 0 to 65535"):
+        _urls(Listening(tcp=(port,)))
+
+
+def test_a_client_still_needs_a_host(refused):
+    assert "5007 is no host" in refused("get", "5007", "I1", code=2)
+
+
+# --- certificates -----------------------------------------------------------------------------------------------------
+
+
+def other_key(folder: Path) -> Path:
+    """Return a key that is of no certificate here: on P-256, with the secret 1 (RFC 5915)."""
+    curve = bytes.fromhex("a00a06082a8648ce3d030107")
+    der = bytes.fromhex("3031020101") + b"\x04\x20" + (1).to_bytes(32, "big") + curve
+    path = folder / "other.pem"
+    path.write_text(f"-----BEGIN EC PRIVATE KEY-----\n{b64encode(der).decode()}\n-----END EC PRIVATE KEY-----\n")
+    return path
+
+
+def test_certificates_that_cannot_be_used(rc8, tmp_path):
+    for options, said in (
+        (HttpOptions(), "https needs a certificate"),
+        (HttpOptions(cert=str(CERTIFICATE)), "has no private key in it"),
+        (HttpOptions(cert=str(KEY), key=str(CERTIFICATE)), "exchange them"),
+        (HttpOptions(cert=str(KEY)), "has no certificate in it"),
+        (
+            HttpOptions(cert=str(CERTIFICATE), key=str(other_key(tmp_path))),
+            "other.pem is not that of the certificate in",
+        ),
+        (HttpOptions(cert=str(tmp_path / "none.pem"), key=str(KEY)), "No such file"),
+    ):
+        with pytest.raises(ConnectFailed, match=said) as caught:
+            orinkit.serve(rc8, "https://127.0.0.1:0", http=options)
+        assert "port 0" not in str(caught.value)
+        assert "--key" in str(caught.value)
+
+
+def test_a_certificate_without_its_key(refused):
+    said = refused("serve", "rc8", "--http", "0", "--cert", str(CERTIFICATE))
+    assert said.startswith(f"cannot listen on https://127.0.0.1:0: {CERTIFICATE} has no private key in it")
+    assert "another port" not in said
+
+
+# --- hints ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["en", "ja"])
+def test_hints_name_the_options_too(name):
+    language.use(name)
+    refusal = Contact(ADDRESS, Access(), 1000).refusal(401, [], b"", 10)
+    assert "token= (--token-file)" in str(refusal)
+    assert "cafile= (--cafile)" in str(tls_failed(ADDRESS, OSError("x")))
+    assert "--cafile" in str(no_certificates("x.pem", OSError("x")))
+
+
+def test_tls_at_the_door_of_http():
+    contact = Contact(ADDRESS, Access(), 1000)
+    for begin in (b"", b"H", b"HTTP/"):
+        contact.check_begin(begin)
+    with pytest.raises(ProtocolError, match=r"Try: https://127\.0\.0\.1:8080"):
+        contact.check_begin(b"\x15\x03\x01\x00\x02")
+    with pytest.raises(ProtocolError, match="no HTTP"):
+        contact.check_begin(b"\x01\x15\x00\x00\x00")
+
+
+@pytest.mark.parametrize(
+    ("argv", "hinted"),
+    [
+        (["Controller_Execute", "X", "1", "2"], True),
+        (["Controller_GetName", "1"], False),
+        (["Task_Start"], False),
+        (["Controller_GetVariable", "I1", "", "x"], False),
+    ],
+)
+def test_several_values_are_one_argument(refused, argv, hinted):
+    said = refused("call", "tcp://192.0.2.1", *argv, code=2)
+    assert ('8197,10,50 or "8204,(5,1),(11,1)"' in said) is hinted
+
+
+# --- help -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "default"), [("en", "[default: all]"), ("ja", "[既定値: すべて]")])
+def test_the_help_of_the_gateway(run, name, default):
+    language.use(name)
+    page = " ".join(run("gateway", "--help").out.replace("│", " ").split())
+    assert default in page
+    assert "'*'" not in page
+    assert "443" in page
