@@ -12,7 +12,7 @@ from decimal import Decimal
 import pytest
 
 import orinkit
-from orinkit import Device, Part, VarType, command, hresult, variable
+from orinkit import Device, Part, Provider, VarType, command, hresult, language, variable
 from orinkit.cao.provider import CommandObject, RobotObject
 from orinkit.device import command_object, extension, file, robot, task
 from orinkit.errors import CallError, ConnectFailed, InvalidArgument, ObjectNotFound, error_for
@@ -631,10 +631,144 @@ def test_a_subclass_inherits_and_overrides_what_is_declared():
             return 1
 
     device = Better()
-    assert device.names("Variable") == ["WIDTH", "COUNT", "NAME", "ANY", "POSE", "EXTRA"]
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0") as server,
         orinkit.connect(server.url, provider=Gripper.provider_names[0]) as c,
     ):
         assert c.variable("WIDTH").value == 99.0
-    assert Gripper.names("Variable") == ["WIDTH", "COUNT", "NAME", "ANY", "POSE"]
+        assert c.variable_names() == ["WIDTH", "COUNT", "NAME", "ANY", "POSE", "EXTRA"]
+    with (
+        orinkit.serve(Gripper(), "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider=Gripper.provider_names[0]) as c,
+    ):
+        assert c.variable_names() == ["WIDTH", "COUNT", "NAME", "ANY", "POSE"]
+
+
+# --- names that the server needs --------------------------------------------------------------------------------------
+
+RESERVED = sorted(name for name in vars(Provider) if not name.startswith("_"))
+DECLARATIONS = {
+    "variable": variable, "command": command, "extension": extension, "robot": robot, "task": task, "file": file,
+    "command_object": command_object,
+}  # fmt: skip
+
+
+def make(name: str, member: object, *bases: type) -> type:
+    return type("Mine", bases or (Device,), {name: member})
+
+
+@pytest.mark.parametrize("decorator", DECLARATIONS)
+@pytest.mark.parametrize("name", [*RESERVED, "__init__"])
+def test_a_declared_member_cannot_have_a_name_that_is_needed(name, decorator):
+    declared = DECLARATIONS[decorator]("X")(lambda self: 1)
+    with pytest.raises(TypeError, match=rf"^Mine\.{name} cannot be declared: .* needs {name} itself\. Try: ") as caught:
+        make(name, declared)
+    other = {"close": "as close_fingers;", "connect": "as open_port;"}.get(name, f"as my_{name.strip('_')};")
+    assert other in str(caught.value)
+    language.use("ja")
+    with pytest.raises(TypeError, match=rf"Mine\.{name} は宣言に使えません"):
+        make(name, declared)
+
+
+def test_a_mixin_does_not_smuggle_one_in():
+    class Mixin(Part):  # a part needs none of these names
+        @command("Close")
+        def close(self) -> None:
+            pass
+
+    with pytest.raises(TypeError, match=r"Mine\.close cannot be declared"):
+        make("x", 1, Mixin, Device)
+
+
+WRONG = {
+    "connect": [lambda self: None, lambda self, port: None, "COM3", None, staticmethod(lambda a, b, c: None)],
+    "close": [lambda self, force: None, True],
+    "handle_of": [lambda self, name: 1],
+    "functions": [["open"], lambda self: [], "x"],
+    "guard": [lambda self: None, 5],
+    "dialect": ["b-CAP"],
+    "fixed_handles": [lambda self: True, 3],
+    "provider_names": [lambda self: ("Test.X",)],
+}
+
+
+def test_every_needed_name_is_looked_at():
+    assert sorted(WRONG) == RESERVED
+
+
+@pytest.mark.parametrize(("name", "member"), [(name, member) for name, members in WRONG.items() for member in members])
+def test_a_plain_member_that_the_server_cannot_use_is_refused(name, member):
+    with pytest.raises(TypeError, match=rf"^Mine\.{name} must be .*: the server uses it\. Try: "):
+        make(name, member)
+    language.use("ja")
+    with pytest.raises(TypeError, match=rf"^Mine\.{name} はサーバが"):
+        make(name, member)
+
+
+def test_an_attribute_of_the_object_that_the_server_cannot_use_is_refused():
+    device = Gripper()
+    for name, value in (("connect", object()), ("functions", ["a"]), ("close", None), ("guard", 1)):
+        with pytest.raises(TypeError, match=rf"^Gripper\.{name} must be "):
+            setattr(device, name, value)
+
+
+def test_what_the_server_can_use_may_be_overridden():
+    async def connect(self, *arguments: object) -> None: ...
+
+    for name, member in (
+        ("connect", connect), ("connect", lambda self, name, machine, option, client, extra=1: None),
+        ("close", lambda self: None), ("close", staticmethod(lambda: None)), ("close", classmethod(lambda cls: None)),
+        ("handle_of", lambda self, interface, name: 2), ("functions", frozenset({3})), ("functions", None),
+        ("guard", threading.Lock()), ("guard", property(lambda self: threading.Lock())), ("fixed_handles", True),
+        ("provider_names", ["Test.X"]), ("provider_names", property(lambda self: ("Test.X",))),
+    ):  # fmt: skip
+        make(name, member)
+    device = Gripper()
+    device.guard, device.provider_names, device.close = threading.RLock(), ["Test.X"], lambda: None
+
+
+class Free(Device):
+    """Names that a device needs no longer."""
+
+    provider_names = ("Test.Free",)
+
+    def __init__(self) -> None:
+        self.declared = {"a": 1}
+        self.kind = self._declared = self._names = None
+
+    @variable("NAMES")
+    def names(self) -> str:
+        return "a, b"
+
+    @command("Close")
+    def close_fingers(self) -> str:
+        return "closed"
+
+
+class Plain(Free):
+    names = ["left", "right"]  # noqa: RUF012 - as people write it
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names = ["other"]
+
+
+@pytest.mark.parametrize("kind", [Free, Plain])
+def test_names_and_declared_are_free(kind):
+    with (
+        orinkit.serve(kind(), "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Free", timeout=10) as c,
+    ):
+        assert c.variable_names() == ["NAMES"]
+        assert c.variable("NAMES").value == "a, b"
+        assert c.execute("Close") == "closed"
+
+
+@pytest.mark.parametrize("decorator", DECLARATIONS)
+def test_a_decorator_without_a_name_is_told_at_once(decorator):
+    for wrong in (lambda self: 1, "", None, 5):
+        with pytest.raises(TypeError, match=rf'@{decorator}\("NAME"\)$'):
+            DECLARATIONS[decorator](wrong)
+    language.use("ja")
+    with pytest.raises(TypeError, match=rf'コントローラでの名前が必要です: @{decorator}\("名前"\)$'):
+        DECLARATIONS[decorator](lambda self: 1)

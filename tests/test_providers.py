@@ -14,7 +14,16 @@ import pytest
 import orinkit
 from distributions import device, forgetting, install
 from orinkit import language
-from orinkit.providers import Installed, LoadFailed, installed, load, load_installed, warn_of_clashes
+from orinkit.providers import (
+    Installed,
+    LoadFailed,
+    installed,
+    load,
+    load_installed,
+    log_served,
+    settle_names,
+    warn_of_clashes,
+)
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.ve026a import VirtualVE026A
 from test_docs import blocks
@@ -139,10 +148,12 @@ def test_the_first_has_a_name_that_two_claim_and_the_log_says_so(site, caplog):
     install(site, "c-third", "CaoProv.DENSO.VRC = pkg_c:Gripper", pkg_c=device("Test.Third", width=3.0))
     providers = [VirtualRC8(), *load_installed()]
     warn_of_clashes(providers)
-    assert f"name {GRIPPER} is claimed by pkg_a.Gripper and by pkg_b.Gripper" in caplog.text
+    first = f"{GRIPPER} = pkg_a:Gripper (a-first 1.0)"
+    second = f"{GRIPPER.upper()} = pkg_b:Gripper (b-second 1.0)"
+    assert f"name {GRIPPER} is claimed by {first} and by {second}: the first has it" in caplog.text
     assert (
-        "name CaoProv.DENSO.VRC is claimed by orinkit.virtual.rc8.provider.VirtualRC8 and by pkg_c.Gripper"
-        in caplog.text
+        "name CaoProv.DENSO.VRC is claimed by orinkit.virtual.rc8.provider.VirtualRC8 and by "
+        "CaoProv.DENSO.VRC = pkg_c:Gripper (c-third 1.0)" in caplog.text
     )
     with orinkit.serve(providers, "tcp://127.0.0.1:0") as server:
         with orinkit.connect(server.url) as controller:
@@ -150,6 +161,68 @@ def test_the_first_has_a_name_that_two_claim_and_the_log_says_so(site, caplog):
         for name, width in ((GRIPPER, 1.0), ("Test.Third", 3.0)):
             with orinkit.connect(server.url, provider=name) as controller:
                 assert controller.variable("WIDTH").value == width
+
+
+def test_the_name_of_an_entry_is_its_own_whoever_else_lists_it(site, caplog):
+    install(site, "a-first", "Aaa.Greedy = pkg_a:Gripper", pkg_a=device(GRIPPER.lower(), width=1.0))
+    install(site, "b-second", f"{GRIPPER} = pkg_b:Gripper", pkg_b=device("Aaa.Greedy", width=2.0))
+    for providers in (load_installed(), [load("Aaa.Greedy"), load(GRIPPER)]):
+        caplog.clear()
+        settle_names(providers)
+        settle_names(providers)
+        warn_of_clashes(providers)
+        with orinkit.serve(providers, "tcp://127.0.0.1:0") as server:
+            for name, width in (("Aaa.Greedy", 1.0), (GRIPPER, 2.0)):
+                with orinkit.connect(server.url, provider=name) as controller:
+                    assert controller.variable("WIDTH").value == width
+    one, other = "Aaa.Greedy = pkg_a:Gripper (a-first 1.0)", f"{GRIPPER} = pkg_b:Gripper (b-second 1.0)"
+    assert [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING] == [
+        f"the provider name {GRIPPER.lower()} is claimed by {one} and by {other}: the entry of that name has it",
+        f"the provider name Aaa.Greedy is claimed by {other} and by {one}: the entry of that name has it",
+    ]
+
+
+def test_one_class_in_two_entries_is_told_by_entry(site, caplog):
+    install(site, "my-gripper", "Test.A = pkg_g:Gripper\nTest.B = pkg_g:Gripper", pkg_g=device("Test.Own"))
+    warn_of_clashes(load_installed())
+    said = (
+        "Test.Own is claimed by Test.A = pkg_g:Gripper (my-gripper 1.0) and by Test.B = pkg_g:Gripper (my-gripper 1.0)"
+    )
+    assert said in caplog.text
+
+
+def test_names_that_cannot_be_taken_away_stay(site, caplog):
+    source = (
+        "import orinkit\nclass G(orinkit.Device):\n    provider_names = property(lambda self: ['Test.A', 'Test.B'])\n"
+    )
+    install(site, "a-first", "Test.A = pkg_a", pkg_a=source)
+    install(site, "b-second", "Test.B = pkg_b", pkg_b=device("Test.B"))
+    providers = load_installed()
+    assert [names(each) for each in providers] == [["Test.A", "Test.B"], ["Test.B"]]
+    warn_of_clashes(providers)
+    assert "Test.B is claimed by Test.A = pkg_a (a-first 1.0) and by Test.B = pkg_b (b-second 1.0)" in caplog.text
+
+
+def test_what_is_served_is_told(site, tmp_path, caplog):
+    caplog.set_level(logging.INFO)
+    install(site, "my-gripper", f"{GRIPPER} = pkg_g:Gripper", pkg_g=device(GRIPPER))
+    file = write(tmp_path / "mod_told.py", device("Test.File") + "    provider_names += ('Test.Two',)\n")
+    rc8 = VirtualRC8()
+    providers = [rc8, load(file), load(GRIPPER), load(GRIPPER)]
+    log_served(providers, [rc8])
+    assert [record.getMessage() for record in caplog.records] == [
+        "serving Test.File, Test.Two (mod_told.Gripper)",
+        f"serving {GRIPPER} (my-gripper 1.0)",
+    ]
+    language.use("ja")
+    log_served(providers[2:])
+    assert caplog.records[-1].getMessage() == f"{GRIPPER} (my-gripper 1.0) を提供します"
+
+
+def test_a_mistake_in_a_class_is_placed_in_its_file(tmp_path):
+    source = "import orinkit\nclass G(orinkit.Device):\n    def connect(self): pass\n"
+    with pytest.raises(LoadFailed, match=r"TypeError: G\.connect must be .* \(mod_mistaken\.py:2\)$"):
+        load(write(tmp_path / "mod_mistaken.py", source))
 
 
 def test_no_clash_no_warning(tmp_path, caplog):

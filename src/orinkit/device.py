@@ -35,13 +35,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from decimal import Decimal
-from typing import Any, ClassVar, Final, Generic, TypeVar
+from types import FunctionType
+from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 from orinkit import hresult
 from orinkit.cao import coerce
+from orinkit.cao.dialect import Dialect
 from orinkit.cao.provider import (
-    Blocking,
     CaoObject,
     ClientInfo,
     CommandObject,
@@ -55,12 +56,21 @@ from orinkit.cao.provider import (
     VariableObject,
     not_found,
 )
-from orinkit.errors import CallError, InvalidValue, error_for
+from orinkit.declared import Declared as Declared
+from orinkit.declared import DeclaredChild as DeclaredChild
+from orinkit.declared import DeclaredCommand as DeclaredCommand
+from orinkit.declared import DeclaredVariable as DeclaredVariable
+from orinkit.declared import command as command
+from orinkit.declared import command_object as command_object
+from orinkit.declared import declared_in
+from orinkit.declared import extension as extension
+from orinkit.declared import file as file
+from orinkit.declared import robot as robot
+from orinkit.declared import task as task
+from orinkit.declared import variable as variable
+from orinkit.errors import error_for
 from orinkit.language import pick
-from orinkit.variant import ARRAY, Value, Variant, VarType, type_name
-from orinkit.variant import variant as to_variant
-
-D = TypeVar("D", bound="Declared")
+from orinkit.variant import Value, Variant
 
 READABLE: Final = 1
 """Attribute bit of a variable that can be read."""
@@ -68,242 +78,156 @@ WRITABLE: Final = 2
 """Attribute bit of a variable that can be written."""
 _DESCRIBE: Final = "geterrordescription"
 _DESCRIBED: Final = 1000  # characters of an error's description
-
-_BY_ANNOTATION: Final[dict[object, VarType]] = {
-    kind: vt
-    for python, vt in ((bool, VarType.BOOL), (int, VarType.I4), (float, VarType.R8), (str, VarType.BSTR), (datetime, VarType.DATE))
-    for kind in (python, python.__name__)
-}  # fmt: skip
-
-
-def _check_name(name: object) -> None:
-    if not isinstance(name, str) or not name:
-        raise TypeError(
-            pick(
-                'a name in the controller is needed: @variable("NAME"), @command("NAME")',
-                'コントローラでの名前が必要です: @variable("名前")、@command("名前")',
-            )
-        )
-
-
-def _check_type(name: str, vt: object) -> None:
-    if vt is not None and (not isinstance(vt, int) or "?" in type_name(vt)):
-        raise TypeError(
-            pick(
-                f"variable {name!r}: type must be a VarType, not {vt!r}",
-                f"変数 {name!r}: type は VarType で指定してください ({vt!r})",
-            )
-        )
-
-
-class Declared:
-    """Something that a decorator declares: its name in the controller, and how its method is run."""
-
-    kind = ""
-
-    def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool) -> None:  # noqa: A002
-        _check_name(name)
-        self.method = method
-        self.name = name
-        self.help = help or inspect.getdoc(method) or ""
-        self.quick = quick
-
-    def run(self, method: Callable[..., Any], *args: Any) -> Any:
-        """Call a method the way it is to be run: at once, awaited, or in a thread."""
-        if self.quick or inspect.iscoroutinefunction(method):
-            return method(*args)
-        return Blocking(lambda: method(*args))
-
-
-class DeclaredVariable(Declared):
-    """A variable: a getter, perhaps a setter."""
-
-    kind = "Variable"
-
-    def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool, type: int | None) -> None:  # noqa: A002
-        super().__init__(method, name, help, quick)
-        _check_type(name, type)
-        self.type = type if type is not None else _BY_ANNOTATION.get(method.__annotations__.get("return"))
-        self.set: Callable[..., Any] | None = None
-
-    def setter(self, method: Callable[..., Any]) -> DeclaredVariable:
-        """Make the variable writable: the method gets the new value as plain Python."""
-        self.set = method
-        return self
-
-    def accept(self, value: Variant) -> Any:
-        """Return a written value as the variable's type.
-
-        Raises:
-            CallError: DISP_E_TYPEMISMATCH where it does not fit.
-        """
-        if self.type is None:
-            return value.plain
-        try:
-            if self.type & ARRAY or self.type == VarType.DATE:
-                return Variant(self.type, value.plain).plain
-            return _as_type(self.type, value).plain
-        except (InvalidValue, CallError) as error:
-            raise error_for(hresult.DISP_E_TYPEMISMATCH, f"{self.name}: {error}") from None
-
-
-class DeclaredCommand(Declared):
-    """An Execute command."""
-
-    kind = "Command"
-
-    def arguments(self, parameter: Variant) -> list[Any]:
-        """Return the method's arguments: a parameter array is spread over them, a method with one gets it whole.
-
-        Raises:
-            CallError: E_INVALIDARG where there are too many or too few.
-        """
-        parameters = list(inspect.signature(self.method).parameters.values())[1:]
-        values = coerce.to_values(parameter)
-        if len(parameters) == 1 and parameters[0].kind is not inspect.Parameter.VAR_POSITIONAL and len(values) > 1:
-            values = [values]
-        try:
-            inspect.signature(self.method).bind(None, *values)
-        except TypeError:
-            wanted = ", ".join(str(p) for p in parameters)
-            raise error_for(
-                hresult.E_INVALIDARG,
-                pick(
-                    f"{self.name}({wanted}) was given {len(values)} values",
-                    f"{self.name}({wanted}) に {len(values)} 個の値が渡されました",
-                ),
-            ) from None
-        converted = [_converted(*pair) for pair in zip(parameters, values, strict=False)]
-        return converted + values[len(converted) :]
-
-
-def _converted(parameter: inspect.Parameter, value: Any) -> Any:
-    """Return an argument of a command as its annotation says: bool, int, float or str; another one as it came.
-
-    Raises:
-        CallError: E_INVALIDARG where it cannot be that.
-    """
-    vt = _BY_ANNOTATION.get(parameter.annotation)
-    if vt is None or vt is VarType.DATE or parameter.kind is inspect.Parameter.VAR_POSITIONAL:
-        return value
-    try:
-        return _as_type(vt, to_variant(value)).plain
-    except (InvalidValue, CallError) as error:
-        raise error_for(hresult.E_INVALIDARG, f"{parameter}: {error}") from None
-
-
-def _as_type(vt: int, value: Variant) -> Variant:
-    if vt == value.type:
-        return value
-    if vt == VarType.BSTR:
-        return Variant(vt, coerce.to_text(value))
-    number = coerce.to_number(value)
-    return Variant(vt, Decimal(repr(number)) if vt == VarType.CY else number)
-
-
-class DeclaredChild(Declared):
-    """An object below: the method returns it, once for every client that connects to it."""
-
-    def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002
-        super().__init__(method, name, help, quick=True)
-        self.kind = kind
-
-
-class _Decorator(Generic[D]):
-    def __init__(self, make: Callable[[Callable[..., Any]], D]) -> None:
-        self._make = make
-
-    def __call__(self, method: Callable[..., Any]) -> D:
-        return self._make(method)
-
-
-def variable(
-    name: str,
-    *,
-    type: int | None = None,  # noqa: A002 - the documents' word
-    help: str = "",  # noqa: A002
-    quick: bool = False,
-) -> _Decorator[DeclaredVariable]:
-    """Declare a variable; the method is its getter, ``@method.setter`` makes it writable.
-
-    Args:
-        name: name in the controller; upper and lower case do not matter.
-        type: VARIANT type, ``VarType.R4`` or ``VarType.R4 | VarType.ARRAY``; by default what the annotation of the
-            getter's result says (bool, int, float, str), else whatever the getter returns.
-        help: help text; by default the docstring.
-        quick: the methods return at once.
-    """
-    return _Decorator(lambda method: DeclaredVariable(method, name, help, quick, type))
-
-
-def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002
-    """Declare an Execute command; what the method returns is the result.
-
-    The parameter is spread over the method's arguments, so ``Execute("Close", [10.0, 1])`` calls ``close(10.0, 1)``.
-    """
-    return _Decorator(lambda method: DeclaredCommand(method, name, help, quick))
-
-
-def _child(kind: str) -> Callable[..., _Decorator[DeclaredChild]]:
-    def declare(name: str, *, help: str = "") -> _Decorator[DeclaredChild]:  # noqa: A002
-        return _Decorator(lambda method: DeclaredChild(method, name, help, kind))
-
-    declare.__doc__ = (
-        f"Declare an object below of the kind {kind}; the method returns a :class:`Part` or an object of cao.provider."
-    )
-    return declare
-
-
-extension = _child("Extension")
-robot = _child("Robot")
-task = _child("Task")
-file = _child("File")
-command_object = _child("Command object")
-
-
-def _declared_in(kind: type) -> dict[tuple[str, str], Declared]:
-    """Return what one class declares by itself; two members of one kind and name would hide each other."""
-    found: dict[tuple[str, str], Declared] = {}
-    for member in vars(kind).values():
-        if isinstance(member, Declared) and found.setdefault((member.kind, member.name.lower()), member) is not member:
-            raise TypeError(
-                pick(
-                    f"{kind.__name__} declares the {member.kind} {member.name!r} twice; upper and lower case are the same",
-                    f"{kind.__name__} で {member.kind} {member.name!r} が二重に宣言されています (大文字と小文字は区別しません)",
-                )
-            )
-    return found
+_DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
+"""By class, what it and its bases declare; not kept in the class, where every name is its author's."""
 
 
 class Part:
     """Something with declared variables, commands and objects below; one instance serves all clients."""
 
-    _declared: ClassVar[dict[tuple[str, str], Declared]] = {}
-
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Collect what the class and its bases declare."""
+        """Collect what the class and its bases declare.
+
+        Raises:
+            TypeError: something is declared twice, or as a method that Python or the server itself calls.
+        """
         super().__init_subclass__(**kwargs)
-        cls._declared = {}
+        found: dict[tuple[str, str], Declared] = {}
         for base in reversed(cls.__mro__):
-            cls._declared.update(_declared_in(base))
-
-    @classmethod
-    def declared(cls, kind: str, name: str) -> Declared | None:
-        """Return what is declared under a name: kind is Variable, Command, Extension, Robot, Task or File."""
-        return cls._declared.get((kind, name.lower()))
-
-    @classmethod
-    def names(cls, kind: str) -> list[str]:
-        """Return the names of everything declared of a kind, in order."""
-        return [member.name for (of, _), member in cls._declared.items() if of == kind]
+            found.update(declared_in(base))
+        _DECLARED[cls] = found
+        for name, member in vars(cls).items():
+            if isinstance(member, Declared) and name.startswith("__") and name.endswith("__"):
+                raise _reserved(cls, name)
 
 
 class Device(Part, Provider):
-    """A device that clients reach with Controller_Connect; declare what it has with the decorators of this module."""
+    """A device that clients reach with Controller_Connect; declare what it has with the decorators of this module.
+
+    The names of :class:`~orinkit.cao.provider.Provider` are the server's: ``close``, ``connect``, ``dialect``,
+    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``. To use one for something else is a
+    TypeError; as they are meant they may be overridden, ``close()`` to clean up when the server has stopped.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Make sure that the server finds what it needs.
+
+        Raises:
+            TypeError: one of its names is used for something else.
+        """
+        super().__init_subclass__(**kwargs)
+        for name in _NEEDED:
+            _check_member(cls, name, inspect.getattr_static(cls, name))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute.
+
+        Raises:
+            TypeError: the server needs it for something else.
+        """
+        if name in _NEEDED and not _fits(name, value):
+            raise _misused(type(self), name)
+        super().__setattr__(name, value)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Every client gets its own view of the one device."""
         return _PartController(self, name, client.reason)
+
+
+# --- names that the server needs --------------------------------------------------------------------------------------
+
+_NEEDED: Final = {
+    "close": "close(self)",
+    "connect": "connect(self, name, machine, option, client)",
+    "dialect": "orinkit.cao.dialect.Dialect",
+    "fixed_handles": "bool",
+    "functions": "frozenset[int] | None",
+    "guard": "contextlib.AbstractContextManager",
+    "handle_of": "handle_of(self, interface, name)",
+    "provider_names": "Sequence[str]",
+}
+"""What it needs of a provider, and as what."""
+_ARGUMENTS: Final = {"close": 0, "connect": 4, "handle_of": 2}
+_OTHERWISE: Final = {"close": "close_fingers", "connect": "open_port"}
+
+
+def _check_member(cls: type, name: str, member: object) -> None:
+    """Refuse a member of a class that is not what the server needs; what a property gives is not looked at.
+
+    Raises:
+        TypeError: it is not.
+    """
+    if isinstance(member, Declared):
+        raise _reserved(cls, name)
+    if isinstance(member, FunctionType | staticmethod | classmethod):
+        member = member.__get__(object(), cls)
+    elif hasattr(member, "__get__"):
+        return
+    if not _fits(name, member):
+        raise _misused(cls, name)
+
+
+def _fits(name: str, value: object) -> bool:
+    """Whether a value, a method as its object has it, is what the server needs under a name."""
+    if name in _ARGUMENTS:
+        return callable(value) and _takes(value, _ARGUMENTS[name])
+    if name == "dialect":
+        return isinstance(value, Dialect)
+    if name == "fixed_handles":
+        return isinstance(value, bool)
+    if name == "functions":
+        return value is None or isinstance(value, frozenset)
+    if name == "guard":
+        return hasattr(value, "__enter__") and hasattr(value, "__exit__")
+    return not callable(value) and not isinstance(value, Declared)
+
+
+def _takes(method: Callable[..., Any], count: int) -> bool:
+    try:
+        signature = inspect.signature(method)
+    except (TypeError, ValueError):  # of a compiled one nothing is known
+        return True
+    try:
+        signature.bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
+def _reserved(cls: type, name: str) -> TypeError:
+    other = _OTHERWISE.get(name, f"my_{name.strip('_')}")
+    by = ("Python", "Python") if name.startswith("__") else ("the server", "サーバ")
+    return TypeError(
+        pick(
+            f"{cls.__name__}.{name} cannot be declared: {by[0]} needs {name} itself. Try: call the method something "
+            f'else, as {other}; the name in the controller is free, as in @command("{name.strip("_").title()}")',
+            f"{cls.__name__}.{name} は宣言に使えません: {name} は{by[1]}が使う名前です。対処: メソッドを {other} などの別の名前に"
+            f'してください。コントローラでの名前は自由です (例: @command("{name.strip("_").title()}"))',
+        )
+    )
+
+
+def _misused(cls: type, name: str) -> TypeError:
+    other = _OTHERWISE.get(name, f"my_{name}")
+    return TypeError(
+        pick(
+            f"{cls.__name__}.{name} must be {_NEEDED[name]}: the server uses it. Try: call yours something else, as {other}",
+            f"{cls.__name__}.{name} はサーバが {_NEEDED[name]} として使う名前です。対処: {other} などの別の名前にしてください",
+        )
+    )
+
+
+# --- what a client sees -----------------------------------------------------------------------------------------------
+
+
+def _declared(part: Part, kind: str, name: str) -> Declared | None:
+    """Return what is declared under a name: kind is Variable, Command, Extension, Robot, Task, File, Command object."""
+    return _DECLARED.get(type(part), {}).get((kind, name.lower()))
+
+
+def _names(part: Part, kind: str) -> list[str]:
+    """Return the names of everything declared of a kind, in order."""
+    return [member.name for (of, _), member in _DECLARED.get(type(part), {}).items() if of == kind]
 
 
 class _PartVariable(VariableObject):
@@ -357,25 +281,25 @@ class _PartObject(OwnerObject):
         self.part = part
 
     def get_variable(self, name: str, option: str) -> VariableObject:
-        declared = self.part.declared("Variable", name)
+        declared = _declared(self.part, "Variable", name)
         if not isinstance(declared, DeclaredVariable):
-            raise not_found(_among(name, self.part.names("Variable")))
+            raise not_found(_among(name, _names(self.part, "Variable")))
         return _PartVariable(self.part, declared)
 
     def get_variable_names(self, option: str) -> list[str]:
-        return self.part.names("Variable")
+        return _names(self.part, "Variable")
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        declared = self.part.declared("Command", command)
+        declared = _declared(self.part, "Command", command)
         if not isinstance(declared, DeclaredCommand):
-            raise error_for(hresult.E_INVALID_CMD_NAME, _among(command, self.part.names("Command")))
+            raise error_for(hresult.E_INVALID_CMD_NAME, _among(command, _names(self.part, "Command")))
         return declared.run(declared.method, self.part, *declared.arguments(parameter))
 
     def child(self, kind: str, name: str) -> Any:
         """Return the declared object below of that name, for one more client."""
-        declared = self.part.declared(kind, name)
+        declared = _declared(self.part, kind, name)
         if not isinstance(declared, DeclaredChild):
-            raise not_found(_among(name, self.part.names(kind)))
+            raise not_found(_among(name, _names(self.part, kind)))
         below = declared.method(self.part)
         if isinstance(below, CaoObject):
             return below
@@ -430,7 +354,7 @@ class _PartFile(_PartObject, FileObject):
         return below
 
     def get_file_names(self, option: str) -> list[str]:
-        return self.part.names("File")
+        return _names(self.part, "File")
 
 
 class _PartController(_PartObject, ControllerObject):
@@ -439,7 +363,7 @@ class _PartController(_PartObject, ControllerObject):
         self._reason = reason
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        if command.lower() == _DESCRIBE and self.part.declared("Command", command) is None:
+        if command.lower() == _DESCRIBE and _declared(self.part, "Command", command) is None:
             code = _code_in(parameter)
             return self._reason(code)[:_DESCRIBED] or hresult.lookup(code).text
         return super().execute(command, parameter)
@@ -465,19 +389,19 @@ class _PartController(_PartObject, ControllerObject):
         return below
 
     def get_extension_names(self, option: str) -> list[str]:
-        return self.part.names("Extension")
+        return _names(self.part, "Extension")
 
     def get_file_names(self, option: str) -> list[str]:
-        return self.part.names("File")
+        return _names(self.part, "File")
 
     def get_robot_names(self, option: str) -> list[str]:
-        return self.part.names("Robot")
+        return _names(self.part, "Robot")
 
     def get_command_names(self, option: str) -> list[str]:
-        return self.part.names("Command object")
+        return _names(self.part, "Command object")
 
     def get_task_names(self, option: str) -> list[str]:
-        return self.part.names("Task")
+        return _names(self.part, "Task")
 
 
 _KINDS: Final[dict[str, type[_PartObject]]] = {

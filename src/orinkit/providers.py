@@ -8,7 +8,7 @@ name, its value is where it is found::
 
 What is found there is a class that can be made without arguments, :class:`orinkit.Device` or another
 :class:`~orinkit.cao.provider.Provider`; or a function without arguments that returns a provider; or a provider. It answers
-to its own provider names and to the entry's name.
+to its own provider names and to the entry's name, which no other entry's provider takes from it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ import importlib
 import importlib.util
 import inspect
 import logging
+import os
 import re
 import reprlib
 import sys
 import traceback
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
@@ -39,6 +40,8 @@ GROUP: Final = "orinkit.providers"
 """The entry points' group."""
 
 _FILE: Final = re.compile(r"(?P<path>.+\.py)(:(?P<attribute>[^:/\\]*))?", re.IGNORECASE | re.DOTALL)
+_ENTRIES: Final = "_orinkit_entries"  # attribute of a provider
+_PACKAGE: Final = str(Path(__file__).parent) + os.sep
 _SHOWN: Final = 100  # characters of a target in a message
 _LONGEST: Final = 500  # characters of an exception in a message
 _REPR: Final = reprlib.Repr()
@@ -61,7 +64,7 @@ class Installed(NamedTuple):
 
 def installed() -> list[Installed]:
     """Return what installed packages offer, sorted by name; nothing of it is imported."""
-    return [Installed(entry.name, _distribution(entry), entry.value) for entry in _entries()]
+    return [_installed(entry) for entry in _entries()]
 
 
 def load(target: str) -> Provider:
@@ -109,7 +112,54 @@ def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()
         except (LoadFailed, ValueError) as error:
             text = pick("%s (%s) is left out: %s", "%s (%s) は提供しません: %s")
             logger.warning(text, entry.name, _distribution(entry) or entry.value, error)
+    settle_names(found)
     return found
+
+
+def settle_names(providers: Sequence[Provider]) -> None:
+    """Give every entry its own name: another entry's provider that lists it among its provider names goes without.
+
+    The log tells of it. A provider that came from no entry keeps its names; so does one that has no setter for them.
+    """
+    owners: dict[str, Provider] = {}
+    for provider in providers:
+        for entry in _came_from(provider):
+            owners.setdefault(entry.name.lower(), provider)
+    for provider in providers:
+        own = {entry.name.lower() for entry in _came_from(provider)}
+        lost = [name for name in provider.provider_names if name.lower() not in own and name.lower() in owners]
+        if own and lost:
+            _take_away(provider, lost, owners)
+
+
+def _take_away(provider: Provider, lost: Collection[str], owners: Mapping[str, Provider]) -> None:
+    try:
+        provider.provider_names = tuple(name for name in provider.provider_names if name not in lost)
+    except AttributeError:
+        return  # a property: the first has the name then
+    for name in lost:
+        text = pick(
+            "the provider name %s is claimed by %s and by %s: the entry of that name has it",
+            "プロバイダ名 %s を %s と %s が使おうとしています。その名前のエントリが使います",
+        )
+        logger.warning(text, name, _origin(provider), _origin(owners[name.lower()]))
+
+
+def log_served(providers: Sequence[Provider], beside: Sequence[Provider] = ()) -> None:
+    """Tell the log what is served, by the names that it really has: ``serving CaoProv.Example.Gripper (my-gripper 1.0)``.
+
+    Args:
+        providers: in the order in which they are served.
+        beside: those of them that are not worth telling.
+    """
+    taken: set[str] = set()
+    for provider in providers:
+        names = [name for name in provider.provider_names if name.lower() not in taken]
+        taken.update(name.lower() for name in names)
+        if names and not any(provider is other for other in beside):
+            packages = dict.fromkeys(entry.distribution for entry in _came_from(provider))
+            whence = ", ".join(filter(None, packages)) or _kind(provider)
+            logger.info(pick("serving %s (%s)", "%s (%s) を提供します"), ", ".join(names), whence)
 
 
 def warn_of_clashes(providers: Sequence[Provider]) -> None:
@@ -123,7 +173,7 @@ def warn_of_clashes(providers: Sequence[Provider]) -> None:
                     "the provider name %s is claimed by %s and by %s: the first has it",
                     "プロバイダ名 %s を %s と %s が使おうとしています。先のものが使います",
                 )
-                logger.warning(text, name, _kind(owner), _kind(provider))
+                logger.warning(text, name, _origin(owner), _origin(provider))
 
 
 # --- entry points -----------------------------------------------------------------------------------------------------
@@ -153,6 +203,16 @@ def _distribution(entry: metadata.EntryPoint) -> str:
         return ""
 
 
+def _installed(entry: metadata.EntryPoint) -> Installed:
+    return Installed(entry.name, _distribution(entry), entry.value)
+
+
+def _came_from(provider: Provider) -> tuple[Installed, ...]:
+    """Return the entries that a provider was loaded from: one, or several that name the same object."""
+    found: tuple[Installed, ...] = vars(provider).get(_ENTRIES, ())
+    return found
+
+
 def _named(target: str) -> metadata.EntryPoint | None:
     return next((entry for entry in _entries() if entry.name.lower() == target.lower()), None)
 
@@ -161,7 +221,11 @@ def _load_entry(entry: metadata.EntryPoint) -> Provider:
     place = f"{entry.name} = {entry.value}"
     name, _, attribute = entry.value.partition("[")[0].partition(":")
     provider = _made(place, _find(place, _import(place, name.strip()), attribute.strip()))
-    return _reachable(place, provider, also=entry.name)
+    provider = _reachable(place, provider, also=entry.name)
+    here = _installed(entry)
+    if here not in (entries := _came_from(provider)):
+        vars(provider)[_ENTRIES] = (*entries, here)
+    return provider
 
 
 # --- modules and files ------------------------------------------------------------------------------------------------
@@ -405,13 +469,20 @@ def _reason(error: BaseException) -> str:
     """Return what an exception says, and where it was raised."""
     lines = traceback.format_exception_only(error)
     text = " ".join("".join(lines[-1:] if isinstance(error, SyntaxError) else lines).split())[:_LONGEST]
-    places = [each for each in traceback.extract_tb(error.__traceback__) if not each.filename.startswith("<frozen")]
+    not_theirs = ("<frozen", _PACKAGE)
+    places = [each for each in traceback.extract_tb(error.__traceback__) if not each.filename.startswith(not_theirs)]
     if isinstance(error, SyntaxError) and error.filename:
         return f"{text} ({Path(error.filename).name}:{error.lineno})"
-    if places and places[-1].filename != __file__:
+    if places:
         return f"{text} ({Path(places[-1].filename).name}:{places[-1].lineno})"
     return text
 
 
 def _kind(provider: Provider) -> str:
     return f"{type(provider).__module__}.{type(provider).__qualname__}"
+
+
+def _origin(provider: Provider) -> str:
+    """Return the entries and packages of a provider, else its class."""
+    places = (f"{each.name} = {each.value} ({each.distribution or '?'})" for each in _came_from(provider))
+    return ", ".join(places) or _kind(provider)

@@ -77,7 +77,10 @@ def test_an_installed_device_is_reached_by_name_beside_the_virtual_rc8(serve, si
         assert (gripper.variable("WIDTH").value, rc8.variable("I1").value) == (30.0, 5)
         assert gripper.variable_names() == ["WIDTH"]
     assert width(url, "test.own") == 30.0
-    assert "WARNING" not in stop(process)
+    log = stop(process)
+    assert f"INFO orinkit.providers: serving Test.Own, {GRIPPER} (my-gripper 1.0)\n" in log
+    assert log.count("INFO orinkit.providers: serving") == 1
+    assert "WARNING" not in log
 
 
 def test_without_providers(serve, site):
@@ -109,9 +112,11 @@ def test_one_that_is_named_comes_first(serve, site, tmp_path):
     assert (width(url), width(url, "Test.Own")) == (1.0, 30.0)
     log = stop(process)
     assert (
-        f"WARNING orinkit.providers: the provider name {GRIPPER} is claimed by gripper.Gripper and by my_gripper.Gripper"
-        in log
+        f"WARNING orinkit.providers: the provider name {GRIPPER} is claimed by gripper.Gripper and by "
+        f"{GRIPPER} = my_gripper:Gripper (my-gripper 1.0): the first has it\n" in log
     )
+    assert f"serving {GRIPPER} (gripper.Gripper)\n" in log
+    assert "serving Test.Own (my-gripper 1.0)\n" in log
 
 
 def test_several_are_named_with_and_without_those_that_are_installed(serve, site, tmp_path):
@@ -131,6 +136,14 @@ def test_one_that_is_named_and_cannot_be_served_ends_the_command(refused, tmp_pa
     assert said.endswith("none.py: there is no such file")
     said = refused("serve", "rc8", "--provider", "orinkit.virtual.ve026a:VirtualVE026A", code=2)
     assert "VirtualRC8 and VirtualVE026A speak b-CAP differently" in said
+
+
+def test_two_entries_by_name_have_their_own_names(serve, site):
+    install(site, "a-greedy", "Aaa.Greedy = greedy:Gripper", greedy=device(GRIPPER, width=1.0))
+    for options in (("device", "Aaa.Greedy", GRIPPER), ("rc8",)):
+        process, url = serve(*options)
+        assert (width(url, "Aaa.Greedy"), width(url)) == (1.0, 30.0)
+        assert "the entry of that name has it" in stop(process)
 
 
 def test_nothing_is_served_beside_a_ve026a(serve, site):
@@ -159,6 +172,7 @@ def test_devices_alone_in_every_way(serve, site, tmp_path):
         orinkit.connect(first)  # no virtual RC8
     log = stop(process)
     assert log.count("listening on") == 4
+    assert "INFO orinkit.providers: serving Test.Pump (pump.Pump)\n" in log
     assert "Traceback" not in log
 
 

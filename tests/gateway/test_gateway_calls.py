@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import http.client
 import itertools
 import logging
 import threading
@@ -451,14 +452,88 @@ def test_several_controllers_by_name() -> None:
     with orinkit.serve(first, LISTEN) as one, orinkit.serve(second, "tcp://localhost:0") as two:
         provider = RemoteProvider({"Cell1": one.url, "Cell2": Upstream(two.url, machine="there")})
         with orinkit.serve(provider, LISTEN) as server:
-            for machine in ("cell1", " CELL1 ", "127.0.0.1", one.url.removeprefix("tcp://"), "Cell2", "localhost"):
+            for machine in (
+                "cell1",
+                " CELL1 ",
+                "127.0.0.1",
+                one.url.removeprefix("tcp://"),
+                "Cell2",
+                two.url.removeprefix("tcp://"),
+            ):
                 with orinkit.connect(server.url, provider="Test.Recorder", machine=machine) as controller:
                     assert controller.name.startswith("Controller_GetName")
-            for machine in ("", "cell3", "10.0.0.1", "x" * 100_000):
+            for machine in ("", "localhost", "cell3", "10.0.0.1", "x" * 100_000):
                 with pytest.raises(InvalidArgument):
                     orinkit.connect(server.url, provider="Test.Recorder", machine=machine)
     machines = [[c.arguments[1] for c in d.calls if c.function == "Controller_Connect"] for d in (first, second)]
     assert machines == [["localhost", "localhost", "127.0.0.1", one.url.removeprefix("tcp://")], ["there", "there"]]
+
+
+def test_one_controller_with_a_name_is_not_another_one() -> None:
+    provider = RemoteProvider({"left": "tcp://10.0.0.1:5007"})
+    for machine in ("left", " LEFT ", "10.0.0.1", "10.0.0.1:5007", "", "localhost"):
+        assert provider._choose(machine)[0].url == "tcp://10.0.0.1:5007"
+    for machine in ("right", "10.0.0.2"):
+        with pytest.raises(InvalidArgument, match="left"):
+            provider._choose(machine)
+    assert RemoteProvider("tcp://10.0.0.1")._choose("whatever")[1] == "whatever"
+
+
+def test_hosts_of_ipv6() -> None:
+    provider = RemoteProvider({"a": "tcp://[fd00::1]:5007", "b": "tcp://[fd00::2]:5007"})
+    for machine in ("fd00::2", "[FD00::2]", "[fd00::2]:5007"):
+        assert provider._choose(machine)[0].url == "tcp://[fd00::2]:5007"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"a": "tcp://h1", " A ": "tcp://h2"}, {"": "tcp://h1", "b": "tcp://h2"}, {"localhost": "tcp://h1", "b": "tcp://h2"},
+        {"h2": "tcp://h1", "b": "tcp://h2"}, {"h1:5007": "tcp://h1", "b": "tcp://h2"},
+    ],
+)  # fmt: skip
+def test_names_by_which_another_controller_could_be_meant(names: dict[str, str]) -> None:
+    with pytest.raises(ValueError, match="name of its own"):
+        RemoteProvider(names)
+
+
+def test_one_provider_in_two_servers() -> None:
+    workshop = Workshop()
+    with orinkit.serve(workshop, LISTEN) as device:
+        remote = RemoteProvider(device.url)
+        with orinkit.serve(remote, LISTEN) as first, orinkit.connect(first.url, provider="Test.Workshop") as shop:
+            with (
+                orinkit.serve(remote, LISTEN) as second,
+                orinkit.connect(second.url, provider="Test.Workshop") as other,
+            ):
+                assert other.execute("Echo", 1) == 1
+            assert shop.execute("Echo", 2) == 2
+
+
+def test_a_call_whose_client_waits_no_more_is_not_sent() -> None:
+    """It waited behind another one; over e-CAP a client may have several at work."""
+    workshop = Workshop()
+    with orinkit.serve(workshop, LISTEN) as device, gateway(device.url, HTTP) as url:
+        assert post(url, "Func=1,Arg1=InvokeTimeout=200") == "0x00000000"
+        handle = post(url, "Func=3,Arg1=,Arg2=Test.Workshop").rpartition(",")[2]
+        late = f"0x{hresult.E_TIMEOUT:08X}"
+        assert post(url, f"Func=17,Arg1={handle},Arg2=Wait") == late
+        assert post(url, f"Func=9,Arg1={handle},Arg2=never") == late
+        with pytest.raises(TimeoutError):
+            post(url, f"Func=9,Arg1={handle},Arg2=nor this", seconds=0.05)
+        workshop.gate.set()
+        assert post(url, f"Func=9,Arg1={handle},Arg2=after").startswith("0x00000000")
+    assert workshop.made == ["after"]
+
+
+def post(url: str, body: str, seconds: float = PATIENCE) -> str:
+    """Send a request as a bare HTTP client does, and return the reply."""
+    connection = http.client.HTTPConnection(url.partition("//")[2], timeout=seconds)
+    try:
+        connection.request("POST", "/", body, {"Content-Type": "application/x-www-form-urlencoded"})
+        return connection.getresponse().read().decode()
+    finally:
+        connection.close()
 
 
 def test_the_same_host_for_two_is_none() -> None:

@@ -364,7 +364,7 @@ def test_a_controller_on_udp_that_has_forgotten() -> None:
         server.close()
         with orinkit.serve(second, server.url):
             codes = {code_of(variable.get_value) for _ in range(3)} - {0}
-            assert codes <= {hresult.E_HANDLE, *AWAY}
+            assert codes <= set(AWAY)
             until(lambda: code_of(variable.get_value) == 0)
             assert variable.value == 0
 
@@ -487,3 +487,41 @@ def test_an_answer_that_is_too_long() -> None:
     ):
         assert code_of(lambda: shop.execute("Large", 20_000)) in (hresult.E_TOO_MUCH_DATA, hresult.E_NOT_CONNECTED)
         until(lambda: code_of(lambda: shop.execute("Echo", 2)) == 0)
+
+
+@pytest.mark.parametrize("listen", [HTTP, "udp://127.0.0.1:0"])
+def test_a_handle_that_the_controller_refuses_does_not_end_the_connection(listen: str) -> None:
+    """Only a controller that knows no handle of this client at all has forgotten it."""
+    first = Recorder()
+    with (
+        orinkit.serve(first, listen) as device,
+        gateway(device.url) as near,
+        gateway(near) as url,
+        orinkit.connect(url, provider="Test.Recorder", name="cell") as rc8,
+    ):
+        robot, variable = rc8.robot("Arm"), rc8.variable("v")
+        with pytest.raises(CallError) as refused:
+            rc8.client.call(functions.variable_get_value, robot.handle)  # of another kind
+        assert refused.value.code == hresult.E_HANDLE
+        assert variable.value
+        assert robot.name.startswith("Robot_GetName")
+    assert [call.function for call in first.calls].count("Controller_Connect") == 1
+
+
+def test_what_a_name_does_not_tell_is_not_found_again() -> None:
+    first, second = VirtualRC8(), VirtualRC8()
+    with controller(first) as device, gateway(device.url, retry=0.02) as url, orinkit.connect(url) as rc8:
+        plain, robot, file = rc8.variable("I1"), rc8.robot("Arm"), rc8.file("a.txt", create=True)
+        file.text = "mine"
+        file.move("b.txt")
+        robot.execute("slvRecvFormat", 2)
+        rc8.tag = "mine"
+        device.server.close()
+        device.start(second)
+        until(lambda: code_of(plain.get_value) == 0)
+        with orinkit.connect(device.url) as other:
+            other.file("a.txt", create=True).text = "somebody else's"
+        for lost in (file.get_text, file.delete, lambda: robot.execute("slvGetMode"), rc8.get_tag):
+            assert code_of(lost) == hresult.E_HANDLE
+        assert rc8.name
+        assert rc8.robot("Arm").execute("slvGetMode") == 0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from contextvars import ContextVar
+from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 T = TypeVar("T")
 
@@ -74,3 +75,23 @@ class Later(Generic[T]):
 
 Result: TypeAlias = T | Coded | Awaitable[T] | Blocking | Later[T]
 """What a method returns: the result, alone or with a success code, something to await, work for a thread, a promise."""
+
+
+def _still_waits() -> bool:
+    return False
+
+
+_WAITS_NO_MORE: Final[ContextVar[Callable[[], bool]]] = ContextVar("waits_no_more", default=_still_waits)
+
+
+def given_up() -> bool:
+    """Whether the client waits no more for the call being carried out: it was told that it took too long, or has gone.
+
+    For an ``async`` method that has waited for something, before it does what its client would not expect any more.
+    """
+    return _WAITS_NO_MORE.get()()
+
+
+def begin_call(waits_no_more: Callable[[], bool]) -> None:
+    """Say, in the task that carries out a call, how :func:`given_up` finds out; for servers."""
+    _WAITS_NO_MORE.set(waits_no_more)

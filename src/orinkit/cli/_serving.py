@@ -133,6 +133,8 @@ def check_control(url: str) -> None:
 
 def begin_log(listening: Listening) -> None:
     """Have the log written to stderr; :func:`run` does so too, this is for commands that log something before."""
+    if not listening.verbose:  # it tells of every request that a gateway makes
+        logging.getLogger("httpx2").setLevel(logging.WARNING)
     logging.basicConfig(
         stream=sys.stderr,
         level=logging.DEBUG if listening.verbose else logging.INFO,

@@ -12,7 +12,7 @@ from orinkit.cao.session import Host
 from orinkit.cli._errors import Failure
 from orinkit.cli._serving import Listening, begin_log, check, run
 from orinkit.language import pick
-from orinkit.providers import LoadFailed, load, warn_of_clashes
+from orinkit.providers import LoadFailed, load, log_served, settle_names, warn_of_clashes
 
 _LISTENING: Final = Listening()
 
@@ -32,7 +32,7 @@ def serve_device(
     check(listening)
     begin_log(listening)
     providers = load_targets(target)
-    warn_of_clashes(providers)
+    announce(providers)
     return run(providers, listening)
 
 
@@ -54,3 +54,15 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
         except ValueError as error:  # it speaks another dialect
             raise Failure(f"{target}: {error}", 2) from error
     return providers
+
+
+def announce(providers: Sequence[Provider], *but: Provider) -> None:
+    """Settle who has which name, and tell the log what is served and which names two claim.
+
+    Args:
+        providers: in the order in which they are served.
+        but: those of which nothing is told.
+    """
+    settle_names(providers)
+    warn_of_clashes(providers)
+    log_served(providers, but)

@@ -10,11 +10,11 @@ from orinkit.arms import MODEL_NAMES
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._serving import LISTENING, Control, Listening, begin_log, check, check_control, run
 from orinkit.cli.pendant import read_mode
-from orinkit.cli.serve_device import load_targets
+from orinkit.cli.serve_device import announce, load_targets
 from orinkit.errors import InvalidValue, NotationError
 from orinkit.language import pick
 from orinkit.poses import J, parse_target
-from orinkit.providers import load_installed, warn_of_clashes
+from orinkit.providers import load_installed
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import Permission, VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
@@ -179,7 +179,7 @@ def serve_rc8(
         served = load_targets(provider, [rc8])
         if not no_providers:
             served += load_installed(served, but=provider)
-        warn_of_clashes(served)
+        announce(served, rc8)
         return run(served, listening, None if control is None else Control(ControlProvider(rc8), control))
     finally:
         rc8.close()

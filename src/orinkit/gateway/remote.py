@@ -31,16 +31,18 @@ from orinkit.cao.provider import (
     TaskObject,
     VariableObject,
 )
+from orinkit.cao.results import given_up
 from orinkit.cao.table import Function
-from orinkit.errors import error_for
-from orinkit.gateway.upstream import Connection, Upstream, Wanted
+from orinkit.errors import CallError, error_for
+from orinkit.gateway.upstream import LOCAL, Connection, Upstream, Wanted
 from orinkit.language import pick
 from orinkit.variant import VarType
 
 AnyUpstream: TypeAlias = str | Upstream
-_LOCAL: Final = "localhost"
 _PUT: Final = "put_"
 _KEPT_BY_CONTROLLER: Final = "put_value"
+_OF_CLIENT: Final = ("get_tag", "get_id")
+_OTHER_FILE: Final = ("move", "delete")  # afterwards its name is that of another one, or of none
 
 
 class _Origin(NamedTuple):
@@ -86,7 +88,11 @@ class RemoteObject(CaoObject):
         connection = self._connection
         async with connection.turn:
             await connection.ready()
-            reply = await connection.ask(function, await self._reach(), *arguments)
+            self._check_kept(function)
+            handle = await self._reach()
+            if given_up():  # it has waited behind another call, or for the connection
+                raise error_for(hresult.E_ABORT, _too_late(connection.url, function))
+            reply = await connection.ask(function, handle, *arguments)
             value = reply.value
             if function.creates:
                 value = _CLASSES[function.creates](connection, _Origin(self, function, arguments), value.value)
@@ -95,9 +101,30 @@ class RemoteObject(CaoObject):
                 value = None if value.type == VarType.EMPTY else value
             elif value is not None:
                 value = value.value
-        if function.method.startswith(_PUT) and function.method != _KEPT_BY_CONTROLLER:
-            self._marked = True
+            if _leaves_mark(function, arguments):
+                self._marked = True
         return value if reply.code == hresult.S_OK else Coded(reply.code, value)
+
+    def _check_kept(self, function: Function[..., Any]) -> None:
+        """Refuse to tell tag and ID of a controller where they went with a lost connection."""
+        connection = self._connection
+        if self.origin is None and self._marked and self.generation != connection.generation:
+            if function.method in _OF_CLIENT:
+                raise self._lost()
+        elif self.origin is None:
+            self.generation = connection.generation
+
+    def _lost(self) -> CallError:
+        url, kind = self._connection.url, self.interface
+        return error_for(
+            hresult.E_HANDLE,
+            pick(
+                f"gateway to {url}: the connection was lost meanwhile, and with it what the client had put into this {kind}, "
+                "done with it, or fetched. Get it anew",
+                f"{url} へのゲートウェイ: 接続が一度切れたため、この {kind} に設定・実行・取り出しした内容は失われました。"
+                "取得し直してください",
+            ),
+        )
 
     async def _reach(self) -> int:
         """Return the handle; after a lost connection the objects on the way here are connected to again.
@@ -126,20 +153,32 @@ class RemoteObject(CaoObject):
         """
         connection = self._connection
         if self._marked or len(origin.arguments) < 2:
-            raise error_for(
-                hresult.E_HANDLE,
-                pick(
-                    f"gateway to {connection.url}: the connection was lost meanwhile, and with it what the client had put "
-                    f"into this {self.interface}, or fetched. Get it anew",
-                    f"{connection.url} へのゲートウェイ: 接続が一度切れたため、この {self.interface} に設定された内容、"
-                    "または取り出した内容は失われました。取得し直してください",
-                ),
-            )
+            raise self._lost()
         name, option = origin.arguments
         parent = connection.handle if origin.parent.origin is None else origin.parent.handle
         reply = await connection.ask(origin.function, parent, name, _without_create(option))
         self.handle, self.generation = reply.value.value, connection.generation
         connection.hold(_RELEASES[self.interface], self.handle)
+
+
+def _leaves_mark(function: Function[..., Any], arguments: tuple[Any, ...]) -> bool:
+    """Whether an object is not the one any more that its name tells, or knows something that only this connection has."""
+    method = function.method
+    if method.startswith(_PUT):
+        return method != _KEPT_BY_CONTROLLER
+    if function.interface == "File":
+        return method in _OTHER_FILE
+    if method != "execute":
+        return False
+    command = str(arguments[0]).strip().lower()
+    return function.interface == "Command" or (command.startswith("slv") and command.endswith("format"))
+
+
+def _too_late(url: str, function: Function[..., Any]) -> str:
+    return pick(
+        f"gateway to {url}: {function.name} was not sent, as its client waits for it no more",
+        f"{url} へのゲートウェイ: クライアントが応答を待っていないため、{function.name} は送信しませんでした",
+    )
 
 
 def _without_create(option: str) -> str:
@@ -209,8 +248,9 @@ class RemoteProvider(Provider):
         listed = upstream if isinstance(upstream, Mapping) else {"": upstream}
         self.provider_names = names
         self._upstreams = {
-            str(name): each if isinstance(each, Upstream) else Upstream(each) for name, each in listed.items()
+            str(name).strip(): each if isinstance(each, Upstream) else Upstream(each) for name, each in listed.items()
         }
+        _check_names(self._upstreams, len(listed))
         self.dialect = _common_dialect(self._upstreams)
         self._connections: set[Connection] = set()
 
@@ -235,21 +275,21 @@ class RemoteProvider(Provider):
         return made
 
     async def close(self) -> None:
-        """The server has stopped: end every connection."""
-        for connection in list(self._connections):
-            connection.close()
+        """A server has stopped, and its clients have been let go: wait until their connections have ended.
+
+        Other servers may serve this provider too, in other event loops.
+        """
         await asyncio.gather(*(connection.ended() for connection in list(self._connections)))
 
     def _choose(self, machine: str) -> tuple[Upstream, str]:
         """Return the controller that is meant, and the machine name that it is to be told."""
-        if len(self._upstreams) == 1:
-            (upstream,) = self._upstreams.values()
-            return upstream, upstream.machine or machine
         wanted = machine.strip().lower()
         for name, upstream in self._upstreams.items():
-            if name.lower() == wanted:
-                return upstream, upstream.machine or _LOCAL
+            if name.lower() == wanted != "":
+                return upstream, upstream.machine or LOCAL
         meant = [upstream for upstream in self._upstreams.values() if wanted in upstream.places]
+        if len(self._upstreams) == 1 and ("" in self._upstreams or wanted in ("", LOCAL)):
+            meant = list(self._upstreams.values())  # there is no other that could be meant
         if len(meant) == 1:
             return meant[0], meant[0].machine or machine
         names = ", ".join(self._upstreams)
@@ -259,6 +299,22 @@ class RemoteProvider(Provider):
                 f"the machine {machine!r:.80} is none of those behind this gateway: {names}",
                 f"マシン名 {machine!r:.80} は、このゲートウェイの先にありません ({names})",
             ),
+        )
+
+
+def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
+    """Refuse names by which a client could reach another controller than it means."""
+    names = [name.lower() for name in upstreams]
+    hosts = {place for upstream in upstreams.values() for place in upstream.places}
+    wrong = [name for name in names if given > 1 and (not name or name == LOCAL or name in hosts)]
+    if wrong or len(set(names)) < given:
+        raise ValueError(
+            pick(
+                "each of several controllers needs a name of its own, which is neither localhost nor the host of one: "
+                f"{', '.join(map(repr, names))}",
+                "複数のコントローラにはそれぞれ別の名前が必要です (localhost やコントローラのホスト名は使えません): "
+                f"{', '.join(map(repr, names))}",
+            )
         )
 
 

@@ -2,7 +2,7 @@
 
 An error code of the controller goes to the client as it is. What goes wrong on the way there has codes of its own:
 
-* E_CAO_REMOTE_PROVIDER (0x80000209): it cannot be reached; the call was not sent.
+* E_CAO_REMOTE_PROVIDER (0x80000209): it cannot be reached, or has forgotten the client; the call was not carried out.
 * E_NOT_CONNECTED (0x80000902): the connection was lost while the call was under way; whether it was carried out is
   not known. It is never repeated.
 * E_TIMEOUT (0x80000900): no answer in time; not known either.
@@ -47,6 +47,9 @@ from orinkit.transport.address import HttpAddress
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.gateway")
+
+LOCAL: Final = "localhost"
+"""The machine name that clients give who name none (RC8 3.1.2)."""
 
 _SLOWEST: Final = 10  # the longest time between two attempts, as a multiple of the first
 _GOODBYE: Final = 1.0  # s that Service_Stop may take
@@ -122,8 +125,12 @@ class Upstream:
     def places(self) -> tuple[str, ...]:
         """What a machine name may be that means this controller: host, and host with port; none on a serial line."""
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
-        host, port = getattr(address, "host", ""), getattr(address, "port", 0)
-        return (host.lower(), f"{host.lower()}:{port}") if host else ()
+        host, port = getattr(address, "host", "").lower(), getattr(address, "port", 0)
+        if not host:
+            return ()
+        if ":" in host:
+            return host, f"[{host}]", f"{host}:{port}", f"[{host}]:{port}"
+        return (f"{host}:{port}",) if host == LOCAL else (host, f"{host}:{port}")  # every client says localhost
 
     async def open(self, wanted: Wanted) -> tuple[AsyncClient, int]:
         """Connect for one client: Service_Start, Controller_Connect; returns the connection and the handle.
@@ -248,8 +255,8 @@ class Connection:
             self._spawn(self._part())
 
     async def ended(self) -> None:
-        """Wait until it has been closed; not for long."""
-        if self._tasks:
+        """Wait until it has been closed, if it is being closed, in this event loop; not for long."""
+        if self._closed and self._tasks and self._loop is asyncio.get_running_loop():
             await asyncio.wait(self._tasks, timeout=2 * _GOODBYE)
 
     # --- inside ---------------------------------------------------------------------------------------------------
@@ -287,8 +294,9 @@ class Connection:
             reply = await client.request(function, handle, *arguments, timeout=patience, exact=True)
         except CallError as error:
             self._answered()
-            if error.code == hresult.E_HANDLE and (client.wire.memory or client.wire.shared):
-                await self._lose(error)  # every handle here is one that it gave: it has forgotten this client
+            if error.code == hresult.E_HANDLE and await self._is_forgotten(client):
+                await self._lose(error)
+                raise error_for(hresult.E_CAO_REMOTE_PROVIDER, _forgotten(self.url)) from error
             raise
         except CallTimeout as error:
             self._at_work = False
@@ -303,6 +311,16 @@ class Connection:
             raise
         self._answered()
         return reply
+
+    async def _is_forgotten(self, client: AsyncClient) -> bool:
+        """Whether the controller has forgotten this client, of which only its handles tell: restarted, or silent too long."""
+        if not (client.wire.memory or client.wire.shared):
+            return False
+        try:
+            await client.call(f.controller_get_name, self.handle)
+        except CallError as error:
+            return error.code == hresult.E_HANDLE
+        return False
 
     def _answered(self) -> None:
         self._at_work = False
@@ -428,6 +446,15 @@ def _never_sent(url: str, error: OrinError) -> str:
     return pick(
         f"gateway to {url}: {error}. The call was not sent",
         f"{url} へのゲートウェイ: {error}。呼び出しは送信されていません",
+    )
+
+
+def _forgotten(url: str) -> str:
+    return pick(
+        f"gateway to {url}: the controller has forgotten this client, as after a restart. The call was not carried out; the "
+        "next one connects again",
+        f"{url} へのゲートウェイ: コントローラが再起動などでこのクライアントを忘れています。呼び出しは実行されていません。"
+        "次の呼び出しで再接続します",
     )
 
 

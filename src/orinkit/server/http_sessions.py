@@ -16,6 +16,7 @@ from typing import Final
 
 from orinkit import hresult
 from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.results import begin_call
 from orinkit.cao.service import ServiceOptions
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.language import pick
@@ -166,6 +167,7 @@ class HttpSession:
         return call
 
     async def _finish(self, pending: Pending, call: Call) -> None:
+        begin_call(lambda: not call.told)
         try:
             result = await result_of(pending.work)
         except BaseException as error:

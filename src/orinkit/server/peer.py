@@ -12,6 +12,7 @@ from orinkit import hresult
 from orinkit.bcap.server import Action, Close, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import Wire
 from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.results import begin_call
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.server.connections import Connections
 from orinkit.server.waiting import result_of
@@ -164,6 +165,7 @@ class Peer(ABC):
             self._set_alarm(self._conversation.deadline())
 
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
+        begin_call(lambda: self._conversation.timed_out or not self._serves(session))
         try:
             result = await result_of(pending.work)
         except BaseException as error:
