@@ -16,7 +16,7 @@ from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, 
 from orinkit.errors import AccessDenied, CallError
 from orinkit.gateway import RemoteProvider, Restricted, Rules
 from orinkit.gateway.rules import READING
-from orinkit.variant import Variant, VarType
+from orinkit.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.commands import COMMANDS
 from orinkit.virtual.rc8.extension import EXTENSION_COMMANDS
@@ -156,7 +156,37 @@ def test_lists_of_functions(patterns: tuple[str, ...], function: str, passes: bo
         (("I?",), "I*", False),
         (("I??",), "I*", False),
         (("I[0-9]*",), "I*", False),
+        (("I[!0-4]*",), "I*", False),
+        (("I??*",), "I*", False),
+        (("I?[!0]*",), "I*", False),
+        (("I[*]",), "I*", False),
+        (("?*",), "I*", False),
+        (("IO*",), "I*", False),
+        (("I*",), "IO*", False),
+        (("I*",), "I0*", False),
+        (("i*",), " I* ", True),
         (("I*",), "I*", True),
+        (("I[!1]*",), "I015", False),
+        (("I[!1]*",), "I0005", True),
+        (("I0*",), "I015", False),
+        (("I0*",), "I000", True),
+        (("IO15?",), "IO0150", True),
+        (("IO[!1]*",), "IO0150", False),
+        (("IOB[!1]*",), "IOB0150", False),
+        (("I015",), "I15", True),
+        (("Temp0?",), "Temp01", True),
+        (("[!I]*",), "\u0131" + "5", False),
+        (("[!I]*",), "\u0130" + "5", False),
+        (("[!I]*",), "\uff29" + "5", False),
+        (("[!S]*",), "\u017f" + "5", False),
+        (("[!K]*",), "\u212a" + "5", False),
+        (("I[!1]*",), "I\uff11" + "5", False),
+        (("I*",), "\u0131*", False),
+        (("I??*",), "I\uff0a", False),
+        (("部品*",), "部品1", True),
+        (("ﾜｰｸ?",), "ﾜｰｸ1", True),
+        (("Stra\u00dfe",), "stra\u00dfe", True),
+        (("[!a]*",), "\ufdfa" * 999, False),
         (("*",), "I*", True),
         (("I*", "@*"), "@MODE", True),
         (("I[12]",), "I2", True),
@@ -190,6 +220,100 @@ def test_lists_of_variables(patterns: tuple[str, ...], name: str, passes: bool) 
 )
 def test_lists_of_commands(patterns: tuple[str, ...], function: str, command: str, passes: bool) -> None:
     assert allowed(Rules(commands=patterns), function, command, "") is passes
+
+
+def test_a_command_with_letters_like_ascii_ones() -> None:
+    rules = Rules(commands=("[!K]*",))
+    assert allowed(rules, "Robot_Execute", "Motor", EMPTY)
+    assert not allowed(rules, "Robot_Execute", "\u212aill", EMPTY)
+
+
+LISTED = Rules(variables=("S*", "P1", "IO1[0-9]", "F[!5]*"))
+
+
+@pytest.mark.parametrize(
+    ("given", "passes"),
+    [
+        ("P1", True),
+        ("P01", True),
+        ("P5", False),
+        (" p 5", False),
+        ("P[ 5 ]", False),
+        ("P[I1]", False),
+        ("@P P1", True),
+        ("@PP1", True),
+        ("@PP5", False),
+        ("@E5", True),
+        ("@1e1P5", False),
+        ("@ P 10", True),
+        ("@0 (1,10),(2,20)", True),
+        ("P1, @E P5", False),
+        ("P1 EX((7, 10))", True),
+        ("\uff30\uff15", False),
+        ("P(1, 2, 3, 0, 0, 0, 5)", True),
+        ("IO15", True),
+        ("IO150", False),
+        ("IOB15", False),
+        ("SPEED=F2", True),
+        ("SPEED=F5", False),
+        ("SPEED=50, NEXT", True),
+        ("Tool5, 0xF5, 1D5", True),
+        (["P1", "P5"], False),
+        ([1, ["P1", 0], [[["J5"]]]], False),
+        ([1, ["P1", 0], [[["S5"]]]], True),
+        (Variant(VarType.BSTR | ARRAY, ["S1", "T5"]), False),
+        ("P " * 500_000 + " " * 500_000, True),
+        ("P" + "0" * 1_000_000 + "5", False),
+        ([1.0, 2.0], True),
+        (None, True),
+    ],
+)
+def test_variables_in_parameters(given: Any, passes: bool) -> None:
+    parameter = variant(given)
+    for function in ("Robot_Execute", "Controller_Execute", "Task_Execute", "File_Execute", "Extension_Execute"):
+        assert allowed(LISTED, function, "P2T", parameter) is passes
+        assert allowed(Rules(), function, "P2T", parameter)
+    assert allowed(LISTED, "Command_PutParameters", parameter) is passes
+    assert allowed(LISTED, "Robot_Move", 1, parameter, "") is passes
+    assert allowed(LISTED, "Robot_Rotate", parameter, 1.0, EMPTY, "") is passes
+    assert allowed(LISTED, "Robot_Rotate", EMPTY, 1.0, parameter, "") is passes
+    if isinstance(given, str):
+        assert allowed(LISTED, "Robot_Drive", 1, 1.0, given) is passes
+        assert allowed(LISTED, "Robot_Move", 1, EMPTY, given) is passes
+
+
+@pytest.mark.parametrize(
+    ("given", "passes"),
+    [
+        ([5, "P"], False),
+        ([1, "P"], True),
+        ([1, "J"], False),
+        ([5.0, "P"], False),
+        (Variant(VarType.UI1 | ARRAY, b"\x05\x00"), False),
+        (Variant(VarType.UI1 | ARRAY, b"\x01\x00"), True),
+        ([5, 0, -1], False),
+        (Variant(VarType.I4 | ARRAY, [5, 0, -1]), False),
+        (Variant(VarType.I4 | ARRAY, [1, 0, -1]), True),
+        ([[5, "P"], 0, 0], False),
+        ([1, [5, "P"], 10.0], False),
+        ([1, [1, "P"], 10.0], True),
+        ([[1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 5.0], "P", "@E"], True),
+        ([float(number) for number in range(7)], True),
+    ],
+)
+def test_variables_in_arrays(given: Any, passes: bool) -> None:
+    parameter = variant(given)
+    for command in ("P2T", " outrange ", "Approach", "Dev", "AddPathPoint"):
+        assert allowed(LISTED, "Robot_Execute", command, parameter) is passes
+    assert allowed(LISTED, "Robot_Execute", "Motor", parameter)
+    assert allowed(LISTED, "Command_PutParameters", parameter) is passes
+    assert allowed(LISTED, "Robot_Move", 1, parameter, "") is passes
+    assert allowed(LISTED, "Robot_Rotate", parameter, 1.0, EMPTY, "") is passes
+
+
+def test_numbers_of_other_commands_are_no_variables() -> None:
+    assert allowed(LISTED, "Robot_Execute", "Motor", variant([0, 0]))
+    assert not allowed(LISTED, "Robot_Execute", "addpathpo\u0131nt", variant([0, 0]))
 
 
 def test_a_command_object_is_executed_once_it_is_allowed() -> None:
@@ -233,6 +357,29 @@ def test_a_gateway_that_only_reads() -> None:
                 with pytest.raises(AccessDenied):
                     refused()
             assert device.state.arm.holder is None
+
+
+def test_variables_that_are_not_listed_stay_unread() -> None:
+    with orinkit.serve(VirtualRC8(motor=True), LISTEN) as server:
+        provider = Restricted(RemoteProvider(server.url), Rules(read_only=True, variables=("S*", "P1")))
+        with orinkit.serve(provider, LISTEN) as gate, orinkit.connect(gate.url) as rc8:
+            robot = rc8.robot()
+            here = robot.execute("CurPos")
+            assert robot.execute("P2J", here)
+            assert robot.execute("OutRange", "P1") is not None
+            zero = "P(0, 0, 0, 0, 0, 0, 0)"
+            refused: list[tuple[str, Any]] = [
+                ("P2T", "P5"),
+                ("P2J", [5, "P"]),
+                ("J2P", "J5"),
+                ("T2P", "T5"),
+                ("Dev", ["P5", zero]),
+                ("Dev", f"P5, {zero}"),
+                ("OutRange", [[5, "P"], 0, 0]),
+            ]
+            for command, parameter in refused:
+                with pytest.raises(AccessDenied):
+                    robot.execute(command, parameter)
 
 
 def test_around_any_provider() -> None:

@@ -2,11 +2,14 @@
 
 What is not allowed is E_ACCESSDENIED, and does not reach the provider. Lists are of shell patterns (``*``, ``?``,
 ``[12]``), upper and lower case do not matter. Connecting, disconnecting and releasing are always allowed.
+A name with letters beyond ASCII is allowed only where it is under every way in which another side may fold its case.
 """
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+import re
+import unicodedata
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from inspect import isawaitable
@@ -16,10 +19,12 @@ from orinkit import hresult
 from orinkit._pose_checks import brief
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
+from orinkit.cao.pose_arguments import read_targets
 from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider, Result
 from orinkit.cao.table import Function
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
+from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 READING: Final[Mapping[str, frozenset[str]]] = {
     interface: frozenset(name.lower() for name in names.split())
@@ -53,7 +58,25 @@ No command of a VE026A is among them: Motor, slvChangeMode, slvMove and ClearErr
 
 _COMMAND: Final = "execute"
 _LONGEST: Final = 1000  # characters of a name that is on a list
-_ANY_NAME: Final = "*" * 100  # stands for whatever a client can make of a name with a * in it
+_ANY: Final = "*"  # in the name of a variable: the client chooses the number afterwards
+_LEADING_ZEROS: Final = re.compile(r"([a-z]|io[a-z]?)0+([0-9]+)")
+_LIKE_ASCII: Final = str.maketrans({"\u0130": "i", "\u0131": "i", "\u017f": "s", "\u212a": "k"})
+_FOLDINGS: Final[tuple[Callable[[str], str], ...]] = (
+    str.lower,
+    str.casefold,
+    lambda text: text.upper().lower(),
+    lambda text: text.translate(_LIKE_ASCII).lower(),  # as re.IGNORECASE
+    lambda text: unicodedata.normalize("NFKC", text).casefold(),
+    lambda text: unicodedata.normalize("NFKC", text).translate(_LIKE_ASCII).casefold(),
+)
+_MARK: Final = re.compile(r"@\s*+(?:[pe]|[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?)")
+_REFERENCE: Final = re.compile(r"(?<![a-z0-9_])(io[bwdf]?|[ifdvpjts])\s*+(?:\[?+\s*+([0-9]++)|\[)")
+_TAKING_POSES: Final = frozenset(
+    {"p2j", "p2t", "j2p", "j2t", "t2p", "t2j", "dev", "devh", "outrange", "convertposwork"}
+    | {"approach", "addpathpoint", "settooldef", "setworkdef", "setbasedef"}
+)  # commands of the robot that read [5, "P"] as P5; for others it is two parameters
+_TEXTS: Final = VarType.BSTR | ARRAY
+_MOTIONS: Final = ("move", "rotate", "drive")
 _CREATE: Final = "@create"
 _OFF: Final = ("", "0", "false", "off", "no")
 _ALWAYS: Final = frozenset(
@@ -67,11 +90,20 @@ _ALWAYS: Final = frozenset(
 class Rules:
     """What is allowed; without any of these, everything.
 
+    A list of variables is about what a client names in a call. Programs of the controller use what they like, so a
+    client that may write a file and start it reaches every variable: have ``read_only`` too, or a list of functions
+    without ``File_*`` and ``Task_*``.
+
     Attributes:
         read_only: only what reads: functions whose names say Get, and the commands of :data:`READING`.
         functions: patterns for the documents' names: ``Robot_*``.
-        variables: patterns for the names of variables, of whatever object: ``IO1[0-9]``. A variable whose name has a
-            ``*``, of which a client chooses the number afterwards, needs a pattern that has one in its place: ``IO*``.
+        variables: patterns for the names of variables, of whatever object: ``IO1[0-9]``. Numbers are compared without
+            leading zeros: ``I015`` is ``I15``. A variable whose name has a ``*``, of which a client chooses the number
+            afterwards, is allowed only by a pattern that is this very name, or by ``*``: ``I*`` by ``I*``, not by
+            ``I??*`` or ``I[!0]*``. Variables that a call names otherwise have to be on the list too: in any text of the
+            parameters of Execute and of Command objects (``"@P P1"``), in poses (``[5, "P"]``) and options
+            (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. A Command object does not tell which numbers are
+            a pose: all that can be one count.
         commands: patterns for the commands of Execute and for Command objects, ``CurPos`` or ``Robot.CurPos`` too.
 
     Raises:
@@ -114,8 +146,9 @@ class Rules:
         command = _command_of(function, arguments)
         if self.commands and command is not None and not _allows(self.commands, function, command):
             raise _denied(f"{function.name} {command:.40}")
-        if self.variables and function.creates == "Variable" and not _covers(arguments[0], self.variables):
-            raise _denied(f"{function.name} {arguments[0]:.40}")
+        for name in _variables_in(function, arguments) if self.variables else ():
+            if not _covers(name, self.variables):
+                raise _denied(f"{function.name} {name:.40}")
         if self.read_only and not _only_reads(function, arguments):
             raise _denied(function.name if command is None else f"{function.name} {command:.40}", read_only=True)
 
@@ -247,12 +280,85 @@ def _creates_file(option: str) -> bool:
 
 
 def _matches(name: str, patterns: Iterable[str]) -> bool:
-    plain = name.strip().lower()
-    return len(plain) <= _LONGEST and any(fnmatchcase(plain, pattern.strip().lower()) for pattern in patterns)
+    return _passes(name, patterns, fnmatchcase, str.strip)
 
 
 def _covers(name: str, patterns: Iterable[str]) -> bool:
-    return len(name) <= _LONGEST and _matches(name.replace("*", _ANY_NAME), patterns)
+    """Whether a variable is on the list; see :attr:`Rules.variables`."""
+    return _passes(name, patterns, _covers_folded, _without_zeros)
+
+
+def _passes(name: str, patterns: Iterable[str], match: Callable[[str, str], bool], tidy: Callable[[str], str]) -> bool:
+    """Whether a name is on the list under every folding that another side may use."""
+    if len(name) > _LONGEST:
+        return False
+    for fold in _FOLDINGS[:1] if name.isascii() else _FOLDINGS:
+        plain = tidy(fold(name).strip())
+        if len(plain) > _LONGEST or not any(match(plain, tidy(fold(pattern).strip())) for pattern in patterns):
+            return False
+    return True
+
+
+def _covers_folded(name: str, pattern: str) -> bool:
+    return pattern in (name, _ANY) if _ANY in name else fnmatchcase(name, pattern)
+
+
+def _without_zeros(name: str) -> str:
+    """Return ``i15`` for ``i015``; names of other forms, and patterns with signs, as they are."""
+    found = _LEADING_ZEROS.fullmatch(name)
+    return f"{found[1]}{found[2]}" if found else name
+
+
+def _variables_in(function: Function[..., Any], arguments: Sequence[Any]) -> Iterator[str]:
+    """Name the variables that a call is about."""
+    if function.creates == "Variable":
+        yield str(arguments[0])
+    elif function.method == _COMMAND and function.interface != "Command":
+        arrays = function.interface == "Robot" and _takes_poses(str(arguments[0]))
+        yield from _named_in(arguments[1], arrays=arrays)
+    elif function.method == "put_parameters":
+        yield from _named_in(arguments[0], arrays=True)
+    elif function.interface == "Robot" and function.method in _MOTIONS:
+        for argument in arguments:
+            yield from _named_in(argument, arrays=True)
+
+
+def _takes_poses(command: str) -> bool:
+    """Whether a command reads arrays as poses; where it cannot be told how another side folds its name, it does."""
+    return not command.isascii() or command.strip().lower() in _TAKING_POSES
+
+
+def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
+    """Name the variables that an argument refers to, in texts and, where that is asked for, as ``[5, "P"]``."""
+    waiting = [argument]
+    while waiting:
+        given = waiting.pop()
+        value = given.value if isinstance(given, Variant) else given
+        if isinstance(value, str):
+            yield from _named_in_text(value)
+        if isinstance(given, Variant) and given.type & ARRAY:
+            if arrays:
+                yield from _named_in_array(given)
+            if given.type in (VARIANT_ARRAY, _TEXTS):
+                waiting += given.value
+
+
+def _named_in_text(text: str) -> Iterator[str]:
+    """Name ``P1``, ``P[1]``, ``@PP 1``; an index that is no number is any: ``P*``."""
+    for fold in _FOLDINGS[:1] if text.isascii() else (_FOLDINGS[0], _FOLDINGS[-1]):
+        for found in _REFERENCE.finditer(_MARK.sub(" ", fold(text))):
+            digits = found[2]
+            yield found[1].upper() + (_ANY if digits is None else digits.lstrip("0") or "0")
+
+
+def _named_in_array(given: Variant) -> Iterator[str]:
+    try:
+        targets = read_targets(given)
+    except CallError:
+        return  # no pose
+    for target in targets:
+        if isinstance(target.value, int):
+            yield f"{target.kind or 'P'}{target.value}"
 
 
 def _denied(what: str, *, read_only: bool = False) -> CallError:
