@@ -15,7 +15,21 @@ import orinkit
 from orinkit import language
 from orinkit.cli.app import build
 
-COMMANDS = ("demo", "serve", "get", "put", "call", "info", "decode", "functions", "pendant", "move", "stream", "plot", "gateway")
+COMMANDS = (
+    "demo",
+    "serve",
+    "get",
+    "put",
+    "call",
+    "info",
+    "decode",
+    "functions",
+    "pendant",
+    "move",
+    "stream",
+    "plot",
+    "gateway",
+)
 
 NO = {"--no-samples", "--no-motor", "--no-slave-licence", "--no-providers"}  # every other flag has no opposite
 
