@@ -1,0 +1,24 @@
+"""Whether a method's client still waits for it."""
+
+from __future__ import annotations
+
+from contextvars import copy_context
+
+from orinkit.cao.results import begin_call, given_up
+
+
+def test_outside_a_call_nobody_has_given_up() -> None:
+    assert not copy_context().run(given_up)
+
+
+def test_each_call_is_asked_for_itself() -> None:
+    waits = [True]
+
+    def call(patience: list[bool]) -> list[bool]:
+        begin_call(lambda: not patience[0])
+        told = [given_up()]
+        patience[0] = False
+        return [*told, given_up()]
+
+    assert copy_context().run(call, waits) == [False, True]
+    assert not copy_context().run(given_up)
