@@ -49,6 +49,7 @@ MAX_LENGTH: Final = 16 * 1024 * 1024
 """How many characters a text to parse may have."""
 
 _BLANKS: Final = " \t\r\n"  # no other: an ideographic space is part of a Japanese text
+_PIECE: Final = 10_000  # elements that are written at a time
 _SHOWN: Final = 20  # characters of a text that an error message quotes
 
 _NOTHING: Final = (VarType.EMPTY, VarType.NULL)
@@ -374,7 +375,10 @@ def _write_data(item: Variant, depth: int) -> str:
     if vt in _NOTHING:
         return ""
     write = KINDS[vt & ~ARRAY].write
-    return ",".join(map(write, value)) if vt & ARRAY else write(value)
+    if not vt & ARRAY:
+        return write(value)
+    # in pieces: other threads have to wait while Python writes one
+    return ",".join(",".join(map(write, value[at : at + _PIECE])) for at in range(0, len(value), _PIECE))
 
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:

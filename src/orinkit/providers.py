@@ -251,7 +251,9 @@ def _import(target: str, name: str) -> ModuleType:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
             raise _failed(target, _reason(error)) from error  # one that it imports itself
         raise _failed(target, _no_module(name)) from None
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise _failed(target, _reason(error)) from error
 
 
@@ -392,7 +394,9 @@ def _made(target: str, found: object) -> Provider:
         _check_arguments(target, found)
         try:
             made = found()
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise _failed(target, _reason(error)) from error
     if not isinstance(made, Provider):
         shown = _REPR.repr(made)

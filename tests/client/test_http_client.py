@@ -227,6 +227,19 @@ def test_a_stream_of_set_points_needs_b_cap() -> None:
         assert robot.joints  # the connection goes on
 
 
+def test_a_client_that_was_forgotten_is_told_so_whichever_call_hears_of_it(both: Both) -> None:
+    with orinkit.serve(Recorder(), ANYWHERE, http=HttpOptions(idle=0.1)) as server:
+        controller = both.connect(server.url, provider="Test.Recorder")
+        until(lambda: server.clients == 0)
+        with pytest.raises((CallTimeout, ConnectionLost)):
+            both.run(controller.client.request(f.controller_get_name, controller.handle, timeout=0.0001))
+        if both.loop is not None:
+            both.run(asyncio.sleep(0.1))  # the answer comes to nobody
+        with pytest.raises((ConnectionLost, ConnectionClosed)):
+            both.run(controller.get_name())
+        both.run(controller.close())
+
+
 def test_an_error_says_what_the_server_said_of_it(both: Both, server: Server) -> None:
     controller = both.connect(server.url, provider=PROVIDER)
     with pytest.raises(CallError) as caught:

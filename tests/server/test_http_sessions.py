@@ -437,14 +437,27 @@ def test_stopping_is_possible_when_as_many_calls_as_may_be_are_at_work(server: S
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)
         body = request(EXECUTE, handle, "Wait", "")
-        for _ in range(8):
-            with Web(server.url) as other:
-                other.cookie = web.cookie
-                other.send(other.head(body) + body.encode())
-                assert workshop.at_work.acquire(timeout=PATIENCE)
+        others = [Web(server.url) for _ in range(8)]
+        for other in others:
+            other.cookie = web.cookie
+            other.send(other.head(body) + body.encode())
+            assert workshop.at_work.acquire(timeout=PATIENCE)
         assert echo(web, handle) == hresult.E_BUSY_PROC
+        for stop in (70, 71, 89):  # Robot_Halt, Robot_Hold, Task_Stop: the handle is no robot's, which it has looked at
+            assert web.call(stop, handle, *([0] if stop == 89 else []), "").code == hresult.E_HANDLE
         assert web.call(2).body == OK
         assert web.call(EXECUTE, connect(web), "Echo", "").code == 0
+        for other in others:
+            other.close()
+
+
+def test_calls_that_the_client_waits_for_no_more_do_not_keep_others_out(server: Server, workshop: Workshop) -> None:
+    with Web(server.url, keeps_cookies=True) as web:
+        assert web.call(1, "InvokeTimeout=80").body == OK
+        handle = connect(web)
+        for _ in range(10):
+            assert web.call(EXECUTE, handle, "Wait", "").code == hresult.E_TIMEOUT
+        assert echo(web, handle) == 0
 
 
 @pytest.mark.parametrize("how", ["silence", "broken"])

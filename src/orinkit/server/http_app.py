@@ -17,6 +17,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from orinkit import hresult
+from orinkit.cao.functions import robot_halt, robot_hold, task_stop
 from orinkit.cao.service import ServiceOptions, read_options
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.ecap.message import Request, read_request, write_reply
@@ -39,6 +40,7 @@ LARGE: Final = 64 * 1024
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
+_STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # however much is at work
 _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
 _LARGE_AT_A_TIME: Final = 2  # threads; more would only take turns, and the event loop with them
@@ -190,7 +192,7 @@ class App:
             if not hresult.failed(reply.code):
                 session.end()
             return reply
-        if session.busy:
+        if session.busy and function_id not in _STOPPING:
             detail = pick(
                 f"{CALLS} calls of this client are at work", f"このクライアントの呼び出しを {CALLS} 件実行中です"
             )
@@ -231,6 +233,12 @@ class App:
 
     async def _answer(self, exchange: Exchange, reply: Reply) -> None:
         code, result = self._codes.get(reply.code, reply.code), reply.result
+        if (
+            result is not None
+            and isinstance(result.value, bytes)
+            and 2 * len(result.value) > self._shared.limits.packet
+        ):
+            code, result = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
         try:
             if result is not None and _is_long(result):
                 body = await self._in_thread(partial(write_reply, code, result))

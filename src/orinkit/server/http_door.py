@@ -18,6 +18,7 @@ Headers: TypeAlias = dict[bytes, bytes]
 _REMEMBERED: Final = 64  # headers that have been looked at
 _FORM: Final = b"application/x-www-form-urlencoded"
 _UTF8: Final = (b"utf-8", b"utf8")
+_WEB: Final = {"http": "80", "https": "443"}  # schemes of pages, and their ports
 
 
 class Door:
@@ -67,10 +68,10 @@ class Door:
 
     def _is_own(self, origin: bytes, host: bytes) -> bool:
         """Whether a web page is of this server itself."""
-        _, mark, place = origin.decode("latin-1").lower().partition("://")
+        scheme, mark, place = origin.decode("latin-1").lower().partition("://")
         called = host.decode("latin-1").lower()
-        scheme_port = "443" if origin[:6].lower() == b"https:" else "80"
-        return bool(mark and called) and (
+        scheme_port = _WEB.get(scheme, "")
+        return bool(scheme_port and mark and called) and (
             place == called or _host_and_port(place, scheme_port) == _host_and_port(called, self._port)
         )
 

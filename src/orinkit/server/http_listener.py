@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import ssl
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
@@ -53,6 +54,7 @@ class HttpListener:
         from orinkit.server.http_guard import Entrance, Guard, GuardedProtocol
 
         context = _context(address, options) if address.scheme == "https" else None
+        options = replace(options, hosts=(*options.hosts, address.host))  # by which clients are told to call it
         app = App(shared, options, secure=context is not None)
         config = _config(app)
         state = ServerState()

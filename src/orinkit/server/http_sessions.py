@@ -27,6 +27,7 @@ logger = logging.getLogger("orinkit.server")
 
 CALLS: Final = 8
 """How many calls of one client may be at work at a time."""
+_MOST_CALLS: Final = 8 * CALLS  # those that it waits for no more too
 FORGOTTEN_AFTER: Final = 10.0
 """Seconds of silence after which a client is forgotten whose connection broke while its call was at work, or whose cookie
 never came back."""
@@ -136,8 +137,9 @@ class HttpSession:
 
     @property
     def busy(self) -> bool:
-        """Whether as many of its calls are at work as may be."""
-        return len(self._calls) >= CALLS
+        """Whether as many of its calls are at work as may be; those that it has given up count less."""
+        waited_for = sum(call.told for call in self._calls)
+        return waited_for >= CALLS or len(self._calls) >= _MOST_CALLS
 
     @property
     def idle(self) -> bool:

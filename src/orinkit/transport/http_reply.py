@@ -162,6 +162,7 @@ class Contact:
         self.patience = PATIENCE
         self.tells: bool | None = None
         self._token = _checked(access.token)
+        self._forgotten = False
         self._cookies: dict[str, str] = {}
 
     @property
@@ -175,7 +176,12 @@ class Contact:
 
         Args:
             seconds: that its answer is waited for; a sign of work comes twice in that time at least.
+
+        Raises:
+            ConnectionLost: the server knows this client no more.
         """
+        if self._forgotten:
+            raise _forgotten()
         fields = [
             ("Accept-Encoding", "identity"),
             ("User-Agent", "orinkit"),
@@ -206,6 +212,9 @@ class Contact:
         self.tells = any(name == _EXECUTING.lower() for name, _ in known)
         replaced = [self._keep(value) for name, value in known if name == "set-cookie"]
         if any(replaced):
+            self._forgotten = (
+                True  # for good, whoever hears of it: what comes now is of a session that nobody has begun
+            )
             raise _forgotten()
         for name, value in known:
             if name == "content-encoding" and value.strip().lower() not in _PLAIN:
