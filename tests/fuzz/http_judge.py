@@ -241,12 +241,14 @@ def converse(address: tuple[str, int], stream: bytes, wanted: Expected, limits: 
         while len(reader.answers) < due or ends:
             if time.monotonic() > deadline:
                 raise Broken(f"hangs: {len(reader.answers)} of {due} answers have come, then {reader.pending[:200]!r}")
-            readable, writable, _ = select.select([connection], [connection] if unsent else [], [], 1.0)
+            waited = select.poll()  # not select(), which knows descriptors up to 1,023 only
+            waited.register(connection, select.POLLIN | (select.POLLOUT if unsent else 0))
+            events = sum(event for _, event in waited.poll(1000))
             received = None
             try:
-                if writable:
+                if unsent and events & select.POLLOUT:
                     unsent = unsent[connection.send(unsent[:65536]) :]
-                if readable:
+                if events & ~select.POLLOUT:
                     received = connection.recv(1 << 20)
             except ConnectionError:
                 reset = True
