@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 from collections.abc import Iterator
@@ -27,6 +28,14 @@ def _english() -> Iterator[None]:
     language.use("en")
     yield
     language.use(before)
+
+
+@pytest.fixture
+def no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    """Neither by the library nor by asyncio: an error in the log is a bug, or a device's, which a test clears away."""
+    yield
+    # not caplog.records, which are those of the ending itself by now
+    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
 
 
 @pytest.fixture(params=["sync", "async"])

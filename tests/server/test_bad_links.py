@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections import Counter
-from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -21,10 +19,7 @@ SHORT = 0.04  # s for one try
 EARLY = 0.005  # s by which a clock may be early
 
 
-@pytest.fixture(autouse=True)
-def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    yield
-    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
+pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 
 
 # --- a client that counts ---------------------------------------------------------------------------------------------

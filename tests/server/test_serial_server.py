@@ -42,13 +42,10 @@ from peers import RawClient
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 DESCRIPTORS = Path("/proc/self/fd")
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="there are no pseudo-terminals")
-
-
-@pytest.fixture(autouse=True)
-def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    yield
-    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
+pytestmark = [
+    pytest.mark.skipif(not hasattr(os, "openpty"), reason="there are no pseudo-terminals"),
+    pytest.mark.usefixtures("no_errors_are_logged"),
+]
 
 
 @pytest.fixture

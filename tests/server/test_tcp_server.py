@@ -30,11 +30,7 @@ VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.j
 PATIENT = 20.0
 
 
-@pytest.fixture(autouse=True)
-def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    """Neither by the library nor by asyncio: an error in the log is a bug of the server, or of a device."""
-    yield
-    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
+pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 
 
 @pytest.fixture

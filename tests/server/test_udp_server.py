@@ -49,10 +49,7 @@ VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.j
 DESCRIPTORS = Path("/proc/self/fd")
 
 
-@pytest.fixture(autouse=True)
-def _no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    yield
-    assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
+pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 
 
 @pytest.fixture
