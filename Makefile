@@ -15,7 +15,7 @@ demo: setup-all ## a client and a virtual RC8 talk, every packet explained / ク
 # The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others: three files
 # at a time, for many of them wait; those that stream in real time alone.
 CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \
-	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py) tests/cao tests/bcap tests/ecap tests/properties
+	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py tests/test_can_frame.py) tests/cao tests/bcap tests/ecap tests/abh3 tests/properties
 
 # These wait for minutes in real time: they begin first.
 LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot.py tests/cli/test_demo_ve026a.py

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 
 import virtual as bench_virtual
+from abh3 import abh3
 from ecap import ecap
 from gateway import gateway
 from measuring import alternate, each_us, in_turn, line, on_core, process
@@ -172,6 +173,7 @@ def main() -> None:
     ecap(500 // scale, 2.0 / scale)
     gateway(500 // scale)
     virtual(500 // scale)
+    abh3(800 // scale, 20.0 / scale)
     start_up(15 // scale or 1)
 
 

@@ -52,7 +52,7 @@ DOCUMENTS = [*TWINS, "CHANGELOG.md", *sorted(str(page.relative_to(ROOT)) for pag
 ADDRESS = re.compile(r"127\.0\.0\.1:(\d+)|192\.168\.0\.1(?::5007)?(?![\d.:])")
 TERMINAL = re.compile(r"/dev/(?:pts/|ttys)\d+")
 VIRTUAL = "127.0.0.1:5007"
-SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a| device)", re.MULTILINE)
+SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a| device| abh3)", re.MULTILINE)
 LISTENING = ("--tcp", "--udp", "--serial", "--pty", "--http")
 SAVED = re.compile(r"<!-- saved as: (\w+\.py) -->")
 CURL = re.compile(r"^\$ (?:curl|sh examples/)", re.MULTILINE)
@@ -158,7 +158,7 @@ class Terminal:
         return done.stdout if done.stdout.endswith("\n") or not done.stdout else f"{done.stdout}\n"
 
     def _serve(self, arguments: list[str], extra: dict[str, str], shown: str) -> str:
-        if not any(word in LISTENING for word in arguments):
+        if not any(word in LISTENING for word in arguments) and arguments[1:2] != ["abh3"]:  # that is on a CAN bus
             arguments += ["--tcp", self.addresses.real(VIRTUAL)]
         log = Path(f"serve{len(self._served)}.log").open("w+", encoding="utf-8")  # noqa: SIM115 - closed in kill()
         process = subprocess.Popen(

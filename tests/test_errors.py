@@ -22,6 +22,8 @@ from orinkit.errors import (
     ConnectionClosed,
     ConnectionLost,
     ControllerError,
+    DriverFault,
+    DriverTimeout,
     ExecutionTimeout,
     GeneralError,
     InvalidAddress,
@@ -138,6 +140,8 @@ def test_the_tree_is_as_drawn_in_the_docstring():
         (ConnectionLost, TransportError),
         (ConnectionClosed, TransportError),
         (CallTimeout, TimeoutError),
+        (DriverTimeout, CallTimeout),
+        (DriverFault, OrinError),
         (NotImplementedCall, GeneralError),
         (ObjectNotFound, CaoError),
         (AlreadyRegistered, CaoError),
@@ -211,10 +215,44 @@ def test_a_protocol_error_has_the_code_a_server_answers_with():
     assert (str(error), error.code, error.fatal) == ("too long", hresult.E_PACKETSIZEOVER, True)
 
 
+def test_a_driver_that_does_not_answer():
+    error = DriverTimeout("abh3_can_cmd", 2.5, 0)
+    assert isinstance(error, TimeoutError)
+    assert (error.function, error.seconds, error.tries, error.address) == ("abh3_can_cmd", 2.5, 1, 0)
+    assert str(error).startswith(
+        "abh3_can_cmd: ABH3 0 did not answer within 2.5 s; whether the command was taken is not known. Try: "
+    )
+    language.use("ja")
+    assert str(error).startswith("abh3_can_cmd: 2.5 秒以内にABH3 0 から応答がありません。")
+    assert "対処: 電源、ボーレート" in str(error)
+
+
+def test_no_driver_answers():
+    error = DriverTimeout("abh3_can_reqBRDBRD", 1.0, None)
+    assert error.address is None
+    assert str(error).startswith("abh3_can_reqBRDBRD: no ABH3 did answer within 1 s; ")
+    language.use("ja")
+    assert str(error).startswith("abh3_can_reqBRDBRD: 1 秒以内にどの ABH3 からも応答がありません。")
+
+
+def test_a_driver_with_errors():
+    error = DriverFault(0x00400004, 0x00000020, ("driver overheated", "CAN"))
+    assert (error.errors, error.warnings, error.texts) == (0x00400004, 0x20, ("driver overheated", "CAN"))
+    assert "driver overheated, CAN (errors 0x00400004, warnings 0x00000020)" in str(error)
+    assert "Try: " in str(error)
+    assert ": - (errors 0x00000000, warnings 0x10000000)" in str(DriverFault(0, 1 << 28))
+    assert DriverFault(0, 1).texts == ()
+    language.use("ja")
+    assert "driver overheated, CAN (異常 0x00400004, 警告 0x00000020)" in str(error)
+    assert "対処: " in str(error)
+
+
 # --- pickle and copy --------------------------------------------------------------------------------------------------
 
 SAMPLES = {
     CallTimeout: [("Robot_Move", 2.5)],
+    DriverTimeout: [("abh3_can_cmd", 1.0, 1), ("abh3_can_reqBRDBRD", 0.5, None)],
+    DriverFault: [(0x00400000, 4), (4, 0, ("driver overheated",))],
     ProtocolError: [("text",), ("text", hresult.E_INVALIDARGTYPE)],
     LimitExceeded: [("text", hresult.E_ARGSIZEOVER)],
 }

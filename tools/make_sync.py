@@ -1,4 +1,4 @@
-"""Make the synchronous client from the asynchronous one: ``python tools/make_sync.py [--check]``.
+"""Make the synchronous clients from the asynchronous ones: ``python tools/make_sync.py [--check]``.
 
 Words are replaced by a table; ``__await__`` is left out; every ``get_x`` without arguments (and its ``put_x``) becomes a
 property ``x`` as well.
@@ -13,8 +13,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-CLIENT = Path(__file__).parent.parent / "src" / "orinkit" / "client"
-PAIRS = (
+PACKAGE = Path(__file__).parent.parent / "src" / "orinkit"
+CLIENT = (
     ("_async_client.py", "_sync_client.py"),
     ("_async_nodes.py", "_sync_nodes.py"),
     ("_async_motion.py", "_sync_motion.py"),
@@ -25,6 +25,16 @@ PAIRS = (
     ("_async_task.py", "_sync_task.py"),
     ("_async.py", "_sync.py"),
 )
+ABH3 = (
+    ("_async_shared.py", "_sync_shared.py"),
+    ("_async_driver.py", "_sync_driver.py"),
+    ("_async_bus.py", "_sync_bus.py"),
+)
+PAIRS = [
+    (PACKAGE / folder / source, PACKAGE / folder / target)
+    for folder, pairs in (("client", CLIENT), ("abh3", ABH3))
+    for source, target in pairs
+]
 
 HEADER = '''"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
 
@@ -45,6 +55,8 @@ REPLACEMENTS = (
     (r"\bAwaitable\[None\]", "None"),
     (r"import asyncio\n", "import threading\n"),
     (r"asyncio\.Lock\(\)", "threading.RLock()"),
+    (r"_async_shared\b", "_sync_shared"),
+    (r"_async_driver\b", "_sync_driver"),
     (r"_async_client\b", "_sync_client"),
     (r"_async_nodes\b", "_sync_nodes"),
     (r"_async_motion\b", "_sync_motion"),
@@ -54,16 +66,19 @@ REPLACEMENTS = (
     (r"_async_robot\b", "_sync_robot"),
     (r"_async_task\b", "_sync_task"),
     (r"\barun\b", "run"),
+    (r"\barun_can\b", "run_can"),
     (r"\basay_goodbye\b", "say_goodbye"),
     (r"\bapause\b", "pause"),
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),
     (r"transport\.aio_links", "transport.links"),
+    (r"transport\.aio_can_line", "transport.can_line"),
     (r"\bAsync([A-Z]\w*)", r"\1"),
     (
         r"several tasks may use one client\. A call that is cancelled or times out",
         "several threads may use one client. A call that times out",
     ),
+    ("several tasks may use one driver", "several threads may use one driver"),
 )
 
 
@@ -129,7 +144,7 @@ def main() -> int:
     """Write the files, or with --check say whether they are current."""
     used: set[str] = set()
     stale = []
-    for source, target in ((CLIENT / a, CLIENT / b) for a, b in PAIRS):
+    for source, target in PAIRS:
         text = make(source, used)
         if not target.exists() or target.read_text(encoding="utf-8") != text:
             stale.append(target.name)

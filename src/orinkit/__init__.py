@@ -26,6 +26,7 @@ from orinkit.device import Device, Part, command, variable
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
 from orinkit.poses import J, P, T, V
 from orinkit.server.background import Server, serve
+from orinkit.server.can_server import serve_can
 from orinkit.server.http_options import HttpOptions
 from orinkit.variant import Variant, VarType
 
@@ -64,5 +65,6 @@ __all__ = [
     "functions",
     "open_client",
     "serve",
+    "serve_can",
     "variable",
 ]

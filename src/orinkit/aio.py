@@ -9,10 +9,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Generator
+from collections.abc import Callable, Coroutine
 from functools import wraps
-from types import TracebackType
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from orinkit.client._async import (
     AsyncCommand,
@@ -27,6 +26,7 @@ from orinkit.client._async_motion import AsyncMotion
 from orinkit.client._async_nodes import AsyncVariable
 from orinkit.client._async_robot import AsyncRobot
 from orinkit.client._async_task import AsyncTask
+from orinkit.opening import Opening
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [
@@ -48,27 +48,6 @@ __all__ = [
 
 P = ParamSpec("P")
 C = TypeVar("C", bound=AsyncController | AsyncClient)
-
-
-class Opening(Generic[C]):
-    """Something that is being opened: ``async with`` opens and closes it, ``await`` only opens it."""
-
-    def __init__(self, opening: Coroutine[Any, Any, C]) -> None:
-        self._opening = opening
-        self._opened: C | None = None
-
-    def __await__(self) -> Generator[Any, Any, C]:
-        return self._opening.__await__()
-
-    async def __aenter__(self) -> C:
-        self._opened = await self._opening
-        return self._opened
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        assert self._opened is not None
-        await self._opened.close()
 
 
 def _opening(function: Callable[P, Coroutine[Any, Any, C]]) -> Callable[P, Opening[C]]:

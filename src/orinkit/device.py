@@ -76,7 +76,8 @@ READABLE: Final = 1
 """Attribute bit of a variable that can be read."""
 WRITABLE: Final = 2
 """Attribute bit of a variable that can be written."""
-_DESCRIBE: Final = "geterrordescription"
+DESCRIBE: Final = "geterrordescription"
+"""The command that asks for it, in lower case."""
 _DESCRIBED: Final = 1000  # characters of an error's description
 _DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
 """By class, what it and its bases declare; not kept in the class, where every name is its author's."""
@@ -321,6 +322,20 @@ def _among(name: str, names: Sequence[str]) -> str:
     )
 
 
+def describe_error(reason: Callable[[int], str], parameter: Variant) -> str:
+    """Return what the command GetErrorDescription answers: what went wrong in words, else the text of the code.
+
+    Args:
+        reason: of the client, as :attr:`ClientInfo.reason`.
+        parameter: of the command, a return code.
+
+    Raises:
+        CallError: E_INVALIDARG, E_INVALIDARGTYPE; it is none.
+    """
+    code = _code_in(parameter)
+    return reason(code)[:_DESCRIBED] or hresult.lookup(code).text
+
+
 def _code_in(parameter: Variant) -> int:
     """Return a return code, signed or unsigned.
 
@@ -363,9 +378,8 @@ class _PartController(_PartObject, ControllerObject):
         self._reason = reason
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        if command.lower() == _DESCRIBE and _declared(self.part, "Command", command) is None:
-            code = _code_in(parameter)
-            return self._reason(code)[:_DESCRIBED] or hresult.lookup(code).text
+        if command.lower() == DESCRIBE and _declared(self.part, "Command", command) is None:
+            return describe_error(self._reason, parameter)
         return super().execute(command, parameter)
 
     def get_extension(self, name: str, option: str) -> ExtensionObject:

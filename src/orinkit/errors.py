@@ -17,6 +17,8 @@
     ├── ObjectReleased                     an object was used after it was closed here
     ├── StreamError                        streaming in slave mode has ended, or cannot begin
     ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
+    │   └── DriverTimeout                  ... of an ABH3 motor driver
+    ├── DriverFault                        an ABH3 motor driver has errors that a reset does not clear
     └── CallError                          the controller answered with an error code
         ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx
         │   ├── NotImplementedCall         E_NOTIMPL
@@ -157,6 +159,61 @@ class CallTimeout(OrinError, TimeoutError):
             f"{self.function}: {self.seconds:g} 秒以内に応答がありません。実行されたかどうかは不明です"
             f"{f' ({self.tries} 回送信しましたが、実行は多くても 1 回です)' if several else ''}。"
             f"対処: timeout を長く{'して' if several else 'するか、WDT オプションで実行中通知を有効にして'}ください",
+        )
+
+
+class DriverTimeout(CallTimeout):
+    """An ABH3 motor driver did not answer; whether it took the command is not known.
+
+    Attributes:
+        address: of the driver; ``None`` where all of them were asked.
+    """
+
+    def __init__(self, function: str, seconds: float, address: int | None) -> None:
+        super().__init__(function, seconds)
+        self.address = address
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.function, self.seconds, self.address)
+
+    def __str__(self) -> str:
+        en, ja = (
+            ("no ABH3", "どの ABH3 からも")
+            if self.address is None
+            else (f"ABH3 {self.address}", f"ABH3 {self.address} から")
+        )
+        no = "" if self.address is None else " not"
+        return pick(
+            f"{self.function}: {en} did{no} answer within {self.seconds:g} s; whether the command was taken is not known. "
+            "Try: is the driver on, do bit rate, its address, group and the host's address fit its parameters, is the bus "
+            "terminated, may it answer (single packet 0 mode)?",
+            f"{self.function}: {self.seconds:g} 秒以内に{ja}応答がありません。指令が受け付けられたかどうかは不明です。"
+            "対処: 電源、ボーレート、ABH3 アドレス、グループ番号、ホスト機器アドレス、終端抵抗、シングルパケット 0 送信方式を確認してください",
+        )
+
+
+class DriverFault(OrinError):
+    """An ABH3 motor driver has errors that a reset does not clear.
+
+    Attributes:
+        errors: its error flags (document 2.3).
+        warnings: its warning flags.
+        texts: what they say.
+    """
+
+    def __init__(self, errors: int, warnings: int, texts: tuple[str, ...] = ()) -> None:
+        super().__init__(errors, warnings, texts)
+        self.errors = errors
+        self.warnings = warnings
+        self.texts = texts
+
+    def __str__(self) -> str:
+        texts = ", ".join(self.texts) or "-"
+        return pick(
+            f"the driver still has errors after a reset: {texts} (errors 0x{self.errors:08X}, warnings 0x{self.warnings:08X}). "
+            "Try: mend the cause, then reset_errors() again",
+            f"リセット後も異常が残っています: {texts} (異常 0x{self.errors:08X}, 警告 0x{self.warnings:08X})。"
+            "対処: 原因を取り除いてから、もう一度 reset_errors() を呼んでください",
         )
 
 

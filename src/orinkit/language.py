@@ -1,7 +1,8 @@
 """Which language user-visible text is in: English or Japanese.
 
 The choice is made once, from ``ORINKIT_LANG``, ``LC_ALL``, ``LC_MESSAGES`` or ``LANG`` (first one set), and may be
-changed at any time with :func:`use`.
+changed at any time with :func:`use`. Whatever the language, a text in which somebody else's may be is made
+:func:`printable` for a terminal or a log.
 """
 
 from __future__ import annotations
@@ -39,3 +40,8 @@ def current() -> Language:
 def pick(en: str, ja: str) -> str:
     """Return the one of two texts that is in the language in force."""
     return ja if _current == "ja" else en
+
+
+def printable(text: str) -> str:
+    """Return a text as one line with its control characters visible: it must not steer the terminal it is shown on."""
+    return text if text.isprintable() else "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)

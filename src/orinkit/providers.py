@@ -48,6 +48,10 @@ _REPR: Final = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = _SHOWN
 
 
+BUILT_IN: Final = {"caoprov.waco.abh3": "orinkit.gateway.abh3:ABH3Provider"}
+"""Providers of orinkit that are served where they are named only, by their names in lower case."""
+
+
 class Installed(NamedTuple):
     """An entry point of an installed package.
 
@@ -86,7 +90,7 @@ def load(target: str) -> Provider:
         entry = _named(target)
         if entry is not None:
             return _load_entry(entry)
-        name, _, attribute = target.partition(":")
+        name, _, attribute = BUILT_IN.get(target.lower(), target).partition(":")
         module = _import(target, name)
     return _reachable(target, _made(target, _find(target, module, attribute)))
 

@@ -96,7 +96,7 @@ def test_the_longest_text():
 @given(st.text(st.sampled_from("aB=,()[]<>'\" 1"), max_size=40) | st.text())
 def test_any_text_is_read(text):
     options = Options(text)
-    for name in options._values:
+    for name in options.names:
         assert name in options
         assert name == name.strip().lower()
         assert name
@@ -105,4 +105,5 @@ def test_any_text_is_read(text):
 @given(st.dictionaries(st.text("abc", min_size=1), st.text("123xyz"), max_size=5))
 def test_what_was_written_is_read(pairs):
     text = ",".join(f"{name}={value}" for name, value in pairs.items())
-    assert Options(text)._values == pairs
+    options = Options(text)
+    assert {name: options.text_of(name) for name in options.names} == pairs

@@ -258,6 +258,13 @@ def test_positional_or_named_it_is_the_same(entry, data):
     assert entry.bind(tuple(values[:given]), named) == tuple(values)
 
 
+def test_errors_say_where_an_argument_is():
+    assert functions.robot_move.where(1) == "Robot_Move, argument 1 (handle): "
+    assert functions.robot_move.where(3) == "Robot_Move, argument 3 (pose): "
+    language.use("ja")
+    assert functions.robot_move.where(4) == "Robot_Move の第 4 引数 (option): "
+
+
 # --- find -------------------------------------------------------------------------------------------------------------
 
 

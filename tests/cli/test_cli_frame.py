@@ -29,6 +29,7 @@ COMMANDS = (
     "stream",
     "plot",
     "gateway",
+    "abh3",
 )
 
 NO = {"--no-samples", "--no-motor", "--no-slave-licence", "--no-providers"}  # every other flag has no opposite
@@ -49,7 +50,9 @@ def test_help_names_every_command(run, argv):
         assert f"│ {command} " in done.out
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "serve rc8", "serve device"])
+@pytest.mark.parametrize(
+    "command", [*COMMANDS, "serve rc8", "serve device", "serve abh3", "abh3 monitor", "abh3 decode", "abh3 dbc"]
+)
 def test_every_command_has_help(run, command):
     done = run(*command.split(), "--help")
     assert (done.code, done.err) == (0, "")
@@ -103,9 +106,12 @@ def test_help_loads_nothing_that_only_commands_need(program):
     [
         (
             ["frob"],
-            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot, gateway? (see orinkit --help)",
+            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot, gateway, abh3? (see orinkit --help)",
         ),
-        (["serve", "frob"], "there is no command frob; did you mean rc8, ve026a, device? (see orinkit serve --help)"),
+        (
+            ["serve", "frob"],
+            "there is no command frob; did you mean rc8, ve026a, abh3, device? (see orinkit serve --help)",
+        ),
         (["get"], "URL is missing (see orinkit get --help)"),
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),

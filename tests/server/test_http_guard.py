@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 from callers import until
-from test_http_server import EXECUTE, OK, PATIENCE, Web, certificate, connect, curl, request
+from test_http_server import EXECUTE, GET_VARIABLE, OK, PATIENCE, Web, certificate, connect, curl, request
 
 import orinkit
 from devices import Workshop
 from orinkit import hresult
-from orinkit.server import http_guard
+from orinkit.server import http_guard, http_sessions
 from orinkit.server.background import Server
-from orinkit.server.http_guard import Stage
+from orinkit.server.http_guard import HELD, Joining, Stage
 from orinkit.server.http_options import HttpOptions
 
 DESCRIPTORS = Path("/proc/self/fd")
@@ -272,6 +272,159 @@ def test_a_client_that_half_closes_after_its_request_is_answered_if_that_is_quic
             web.socket.shutdown(socket.SHUT_WR)
             assert web.answer().body == OK
             assert web.ended()
+
+
+# --- more than was asked ----------------------------------------------------------------------------------------------
+
+
+def whole(web: Web, body: str) -> bytes:
+    return web.head(body) + body.encode()
+
+
+@pytest.mark.parametrize("secure", [False, True], ids=["http", "https"])
+@pytest.mark.parametrize("later", [False, True], ids=["together", "later"])
+@pytest.mark.parametrize(
+    "behind", ["nothing", "a line end", "a letter", "a header", "a request", "40 requests", "60 KiB"]
+)
+def test_the_end_of_a_client_is_seen_whatever_it_has_sent_behind_its_call(
+    workshop: Workshop,
+    certificate: tuple[Path, Path],
+    monkeypatch: pytest.MonkeyPatch,
+    behind: str,
+    later: bool,
+    secure: bool,
+) -> None:
+    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", SOON)
+    cert, key = certificate
+    options = HttpOptions(cert=str(cert), key=str(key)) if secure else HttpOptions()
+    context = ssl.create_default_context(cafile=str(cert)) if secure else None
+    with orinkit.serve(workshop, f"{'https' if secure else 'http'}://127.0.0.1:0", http=options) as server:
+        web = Web(server.url, keeps_cookies=True, context=context)
+        handle = connect(web)
+        web.call(GET_VARIABLE, handle, "kept", "")
+        call, next_one = (
+            whole(web, request(*each)) for each in ((EXECUTE, handle, "Wait"), (GET_VARIABLE, handle, "v"))
+        )
+        more = {
+            "nothing": b"",
+            "a line end": b"\r\n",
+            "a letter": b"P",
+            "a header": next_one[:-10],
+            "a request": next_one,
+            "40 requests": next_one * 40,
+            "60 KiB": web.head("x" * 60_000) + b"Func=1,Arg1=" + b"x" * 59_988,
+        }[behind]
+        web.send(call if later else call + more)
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        if later:
+            for piece in (more[: len(more) // 2], more[len(more) // 2 :]):
+                web.send(piece)
+        web.close()
+        assert workshop.cancelled.acquire(timeout=PATIENCE)
+        until(lambda: server.clients == 0)
+        assert (workshop.made, workshop.released) == (["kept"], ["kept", "Controller"])
+
+
+def test_the_end_of_a_client_is_seen_that_would_rather_speak_http_2(
+    server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Programs in Java say so with each request, and send header and body one after the other."""
+    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", SOON)
+    for number in range(5):
+        web = Web(server.url, keeps_cookies=True)
+        body = request(EXECUTE, connect(web), "Wait")
+        web.send(web.head(body, Connection="Upgrade, HTTP2-Settings", Upgrade="h2c", HTTP2_Settings="AAEAAEAA"))
+        with Web(server.url) as other:
+            assert other.call(1).body == OK  # so the header has been read
+        web.send(body.encode())
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        web.close()
+        assert workshop.cancelled.acquire(timeout=PATIENCE), number
+
+
+@pytest.mark.parametrize("behind", [b"\r\n", b"P", b"Func=1"])
+def test_bytes_behind_a_last_request_do_not_cost_its_answer(server: Server, workshop: Workshop, behind: bytes) -> None:
+    with Web(server.url, keeps_cookies=True) as web:
+        body = request(EXECUTE, connect(web), "Wait", "3,1")
+        web.send(web.head(body, Connection="close") + body.encode())
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        for _ in range(3):
+            web.send(behind)
+        workshop.gate.set()
+        assert web.answer().result == "3,1"
+        assert web.ended()
+
+
+def test_quick_requests_are_all_answered_to_a_client_that_half_closes_behind_them(server: Server) -> None:
+    for _ in range(20):
+        with Web(server.url) as web:
+            web.send(whole(web, "Func=1") * 5)
+            web.socket.shutdown(socket.SHUT_WR)
+            assert web.rest().count(b"HTTP/1.1 200") == 5
+
+
+def echoes(web: Web, handle: int, texts: list[str]) -> bytes:
+    """Return a request for each text, all in one."""
+    return b"".join(whole(web, request(EXECUTE, handle, "Echo", f"8,{text}")) for text in texts)
+
+
+@pytest.mark.parametrize("longest", [1, 7, 300, 5_000])
+def test_requests_in_odd_pieces_are_answered_in_order(server: Server, workshop: Workshop, longest: int) -> None:
+    texts = [str(number) * (number % 9) for number in range(20 * min(longest, 10))]
+    with Web(server.url, keeps_cookies=True) as web:
+        handle = connect(web)
+        data = whole(web, request(EXECUTE, handle, "Wait", "8,first")) + echoes(web, handle, texts)
+        dice = random.Random(7)
+
+        def send() -> None:
+            place = 0
+            while place < len(data):
+                count = dice.randint(1, longest)
+                web.send(data[place : place + count])
+                place += count
+
+        sender = threading.Thread(target=send)
+        sender.start()
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        if longest < 300:
+            sender.join(PATIENCE)  # all of it comes while the first one is at work; else some of it does
+        workshop.gate.set()
+        assert [web.answer().result for _ in range(len(texts) + 1)] == ["8,first", *(f"8,{text}" for text in texts)]
+        sender.join(PATIENCE)
+        assert works(web, handle, 1)
+
+
+def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
+    server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = [0]
+
+    class Measured(Joining):
+        def receive_data(self, data: bytes) -> None:
+            super().receive_data(data)
+            kept.append(len(self.trailing_data[0]))
+
+    monkeypatch.setattr(http_guard, "Joining", Measured)
+    texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(300)]
+    with Web(server.url, keeps_cookies=True) as web:
+        handle = connect(web)
+        web.send(whole(web, request(EXECUTE, handle, "Wait", "8,first")))
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        sender = threading.Thread(target=web.send, args=(echoes(web, handle, texts),))
+        sender.start()
+        until(lambda: max(kept) >= HELD)
+        assert server.clients == 1
+        with Web(server.url) as other:  # and nobody has to wait for that
+            for _ in range(20):
+                assert other.call(1).body == OK
+        assert max(kept) < HELD + 65536
+        workshop.gate.set()
+        assert web.answer().result == "8,first"
+        for text in texts:
+            assert web.answer().result == f"8,{text}"
+        sender.join(PATIENCE)
+        assert max(kept) < HELD + 2 * 65536
+        assert works(web, handle, 1)
 
 
 # --- TLS --------------------------------------------------------------------------------------------------------------

@@ -459,9 +459,9 @@ def test_calls_that_the_client_waits_for_no_more_do_not_keep_others_out(server: 
         assert echo(web, handle) == 0
 
 
-@pytest.mark.parametrize("how", ["silence", "broken"])
+@pytest.mark.parametrize("how", ["silence", "broken", "broken with another request begun"])
 def test_an_arm_whose_client_is_gone_stops_within_its_limits(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if how == "broken":
+    if how != "silence":
         forgotten_after(monkeypatch, 0.2)
     device = VirtualRC8(clock=Clock(2), motor=True)
     options = HttpOptions(idle=0.4 if how == "silence" else 60.0)
@@ -484,7 +484,9 @@ def test_an_arm_whose_client_is_gone_stops_within_its_limits(how: str, monkeypat
         with pytest.raises(orinkit.CallError) as caught:
             watching.execute("TakeArm", [0, 0])
         assert caught.value.code == hresult.ARM_NOT_TAKEN
-        if how == "broken":
+        if how == "broken with another request begun":
+            web.send(b"POST /")
+        if how != "silence":
             web.close()
         until(lambda: not arm.busy)
         watching.execute("StopLog")

@@ -151,7 +151,7 @@ def test_pseudo_terminals() -> None:
         ("tcp://a[b]:1", "a host and perhaps a port are needed"),
         ("udp://a:b", "port 'b' is not 0 to 65535"),
         ("udp://5007", "5007 is no host"),
-        ("can://can0", "can is not there yet"),
+        ("can:", "an interface of python-can is needed"),
         ("gopher://x", "unknown transport 'gopher'"),
         ("serial://", "a serial port is needed"),
         ("serial://?baudrate=1", "a serial port is needed"),

@@ -318,12 +318,5 @@ def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Ex
         try:
             _BY_TYPE[argument.vt](value)
         except (InvalidValue, TypeError) as reason:
-            return InvalidValue(_where(function, number, argument) + str(reason))
+            return InvalidValue(function.where(number) + str(reason))
     return InvalidValue(f"{function.name}: {error}")
-
-
-def _where(function: Function[..., Any], number: int, argument: Argument) -> str:
-    return pick(
-        f"{function.name}, argument {number} ({argument.name}): ",
-        f"{function.name} の第 {number} 引数 ({argument.name}): ",
-    )

@@ -23,7 +23,7 @@ from orinkit.bcap import packet
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Function
 from orinkit.errors import ProtocolError
-from orinkit.language import pick
+from orinkit.language import pick, printable
 from orinkit.notation import format_variant
 from orinkit.variant import ARRAY, SIZES, Variant, VarType, type_name
 from orinkit.variant_bytes import DEFAULT_LIMITS
@@ -147,7 +147,7 @@ def _show(value: Any) -> str:
             return type_name(value.type)
         value = value.value
     if isinstance(value, str):
-        return f'"{_printable(value)}"'
+        return f'"{printable(value)}"'
     if isinstance(value, bytes):
         return f"<{value.hex(' ')}>"
     if isinstance(value, list):
@@ -159,13 +159,6 @@ def _show(value: Any) -> str:
     return str(value)
 
 
-def _printable(text: str) -> str:
-    """Make control characters visible: what a packet holds must not steer the terminal it is shown on."""
-    if text.isprintable():
-        return text
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
-
-
 def _code_name(code: int) -> str:
     name = hresult.lookup(code).name
     return name if name.startswith("0x") else f"0x{code:08X} {name}"
@@ -174,7 +167,7 @@ def _code_name(code: int) -> str:
 def _notation(vt: int, count: int, data: bytes) -> str:
     """Return a value in notation, from its own bytes."""
     value, _ = variant_bytes.decode(_ARGUMENT.pack(_HEAD.size + len(data), vt, count) + data, exact=True)
-    text = _printable(format_variant(value))
+    text = printable(format_variant(value))
     return text if len(text) <= LONGEST_MEANING else f"{text[: LONGEST_MEANING - 1]}…"
 
 

@@ -46,6 +46,11 @@ class Options:
     def __contains__(self, name: str) -> bool:
         return name.lower() in self._values
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the options that are given, in lower case."""
+        return tuple(self._values)
+
     def text_of(self, name: str, default: str = "") -> str:
         """Return the value of an option as text."""
         return self._values.get(name.lower(), default)

@@ -24,7 +24,7 @@ from orinkit.cao.options import Options
 from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Later, Provider
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, InvalidValue, error_for
-from orinkit.language import pick
+from orinkit.language import pick, printable
 from orinkit.variant import Variant, VarType, variant
 
 logger = logging.getLogger("orinkit.session")
@@ -313,7 +313,7 @@ class Session:
     def _failed(self, function: Function[..., Any], error: BaseException) -> Reply:
         if isinstance(error, CallError) and hresult.failed(error.code):
             # only the code goes over the wire: what the device has to say beside it is told here
-            logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, _printable(str(error)))
+            logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, printable(str(error)))
             return self._failure(error.code, error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error)
         return self._failure(hresult.E_FAIL, "".join(format_exception_only(error)).strip())
@@ -416,11 +416,6 @@ class Session:
     def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:
         self._remove(self._find(function, values[0]).handle)
         return Reply()
-
-
-def _printable(text: str) -> str:
-    """Return a text, in which there may be what a client wrote, for one line of the log."""
-    return text if text.isprintable() else "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 def _reason(reasons: dict[int, str], code: int) -> str:

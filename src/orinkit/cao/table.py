@@ -123,6 +123,15 @@ class Function(Generic[P, R]):
             )
         return tuple(bound)
 
+    def where(self, number: int) -> str:
+        """Return how an error about an argument begins: function, number and name, then a colon and a blank.
+
+        Args:
+            number: of the argument, the first one is 1.
+        """
+        name = self.arguments[number - 1].name
+        return pick(f"{self.name}, argument {number} ({name}): ", f"{self.name} の第 {number} 引数 ({name}): ")
+
 
 def snake_case(name: str) -> str:
     """Return a document name in Python's spelling: ``GetDateCreated`` -> ``get_date_created``, ``GetID`` -> ``get_id``."""

@@ -29,9 +29,10 @@ def build() -> App:
     app = App(
         name="orinkit",
         help=pick(
-            "Drive and serve DENSO robot controllers over b-CAP. Begin with: orinkit demo\n\n"
+            "Drive and serve DENSO robot controllers over b-CAP, and ABH3 motor drivers over CAN. Begin with: orinkit demo\n\n"
             "Texts are English or Japanese as LANG says; ORINKIT_LANG=en or ORINKIT_LANG=ja decides.",
-            "DENSO ロボットコントローラを b-CAP で操作し、仮想コントローラを提供します。まず orinkit demo をお試しください。\n\n"
+            "DENSO ロボットコントローラを b-CAP で、ABH3 モータドライバを CAN で操作し、それぞれの仮想機器を提供します。"
+            "まず orinkit demo をお試しください。\n\n"
             "表示言語は LANG に従います (ORINKIT_LANG=en または ORINKIT_LANG=ja で指定)。",
         ),
         version=orinkit.__version__,
@@ -68,6 +69,11 @@ def build() -> App:
         ),
     )
     serve.command(
+        "orinkit.cli.serve_abh3:serve_abh3",
+        name="abh3",
+        help=pick("Serve virtual ABH3 motor drivers on a CAN bus.", "仮想 ABH3 モータドライバを CAN バスで提供する。"),
+    )
+    serve.command(
         "orinkit.cli.serve_device:serve_device",
         name="device",
         help=pick("Serve devices of your own, written in Python.", "Python で書いた自作のデバイスを提供する。"),
@@ -100,8 +106,25 @@ def build() -> App:
     app.command(_command_of("gateway"), name="gateway", sort_key=13, help=pick(
         "Pass calls on to other controllers, over any protocol.",
         "他のコントローラへの呼び出しを、プロトコルを問わず中継する。"))  # fmt: skip
-    _translate_flags(app)
-    _translate_flags(serve)
+    abh3 = _abh3()
+    app.command(abh3)
+    for each in (app, serve, abh3):
+        _translate_flags(each)
+    return app
+
+
+def _abh3() -> App:
+    app = App(name="abh3", sort_key=14, help=pick(
+        "Listen to ABH3 motor drivers on a CAN bus, read logs of it.",
+        "CAN バス上の ABH3 モータドライバの通信を見る、ログを解読する。"))  # fmt: skip
+    app.command("orinkit.cli.abh3:monitor", name="monitor", sort_key=1, help=pick(
+        "Show the frames on a bus and what they say.", "バス上のフレームとその意味を表示する。"))  # fmt: skip
+    app.command("orinkit.cli.abh3:decode", name="decode", sort_key=2, help=pick(
+        "Tell what the frames of a log say.", "ログのフレームを解読する。"))  # fmt: skip
+    app.command("orinkit.cli.abh3:dbc", name="dbc", sort_key=3, help=pick(
+        "Print a DBC file of all frames: orinkit abh3 dbc > abh3.dbc", "全フレームの DBC ファイルを出力する: orinkit abh3 dbc > abh3.dbc"))  # fmt: skip
+    app.command("orinkit.cli._abh3_drive:drive", name="drive", sort_key=4, help=pick(
+        "Turn the motors of a driver for some seconds.", "ドライバのモータを指定した秒数だけ動かす。"))  # fmt: skip
     return app
 
 

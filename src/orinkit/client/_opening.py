@@ -12,8 +12,8 @@ from orinkit.client._common import check_timeout, check_tries
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.transport.access import Access
-from orinkit.transport.address import AnyAddress, HttpAddress, PtyAddress, parse_address
-from orinkit.transport.links import for_servers
+from orinkit.transport.address import AnyAddress, CanAddress, HttpAddress, PtyAddress, parse_address
+from orinkit.transport.links import for_drivers, for_servers
 from orinkit.variant_bytes import Limits
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
     address = parse_address(url)
     if isinstance(address, PtyAddress):
         raise for_servers()
+    if isinstance(address, CanAddress):
+        raise for_drivers(address)
     wire = _web() if isinstance(address, HttpAddress) else WIRES[address.scheme]
     seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
     return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds

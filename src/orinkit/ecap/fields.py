@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, printable
 
 ARGUMENTS: Final = 5
 """How many arguments a request has."""
@@ -186,6 +186,5 @@ def quoted(text: str) -> str:
 
 
 def shown(text: str) -> str:
-    """Return the beginning of a text for a line that people read; control characters must not steer their terminal."""
-    text = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-    return text if text.isprintable() else "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+    """Return the beginning of a text for a line that people read, printable."""
+    return printable(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…")

@@ -60,11 +60,11 @@ def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> b
         InvalidValue: an argument does not fit its type; the message names function and argument.
     """
     texts = [""] * ARGUMENTS
-    for index, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False)):
+    for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
         try:
-            texts[index] = quote(_WRITERS[argument.vt](value), safe="", errors="surrogatepass")
+            texts[number - 1] = quote(_WRITERS[argument.vt](value), safe="", errors="surrogatepass")
         except InvalidValue as error:
-            raise InvalidValue(_where(function, index + 1, argument) + str(error)) from None
+            raise InvalidValue(function.where(number) + str(error)) from None
     fields = "".join(f",Arg{number}={text}" for number, text in enumerate(texts, 1))
     return f"Func={function.id}{fields}".encode("ascii")
 
@@ -108,13 +108,6 @@ def explain_request(body: bytes) -> str:
         words.append(f'{argument.name}="{text}"' if argument.vt is VarType.BSTR else f"{argument.name}={text}")
     words += [f'{name.capitalize()}="{shown(field.text)}"' for name, field in sorted(fields.items()) if field.text]
     return " ".join(words)
-
-
-def _where(function: Function[..., Any], number: int, argument: Argument) -> str:
-    return pick(
-        f"{function.name}, argument {number} ({argument.name}): ",
-        f"{function.name} の第 {number} 引数 ({argument.name}): ",
-    )
 
 
 # Writing
@@ -215,7 +208,7 @@ def _read(function: Function[..., Any], number: int, argument: Argument, field: 
     plus = pick(
         '; a "+" in the body is read as a blank, write %2B', "。ボディの「+」は空白になります。%2B と書いてください"
     )
-    raise error_for(code, _where(function, number, argument) + reason + (plus if field.plus else ""))
+    raise error_for(code, function.where(number) + reason + (plus if field.plus else ""))
 
 
 def _read_variant(text: str, limits: Limits) -> Variant:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Self, TypeAlias
 
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import Host
@@ -14,12 +14,16 @@ from orinkit.language import pick
 from orinkit.server.connections import Connections, Listener
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.tcp import TcpListener
-from orinkit.transport.address import Address, AnyAddress, HttpAddress, SerialAddress, parse_address
+from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
+from orinkit.transport.links import for_drivers
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.server")
 
 DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
+Place: TypeAlias = Address | HttpAddress | SerialAddress | PtyAddress
+"""Where b-CAP or e-CAP can be served."""
+
 _GRACE: Final = 1.0  # seconds for clients to take their last answers and for handlers to end
 
 
@@ -54,7 +58,7 @@ class AsyncServer:
         http: HttpOptions = DEFAULT_HTTP,
     ) -> None:
         self._http = http
-        self._addresses = [parse_address(url) for url in urls or (DEFAULT_URL,)]
+        self._addresses = [_place(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
         self._connections = Connections(self._host, limits, clients, invoke_timeout)
         self._listeners: list[Listener] = []
@@ -112,7 +116,19 @@ class AsyncServer:
         await self.close()
 
 
-async def _listen(address: AnyAddress, shared: Connections, http: HttpOptions) -> Listener:
+def _place(url: str) -> Place:
+    """Read where to listen.
+
+    Raises:
+        InvalidAddress: it is no address, or a CAN bus.
+    """
+    address = parse_address(url)
+    if isinstance(address, CanAddress):
+        raise for_drivers(address)
+    return address
+
+
+async def _listen(address: Place, shared: Connections, http: HttpOptions) -> Listener:
     """Open one address."""
     if isinstance(address, Address | HttpAddress):
         return await _listen_at(address, shared, http)

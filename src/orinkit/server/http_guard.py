@@ -1,6 +1,7 @@
 """uvicorn's HTTP/1.1 connection, with bounds on how many there are and how long a client may take for what it has to do.
 
-uvicorn itself waits for ever for a request that has begun, and for a client to take its answer.
+uvicorn itself waits for ever for a request that has begun, and for a client to take its answer; and it does not see the end
+of a client that has sent something behind a request that is at work.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ LONGEST_HEADER: Final = 32 * 1024
 """Bytes of a request's line and headers."""
 KEPT_ALIVE: Final = 75.0
 """Seconds that a connection is kept on which nothing is asked."""
+HELD: Final = 64 * 1024
+"""Bytes behind a request that is at work; where there are so many, no more are read until it has been answered."""
 
 _LONG_HEADER: Final = 431
 _FEWEST: Final = 64  # connections that there may always be
@@ -145,7 +148,6 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     Attributes:
         gone: the connection has been closed.
-        when_gone: is called when the connection is gone; for the call that is being answered.
     """
 
     def __init__(self, guard: Guard, config: Config, state: ServerState) -> None:
@@ -153,7 +155,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.conn = Joining()
         self.logger = _own
         self.access_log = False
-        self.when_gone: Callable[[], None] | None = None
+        self._when_gone: Callable[[], None] | None = None
         self._guard = guard
         self._shared = guard.shared
         self._stage = Stage.NEW
@@ -177,6 +179,22 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
     @property
     def _exchange(self) -> RequestResponseCycle | None:
         return self.cycle  # which uvicorn declares as if there always were one
+
+    @property
+    def when_gone(self) -> Callable[[], None] | None:
+        """Is called when the connection is gone; for the call that is being answered, if it takes its time."""
+        return self._when_gone
+
+    @when_gone.setter
+    def when_gone(self, tell: Callable[[], None] | None) -> None:
+        self._when_gone = tell
+        if tell is not None and not self.gone:
+            self.handle_events()
+
+    @property
+    def _whole(self) -> bool:
+        cycle = self._exchange
+        return cycle is not None and not cycle.response_complete and not cycle.more_body
 
     # --- asyncio calls these --------------------------------------------------------------------------------------
 
@@ -232,9 +250,8 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
             self._timer.cancel()
         super().connection_lost(exc)
         self._unset_keepalive_if_required()
-        when_gone, self.when_gone = self.when_gone, None
-        if when_gone is not None:
-            when_gone()
+        if self._when_gone is not None:
+            self._when_gone()
         self._shared.discard(self)
 
     def pause_writing(self) -> None:
@@ -248,6 +265,17 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._watch()
 
     # --- uvicorn calls these --------------------------------------------------------------------------------------
+
+    def handle_events(self) -> None:
+        """See what has come; behind a request that is at work it is only kept, up to a bound."""
+        if not self._whole:
+            super().handle_events()
+        if self._whole:
+            held = len(self.conn.trailing_data[0])
+            if self._when_gone is not None and held < HELD:
+                self.flow.resume_reading()  # its end is to be told, and is not seen without reading
+            elif held:
+                self.flow.pause_reading()
 
     def on_response_complete(self) -> None:
         """A request has been answered."""

@@ -1,6 +1,7 @@
 """Where to connect or listen: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0``, ``http://...``.
 
-DENSO's connection strings too: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``.
+DENSO's connection strings too: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For ABH3
+drivers ``can://INTERFACE/CHANNEL``, as ``can://socketcan/can0``.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ DEFAULT_PORT: Final = 5007
 _HOSTS: Final = ("tcp", "udp")
 _PORTS: Final = ("serial", "com")
 _WEB: Final = {"http": 80, "https": 443}
-_LATER: Final = ("can",)
-_KNOWN: Final = (*_HOSTS, *_PORTS, "pty", *_WEB, *_LATER)
+_KNOWN: Final = (*_HOSTS, *_PORTS, "pty", *_WEB, "can")
 _LONGEST: Final = 4000  # characters of a path
 _BAUDRATES: Final = range(50, 20_000_001)
 _STOPS: Final = {"1": 1.0, "1.0": 1.0, "1.5": 1.5, "2": 2.0, "2.0": 2.0}
 _EXAMPLE: Final = "tcp://192.168.0.1:5007"
 _SERIAL_EXAMPLE: Final = "serial:///dev/ttyUSB0?baudrate=38400"
+_CAN_EXAMPLE: Final = "can://slcan//dev/ttyACM0?bitrate=500000"
+_BITRATES: Final = range(1000, 1_000_001)  # of classic CAN
+_TAKEN: Final = ("interface", "channel", "bustype", "context", "config_context", "ignore_config")
+"""Names of python-can that cannot be options: the address says the first two, and reads no configuration files."""
 
 
 class Address(NamedTuple):
@@ -103,7 +107,41 @@ class PtyAddress:
         return "pty://"
 
 
-AnyAddress: TypeAlias = Address | HttpAddress | SerialAddress | PtyAddress
+CanOption: TypeAlias = str | int | float | bool
+"""What an option of a CAN interface can be."""
+
+
+@dataclass(frozen=True, slots=True)
+class CanAddress:
+    """A CAN bus, as python-can opens it; ``str`` gives its URL.
+
+    ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``: the channel is all that is between the first slash behind the
+    interface and the ``?``, percent-decoded: ``can://socketcan/can0``, ``can://slcan//dev/ttyACM0``,
+    ``can://udp_multicast/239.74.163.2?port=43113``, ``can://virtual/test``. An option that looks like a number is one,
+    ``true`` and ``false`` are bool; ``007`` is text, as a number would be written otherwise.
+
+    Attributes:
+        interface: as python-can calls it.
+        channel: of the interface; ``""`` for the usual one.
+        bitrate: bit/s; ``None`` for what the interface is set to.
+        options: further ones that python-can gets, pairs of a name and a value, in their order.
+    """
+
+    scheme: ClassVar[str] = "can"
+    interface: str
+    channel: str = ""
+    bitrate: int | None = None
+    options: tuple[tuple[str, CanOption], ...] = ()
+
+    def __str__(self) -> str:
+        from urllib.parse import quote  # as above
+
+        pairs = [*([("bitrate", self.bitrate)] if self.bitrate is not None else []), *self.options]
+        query = "&".join(f"{name}={quote(_option_text(value), safe=_PLAIN)}" for name, value in pairs)
+        return f"can://{self.interface}/{quote(self.channel, safe=_PLAIN)}{'?' if query else ''}{query}"
+
+
+AnyAddress: TypeAlias = Address | HttpAddress | SerialAddress | PtyAddress | CanAddress
 _PLAIN: Final = "/\\:.,-_+@"  # what a path has often, and stays readable
 
 
@@ -136,9 +174,9 @@ def parse_address(text: str) -> AnyAddress:
                 "pty://",
             )
         return PtyAddress()
-    known = "tcp, udp, http, https, serial, com"
-    if scheme in _LATER:
-        raise _bad(text, pick(f"{scheme} is not there yet; {known} are", f"{scheme} は未対応です (対応: {known})"))
+    if scheme == "can":
+        return _can(text, rest)
+    known = "tcp, udp, http, https, serial, com, can"
     raise _bad(
         text,
         pick(
@@ -280,6 +318,68 @@ def _wrong_value(name: str, value: str, known: str) -> str:
     return pick(
         f"{name} cannot be {value!r:.80}; known: {known}", f"{name} に {value!r:.80} は指定できません ({known})"
     )
+
+
+# --- CAN --------------------------------------------------------------------------------------------------------------
+
+
+def _can(text: str, rest: str) -> CanAddress:
+    """Read ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
+    from urllib.parse import unquote
+
+    place, _, query = rest.partition("?")
+    interface, _, channel = place.partition("/")
+    if not interface.replace("-", "_").isidentifier() or not interface.isascii() or len(interface) > _NAME:
+        reason = pick(
+            "an interface of python-can is needed: socketcan, slcan, serial, udp_multicast, virtual, pcan ...",
+            "python-can のインタフェース (socketcan, slcan, serial, udp_multicast, virtual, pcan など) を指定してください",
+        )
+        raise _bad(text, reason, _CAN_EXAMPLE)
+    channel = unquote(channel, errors="surrogateescape")
+    if interface == "udp_multicast" and channel[:1] == "[" and channel[-1:] == "]":
+        channel = channel[1:-1]  # an IPv6 address as in other URLs
+    if len(channel) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
+        raise _bad(text, pick("that is no channel", "チャンネルが不正です"), _CAN_EXAMPLE)
+    options: dict[str, CanOption] = {}
+    for part in query.split("&") if query else ():
+        name, _, value = part.partition("=")
+        if name in options or name in _TAKEN or not name.isidentifier() or not name.isascii() or len(name) > _NAME:
+            raise _bad(text, _wrong_option(name, twice=name in options), _CAN_EXAMPLE)
+        options[name] = _option(unquote(value))
+    bitrate = options.pop("bitrate", None)
+    if bitrate is not None and (not isinstance(bitrate, int) or bitrate not in _BITRATES):
+        known = f"{_BITRATES.start}-{_BITRATES.stop - 1}"
+        raise _bad(text, _wrong_value("bitrate", _option_text(bitrate), known), _CAN_EXAMPLE)
+    return CanAddress(interface, channel, bitrate, tuple(options.items()))
+
+
+def _option(text: str) -> CanOption:
+    """Return what an option is, so that :func:`_option_text` gives the same text or one that means the same."""
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    if len(text) > _NUMBER or not text.isascii() or text.strip("+-.0123456789eE"):
+        return text
+    try:
+        if text.lstrip("-").isdecimal():
+            return int(text) if str(int(text)) == text else text  # 007 may be the number of an adapter
+        number = float(text)
+    except ValueError:
+        return text
+    return number if abs(number) != float("inf") else text
+
+
+def _option_text(value: CanOption) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+_NAME: Final = 80  # characters of an interface or an option
+_NUMBER: Final = 40  # characters of a number
+
+
+def _wrong_option(name: str, *, twice: bool) -> str:
+    if twice:
+        return pick(f"{name} is given twice", f"{name} が 2 回指定されています")
+    return pick(f"{name!r:.80} cannot be an option", f"{name!r:.80} はオプションにできません")
 
 
 def _whole(text: str) -> int:

@@ -28,7 +28,7 @@ require(NEED, "http", "httpx2")
 import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
-from orinkit.transport.http_connection import Known, context_of, has_news, url_of  # noqa: E402
+from orinkit.transport.http_connection import Known, has_news, url_of  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -53,8 +53,7 @@ class AsyncHttpLink(Reached):
         self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
     ) -> None:
         self._loop = asyncio.get_running_loop()
-        self._known = known or Known(Contact(address, access, most), context_of(address, access))
-        super().__init__(self._known.contact)
+        super().__init__(address, access, most, known=known)
         self._url = url_of(self._contact)
         self._transport = _Transport(self._contact, self._url, self._known.context)
         self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
@@ -171,20 +170,6 @@ class AsyncHttpLink(Reached):
         if asked is not None:
             asked.give_up()
             self._transport.drop()
-
-    def another(self) -> AsyncHttpLink:
-        """Return a link to the same server, for the same client, over which nothing is under way.
-
-        It is closed where the server has never answered, and so knows nothing of this client.
-        """
-        made = AsyncHttpLink(self._contact.address, known=self._known)
-        if self.tells is None:
-            made.close()
-        return made
-
-    def release(self) -> None:
-        """Close, as nobody else can have it."""
-        self.close()
 
     def close(self) -> None:
         """Close; a receive that is waiting ends at once."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 
 from orinkit.transport.access import NOTHING, Access
-from orinkit.transport.address import Address, AnyAddress, HttpAddress, SerialAddress
+from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
 from orinkit.transport.drive import AsyncLink
-from orinkit.transport.links import for_servers
+from orinkit.transport.links import for_drivers, for_servers
 from orinkit.variant_bytes import DEFAULT_LIMITS
 
 
@@ -23,7 +23,7 @@ async def open_link(
         most: bytes of a reply over HTTP.
 
     Raises:
-        InvalidAddress: it is one for servers.
+        InvalidAddress: it is one for servers, or of a CAN bus.
         ConnectFailed: it cannot be opened; with HTTP that shows later.
         MissingExtra: a serial port, or HTTP, needs a package.
     """
@@ -47,4 +47,6 @@ async def open_link(
         from orinkit.transport.aio_serial import AsyncSerialLink
 
         return await AsyncSerialLink.open(address)
+    if isinstance(address, CanAddress):
+        raise for_drivers(address)
     raise for_servers()

@@ -15,7 +15,7 @@ from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.drive import Deadline
 from orinkit.transport.http_body import Body
-from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN, Contact, Reached
+from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN, Reached
 from orinkit.transport.link_errors import closed
 
 require(NEED, "http", "httpx2")
@@ -23,7 +23,7 @@ require(NEED, "http", "httpx2")
 import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
-from orinkit.transport.http_connection import Known, Transport, context_of, url_of  # noqa: E402
+from orinkit.transport.http_connection import Known, Transport, url_of  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -45,8 +45,7 @@ class HttpLink(Reached):
     def __init__(
         self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
     ) -> None:
-        self._known = known or Known(Contact(address, access, most), context_of(address, access))
-        super().__init__(self._known.contact)
+        super().__init__(address, access, most, known=known)
         self._url = url_of(self._contact)
         self._transport = Transport(self._contact, self._url, self._known.context)
         self._client = httpx2.Client(transport=self._transport, trust_env=False)
@@ -173,20 +172,6 @@ class HttpLink(Reached):
         self._request = self._body = None
         self._pieces = iter(())
         self._transport.drop()
-
-    def another(self) -> HttpLink:
-        """Return a link to the same server, for the same client, over which nothing is under way.
-
-        It is closed where the server has never answered, and so knows nothing of this client.
-        """
-        made = HttpLink(self._contact.address, known=self._known)
-        if self.tells is None:
-            made.close()
-        return made
-
-    def release(self) -> None:
-        """Close, as nobody else can have it."""
-        self.close()
 
     def close(self) -> None:
         """Close; a receive that another thread is in ends at once."""

@@ -18,9 +18,10 @@ ever out of step.
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from http import HTTPStatus
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, Self, TypeAlias
 from urllib.parse import unquote_to_bytes
 
 from orinkit.errors import (
@@ -35,11 +36,14 @@ from orinkit.errors import (
     TransportError,
 )
 from orinkit.language import pick
-from orinkit.transport.access import Access
+from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.http_body import Body
 from orinkit.transport.link_errors import closed, lost
 from orinkit.variant_bytes import DEFAULT_LIMITS
+
+if TYPE_CHECKING:
+    from orinkit.transport.http_connection import Known
 
 MOST: Final = DEFAULT_LIMITS.packet + 65536
 """Bytes of a reply, by default."""
@@ -322,15 +326,28 @@ class Contact:
         )
 
 
-class Reached:
+class Reached(ABC):
     """What both links show of their server.
 
     Args:
-        contact: with it.
+        address: of the server.
+        access: what lets a client in.
+        most: bytes of a reply.
+        known: what is known of the server already, ``None`` for nothing.
+
+    Raises:
+        InvalidValue: the token cannot be sent, or there are no certificates in the file.
     """
 
-    def __init__(self, contact: Contact) -> None:
-        self._contact = contact
+    def __init__(
+        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
+    ) -> None:
+        if known is None:
+            from orinkit.transport.http_connection import Known, context_of  # with packages that the links ask for
+
+            known = Known(Contact(address, access, most), context_of(address, access))
+        self._known = known
+        self._contact = known.contact
         self._open = True
 
     @property
@@ -357,6 +374,24 @@ class Reached:
         if not self._open:
             raise closed()
         raise _not_to_be_lent()
+
+    def another(self) -> Self:
+        """Return a link to the same server, for the same client, over which nothing is under way.
+
+        It is closed where the server has never answered, and so knows nothing of this client.
+        """
+        made = type(self)(self._contact.address, known=self._known)
+        if self.tells is None:
+            made.close()
+        return made
+
+    def release(self) -> None:
+        """Close, as nobody else can have it."""
+        self.close()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close; a receive that is waiting ends at once."""
 
 
 def first_line(body: bytes) -> str:

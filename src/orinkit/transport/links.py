@@ -7,7 +7,7 @@ import os
 from orinkit.errors import InvalidAddress
 from orinkit.language import pick
 from orinkit.transport.access import NOTHING, Access
-from orinkit.transport.address import Address, AnyAddress, HttpAddress, SerialAddress
+from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
 from orinkit.transport.drive import Link
 from orinkit.variant_bytes import DEFAULT_LIMITS
 
@@ -22,7 +22,7 @@ def open_link(address: AnyAddress, seconds: float, access: Access = NOTHING, mos
         most: bytes of a reply over HTTP.
 
     Raises:
-        InvalidAddress: it is one for servers.
+        InvalidAddress: it is one for servers, or of a CAN bus.
         ConnectFailed: it cannot be opened; with HTTP that shows later.
         MissingExtra: a serial port, or HTTP, needs a package.
     """
@@ -48,6 +48,8 @@ def open_link(address: AnyAddress, seconds: float, access: Access = NOTHING, mos
         from orinkit.transport.serial_port import SerialLink
 
         return SerialLink(serial_settings.open_file(address))
+    if isinstance(address, CanAddress):
+        raise for_drivers(address)
     raise for_servers()
 
 
@@ -80,5 +82,15 @@ def for_servers() -> InvalidAddress:
         pick(
             "'pty://' is an address for servers; connect to the serial:// address that the server tells",
             "'pty://' はサーバ用のアドレスです。サーバが表示する serial:// のアドレスに接続してください",
+        )
+    )
+
+
+def for_drivers(address: CanAddress) -> InvalidAddress:
+    """Return the exception for a CAN bus where a controller is wanted, or is to be served."""
+    return InvalidAddress(
+        pick(
+            f"{str(address)!r:.200} is a CAN bus, where no b-CAP is spoken. For ABH3 drivers: orinkit.abh3.connect(...)",
+            f"{str(address)!r:.200} は CAN バスで、b-CAP は使えません。ABH3 ドライバには orinkit.abh3.connect(...) を使ってください",
         )
     )

@@ -1,0 +1,63 @@
+"""Waco Giken ABH3 motor drivers on CAN.
+
+The document is "ABH3 CAN 通信 ホスト用サンプルソフト仕様". :mod:`orinkit.abh3.aio` has the same names for asyncio.
+
+>>> from orinkit import abh3
+>>> with abh3.connect("can://socketcan/can0") as driver:  # doctest: +SKIP
+...     driver.reset_errors()
+...     driver.set_input("servo_on", True)
+"""
+
+from __future__ import annotations
+
+from orinkit.abh3.decoder import Decoded, Decoder
+from orinkit.abh3.differential import Differential
+from orinkit.abh3.driver import Driver, MotorBus, connect, open_bus
+from orinkit.abh3.records import (
+    BR0,
+    BR1,
+    BR1V2,
+    BR2,
+    BR3,
+    BR4,
+    BR5,
+    BR6,
+    BUF,
+    DP0R,
+    DP0RV2,
+    DP0S,
+    DP1R,
+    Flags,
+)
+from orinkit.abh3.signals import DIALECTS, V1, V2, Dialect
+from orinkit.errors import DriverFault, DriverTimeout
+
+__all__ = [
+    "BR0",
+    "BR1",
+    "BR1V2",
+    "BR2",
+    "BR3",
+    "BR4",
+    "BR5",
+    "BR6",
+    "BUF",
+    "DIALECTS",
+    "DP0R",
+    "DP0RV2",
+    "DP0S",
+    "DP1R",
+    "V1",
+    "V2",
+    "Decoded",
+    "Decoder",
+    "Dialect",
+    "Differential",
+    "Driver",
+    "DriverFault",
+    "DriverTimeout",
+    "Flags",
+    "MotorBus",
+    "connect",
+    "open_bus",
+]

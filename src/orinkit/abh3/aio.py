@@ -1,0 +1,62 @@
+"""ABH3 drivers in asyncio: the names of :mod:`orinkit.abh3`, to be awaited.
+
+::
+
+    async with aio.connect("can://socketcan/can0") as abh3:
+        print((await abh3.command(ay=100.0)).a_velocity)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+
+from orinkit.abh3 import _async_bus
+from orinkit.abh3._async_bus import AsyncMotorBus
+from orinkit.abh3._async_driver import AsyncDriver
+from orinkit.abh3._common import BusSettings, Settings
+from orinkit.abh3.records import BR1, BR1V2, DP0R, DP0RV2
+from orinkit.abh3.signals import Dialect
+from orinkit.opening import Opening
+
+if TYPE_CHECKING:
+    import can
+
+__all__ = ["AsyncDriver", "AsyncMotorBus", "connect", "open_bus"]
+
+
+@overload
+def connect(
+    at: str | can.BusABC | None = None,
+    *,
+    dialect: Literal["v1"] = "v1",
+    init: bool = True,
+    **settings: Unpack[Settings],
+) -> Opening[AsyncDriver[DP0R, BR1]]: ...
+
+
+@overload
+def connect(
+    at: str | can.BusABC | None = None, *, dialect: Literal["v2"], init: bool = True, **settings: Unpack[Settings]
+) -> Opening[AsyncDriver[DP0RV2, BR1V2]]: ...
+
+
+@overload
+def connect(
+    at: str | can.BusABC | None = None, *, dialect: str | Dialect, init: bool = True, **settings: Unpack[Settings]
+) -> Opening[AsyncDriver[Any, Any]]: ...
+
+
+def connect(
+    at: str | can.BusABC | None = None,
+    *,
+    dialect: str | Dialect = "v1",
+    init: bool = True,
+    **settings: Unpack[Settings],
+) -> Opening[AsyncDriver[Any, Any]]:
+    """Open a CAN bus with one driver, as :func:`orinkit.abh3.connect`; for ``async with`` or ``await``."""
+    return Opening(_async_bus.connect(at, dialect=dialect, init=init, **settings))
+
+
+def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> Opening[AsyncMotorBus]:
+    """Open a CAN bus for several drivers, as :func:`orinkit.abh3.open_bus`; for ``async with`` or ``await``."""
+    return Opening(_async_bus.open_bus(at, **settings))

@@ -1,0 +1,168 @@
+"""A vehicle with two driven wheels on one ABH3: between its motion and the commands of the motors.
+
+With the motor-axis model the commands are those of the motors A and B, with the travel-axis model they are Y, which
+travels, and X, which turns: ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not say how either becomes a
+motion; what is here are the formulas of the vendor's ROS programs::
+
+    v     =  Y / 60 * gear * wheel_diameter * pi
+    omega = -X / 60 * gear * wheel_diameter * pi / (track / 2)
+
+So B is the motor of the right wheel: where it is the faster one, the vehicle turns left, and omega is positive.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from orinkit.abh3._shown import shown
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+
+
+class Wheels(NamedTuple):
+    """Velocities of the motors, for the motor-axis model.
+
+    Attributes:
+        a: motor A in min^-1.
+        b: motor B in min^-1.
+    """
+
+    a: float
+    b: float
+
+
+class Travel(NamedTuple):
+    """Velocities of the axes of the travel-axis model.
+
+    Attributes:
+        y: travelling, in min^-1 of the motors.
+        x: turning to the right, in min^-1 of the motors.
+    """
+
+    y: float
+    x: float
+
+
+class Twist(NamedTuple):
+    """A motion of the vehicle.
+
+    Attributes:
+        v: forwards, in m/s.
+        omega: turning to the left, in rad/s.
+    """
+
+    v: float
+    omega: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Differential:
+    """The measures of a vehicle. None has a default: a wrong one would move it at a wrong velocity.
+
+    Attributes:
+        wheel_diameter: in m.
+        track: from one wheel to the other, in m.
+        gear: turns of a wheel for one turn of its motor, 1/10 for a gear of 10:1.
+
+    Raises:
+        InvalidValue: one of them is not a finite number greater than 0.
+    """
+
+    wheel_diameter: float
+    track: float
+    gear: float
+
+    def __post_init__(self) -> None:
+        for name in ("wheel_diameter", "track", "gear"):
+            _positive(name, getattr(self, name))
+        _positive("gear * wheel_diameter", self.circumference)
+        _positive("track / 2", self.track / 2)
+
+    @property
+    def circumference(self) -> float:
+        """Metres that the vehicle travels during one turn of the motors."""
+        return self.gear * self.wheel_diameter * math.pi
+
+    def to_travel(self, v: float, omega: float) -> Travel:
+        """Return the velocities of Y and X in min^-1 for a motion.
+
+        Args:
+            v: in m/s.
+            omega: in rad/s, positive to the left.
+
+        Raises:
+            InvalidValue: not a number, or beyond every number.
+        """
+        rim = _finite("omega", omega) * (self.track / 2)
+        return Travel(self._turns("v", _finite("v", v)), 0.0 - self._turns("omega", rim))
+
+    def from_travel(self, y: float, x: float) -> Twist:
+        """Return the motion in m/s and rad/s for velocities of Y and X in min^-1.
+
+        Raises:
+            InvalidValue: not a number, or beyond every number.
+        """
+        v = _finite("y", y) / 60 * self.circumference
+        omega = _finite("x", x) / 60 * self.circumference / (self.track / 2)
+        return Twist(_finite("v", v), 0.0 - _finite("omega", omega))
+
+    def to_wheels(self, v: float, omega: float) -> Wheels:
+        """Return the velocities of the motors A and B in min^-1 for a motion.
+
+        Args:
+            v: in m/s.
+            omega: in rad/s, positive to the left.
+
+        Raises:
+            InvalidValue: not a number, or beyond every number.
+        """
+        y, x = self.to_travel(v, omega)
+        return Wheels(_finite("a", y + x), _finite("b", y - x))
+
+    def from_wheels(self, a: float, b: float) -> Twist:
+        """Return the motion in m/s and rad/s for velocities of the motors A and B in min^-1.
+
+        Raises:
+            InvalidValue: not a number, or beyond every number.
+        """
+        a, b = _finite("a", a), _finite("b", b)
+        return self.from_travel(a / 2 + b / 2, a / 2 - b / 2)
+
+    def metres(self, pulses: float, pulses_per_revolution: float) -> float:
+        """Return the distance in m that a wheel has rolled.
+
+        Args:
+            pulses: difference of two pulse counts of its motor.
+            pulses_per_revolution: of the motor.
+
+        Raises:
+            InvalidValue: not a number, or no pulses per revolution.
+        """
+        each = _positive("pulses_per_revolution", pulses_per_revolution)
+        return _finite("metres", _finite("pulses", pulses) / each * self.circumference)
+
+    def _turns(self, name: str, metres_per_second: float) -> float:
+        return _finite(name, metres_per_second * 60 / self.circumference)
+
+
+def _positive(name: str, value: float) -> float:
+    number = _finite(name, value)
+    if number > 0:
+        return number
+    raise InvalidValue(
+        pick(f"{name} must be greater than 0, not {shown(value)}", f"{name} は 0 より大きい値です: {shown(value)}")
+    )
+
+
+def _finite(name: str, value: float) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if math.isfinite(number):
+        return number
+    raise InvalidValue(
+        pick(f"{name} must be a finite number, not {shown(value)}", f"{name} は有限の数値です: {shown(value)}")
+    )

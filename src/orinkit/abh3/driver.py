@@ -1,0 +1,31 @@
+"""The host API of ABH3: drivers on a CAN bus, on the caller's thread and in asyncio (section 4).
+
+::
+
+    with connect("can://socketcan/can0") as abh3:
+        abh3.reset_errors()
+        abh3.set_input("servo_on", True)
+        abh3.set_input("start", True)
+        abh3.keep_alive()
+        print(abh3.command(ay=100.0, bx=100.0).a_velocity)
+"""
+
+from __future__ import annotations
+
+from orinkit.abh3._async_bus import AsyncMotorBus
+from orinkit.abh3._async_driver import AsyncDriver
+from orinkit.abh3._common import BusSettings, HostSettings, Settings
+from orinkit.abh3._sync_bus import MotorBus, connect, open_bus
+from orinkit.abh3._sync_driver import Driver
+
+__all__ = [
+    "AsyncDriver",
+    "AsyncMotorBus",
+    "BusSettings",
+    "Driver",
+    "HostSettings",
+    "MotorBus",
+    "Settings",
+    "connect",
+    "open_bus",
+]

@@ -1,0 +1,91 @@
+"""When a keep-alive sends the command again, and when it ends: without clock and I/O.
+
+A driver stops by itself when no command has come for 500 ms (section 1, "指令ゼロ タイムアウト判定値"). That is what protects people from
+a host that has died, so a keep-alive goes on only while the driver answers and somebody is there who wants it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from orinkit.abh3._shown import shown
+from orinkit.abh3.signals import real
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
+
+_LATE: Final = 1.5
+"""Periods after which a command was too late, where these are longer than the patience."""
+
+
+class End(Enum):
+    """Why a keep-alive has ended."""
+
+    SILENT = "silent"
+    """The driver does not answer."""
+    IDLE = "idle"
+    """The program has not called for too long."""
+
+
+@dataclass(slots=True)
+class Heart:
+    """The times of a keep-alive; every ``now`` is in s of one clock.
+
+    Args:
+        period: s between commands; a command of the program counts too.
+        patience: s without an answer after which it ends.
+        idle: s without a call of the program after which it ends; ``None`` for never.
+        now: when it begins.
+
+    Raises:
+        InvalidValue: a number is not positive and finite.
+    """
+
+    period: float
+    patience: float
+    idle: float | None
+    now: float
+
+    def __post_init__(self) -> None:
+        given = {"period": self.period, "patience": self.patience, "idle": self.idle}
+        for name, seconds in given.items():
+            if seconds is not None and not (real(seconds) or 0.0) > 0:
+                raise InvalidValue(
+                    pick(
+                        f"{name} is a number of seconds above 0, not {shown(seconds)}",
+                        f"{name} は 0 より大きい秒数です: {shown(seconds)}",
+                    )
+                )
+        self._sent = self._answered = self._called = self.now
+
+    _sent: float = 0.0
+    _answered: float = 0.0
+    _called: float = 0.0
+
+    @property
+    def due(self) -> float:
+        """When the command is to be sent again."""
+        return self._sent + self.period
+
+    def called(self, now: float) -> None:
+        """The program calls."""
+        self._called = now
+
+    def sent(self, now: float, *, answered: bool) -> None:
+        """A command was sent, by the program or by the keep-alive; ``now`` is when it was answered, or given up."""
+        self._sent = now
+        if answered:
+            self._answered = now
+
+    def too_late(self, now: float) -> End | None:
+        """Return why it is to end before anything is sent: it was held up itself, by a program or a system that stood still."""
+        return End.SILENT if now - self._answered > max(self.patience, _LATE * self.period) else None
+
+    def end(self, now: float) -> End | None:
+        """Return why it is to end now, ``None`` if it goes on."""
+        if now - self._answered > self.patience:
+            return End.SILENT
+        if self.idle is not None and now - self._called > self.idle:
+            return End.IDLE
+        return None

@@ -1,0 +1,357 @@
+"""A host of one ABH3 driver, without I/O: what it remembers, and each function of section 4 as an operation.
+
+An operation is a generator (:mod:`orinkit.can_frame`), which does nothing, and remembers nothing, until it is run. It takes the answers of its own driver only; other frames do not make
+it wait any longer, and frames that came before a request are no answers to it.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Generic, TypeVar, cast
+
+from orinkit.abh3 import ids
+from orinkit.abh3._shown import shown
+from orinkit.abh3.frames import Codec
+from orinkit.abh3.ids import Id
+from orinkit.abh3.records import BR0, BUF, DP1R, AnyRecord, Feedback, Record
+from orinkit.abh3.signals import CURRENT, V1, VELOCITY, Dialect, Quantity
+from orinkit.can_frame import CanFrame, CanOperation, Turn
+from orinkit.errors import DriverFault, DriverTimeout, InvalidValue
+from orinkit.language import pick
+
+F = TypeVar("F", bound=Feedback)
+_LENGTH: Final = 8
+_ALL_BITS: Final = 0xFFFFFFFF
+_SETTLING: Final = 0.005
+"""Seconds that a driver gets to clear its errors before it is asked; doubled at each try (it takes about 1 ms)."""
+_LONGEST_SETTLING: Final = 0.2
+
+
+class Host(Generic[F]):
+    """What a host knows of one driver.
+
+    The commands and inputs that were sent last are sent again where a function leaves them out (sections 4.2 to 4.5). After
+    an answer that did not come both commands are 0: no motion goes on that nobody asks for anew.
+
+    Args:
+        dialect: of the driver.
+        address: of the driver, 0 to 253.
+        host: address of this host, 0 to 253.
+        group: of the driver's broadcasts, 0 to 31.
+        timeout: seconds to wait for an answer.
+        priority: of what is sent, 0 (first) to 7.
+
+    Attributes:
+        inputs: the input word as it was sent last.
+        commanded: how many commands (DP0) there were; only they keep a driver from stopping by itself.
+
+    Raises:
+        InvalidValue: a number is out of its range.
+    """
+
+    def __init__(
+        self,
+        dialect: Dialect = V1,
+        *,
+        address: int = 1,
+        host: int = 2,
+        group: int = 5,
+        timeout: float = 1.0,
+        priority: int = 0,
+    ) -> None:
+        self.codec = Codec(dialect)
+        self.dialect = dialect
+        self.address = ids.check_address("address", address)
+        self.host = ids.check_address("host", host)
+        if address == host:
+            raise InvalidValue(
+                pick(f"driver and host have the same address {host}", f"ABH3 とホストのアドレスが同じです: {host}")
+            )
+        self.group = ids.check_group(group)
+        self.timeout = timeout
+        self.priority = ids.check_priority(priority)
+        self._codes = [0, 0]
+        self.inputs = 0
+        self.commanded = 0
+        masks = dialect.inputs.masks
+        self._torque = (masks["ay_torque"], masks["bx_torque"])
+        self._command_id = ids.single(self.address, self.host, priority=self.priority)
+        self._feedback_id = ids.single(self.host, self.address)
+
+    # --- what it is told ----------------------------------------------------------------------------------------------
+
+    def accepts(self, frame: CanFrame) -> bool:
+        """Whether a frame is from this driver, to this host or to all."""
+        number = frame.id
+        if number & _SOURCE != self.address:
+            return False
+        pf = number >> 16 & 0xFF
+        return pf == ids.BROADCAST or (pf in _TO_ONE and number >> 8 & 0xFF == self.host)
+
+    @property
+    def commands(self) -> tuple[float, float]:
+        """The A/Y and the B/X command as they were sent last, in min^-1, or % of an axis whose inputs say torque."""
+        return self._quantity(0).decode(self._codes[0]), self._quantity(1).decode(self._codes[1])
+
+    @property
+    def moving(self) -> bool:
+        """Whether what was sent last asks for anything but rest."""
+        return self._codes != [0, 0] or bool(self.inputs & self._starting)
+
+    def forget(self) -> None:
+        """Take both commands back: they are 0 in what is sent next, until others are given."""
+        self._codes = [0, 0]
+
+    # --- section 4 ----------------------------------------------------------------------------------------------------
+
+    def init(self) -> CanOperation[F]:
+        """Commands and inputs 0; returns the feedback (4.1, abh3_can_cmd_init)."""
+        self._codes = [0, 0]
+        self.inputs = 0
+        return (yield from self.exchange("abh3_can_cmd_init"))
+
+    def command(self, ay: float | None = None, bx: float | None = None) -> CanOperation[F]:
+        """Commands in min^-1, or % of an axis whose inputs say torque; one that is left out stays (4.2, 4.3).
+
+        Raises:
+            InvalidValue: a command is out of its range; nothing has changed.
+        """
+        codes = self._codes.copy()
+        if ay is not None:
+            codes[0] = self._quantity(0).encode(ay)
+        if bx is not None:
+            codes[1] = self._quantity(1).encode(bx)
+        self._codes = codes
+        name = (
+            "abh3_can_cmd"
+            if ay is not None and bx is not None
+            else "abh3_can_cmdAY"
+            if bx is None
+            else "abh3_can_cmdBX"
+        )
+        return (yield from self.exchange(name))
+
+    def set_inputs(self, data: int, mask: int = _ALL_BITS) -> CanOperation[F]:
+        """Inputs whose mask is 1 become those of the data (4.4, abh3_can_inSet).
+
+        The command of an axis that changes between speed and torque is 0 from then on: its number would mean another thing.
+
+        Raises:
+            InvalidValue: data or mask is no word of 32 bits; nothing has changed.
+        """
+        data, mask = _word("data", data), _word("mask", mask)
+        self._change((self.inputs & ~mask) | (data & mask))
+        return (yield from self.exchange("abh3_can_inSet"))
+
+    def set_input(self, bit: int | str, value: int) -> CanOperation[F]:
+        """One input by its number or name; a name without an axis means both of them (4.5, abh3_can_inBitSet).
+
+        Raises:
+            InvalidValue: there is no such input, or the value is not 0 or 1; nothing has changed.
+        """
+        mask = self.dialect.inputs.mask(bit)
+        if value not in (0, 1):
+            raise InvalidValue(
+                pick(f"an input is 0 or 1, not {shown(value)}", f"入力の値は 0 または 1 です: {shown(value)}")
+            )
+        self._change(self.inputs | mask if value else self.inputs & ~mask)
+        return (yield from self.exchange("abh3_can_inBitSet"))
+
+    def stop(self) -> CanOperation[F]:
+        """Commands 0 and start off; the driver decelerates, its servo stays on."""
+        self._rest()
+        return (yield from self.exchange("abh3_can_cmd"))
+
+    def exchange(self, function: str = "abh3_can_cmd") -> CanOperation[F]:
+        """Send commands and inputs once more (DP0) and return the feedback.
+
+        Raises:
+            DriverTimeout: no answer; both commands are 0 from then on, as after a wait that is broken off.
+        """
+        try:
+            record = yield from self._ask(function, self._command_frame(), "DP0R", self._feedback_id)
+        except (DriverTimeout, GeneratorExit):  # the latter: broken off while it waits, by Ctrl-C or a lost bus
+            self.forget()
+            raise
+        return cast(F, record)
+
+    def request(self, number: int, *, everyone: bool = False) -> CanOperation[AnyRecord]:
+        """Request a broadcast and return it (4.7, abh3_can_reqBRD; to all drivers abh3_can_reqBRDBRD).
+
+        Args:
+            number: 0 to 7 of the driver's group; or, from 8 on, group * 8 + number as in the document.
+            everyone: the request goes to all drivers; the answer of this one is returned.
+
+        Raises:
+            InvalidValue: there is no such number.
+            DriverTimeout: no answer.
+        """
+        ps = ids.broadcast_number(number, self.group)
+        destination = ids.EVERYONE if everyone else self.address
+        sent = self._request_frame(destination, ids.pgn(ids.BROADCAST, ps))
+        wanted = int(Id(ids.BROADCAST, ps, self.address))
+        function = "abh3_can_reqBRDBRD" if everyone else "abh3_can_reqBRD"
+        return cast(AnyRecord, (yield from self._ask(function, sent, self._name_of(ps), wanted)))
+
+    def request_single(self, dp: int = 0) -> CanOperation[Feedback | DP1R]:
+        """Request a single packet without commanding anything (abh3_can_reqSNG).
+
+        Args:
+            dp: 0 for the feedback, 1 for the pulse counts (withheld by the document: many drivers do not answer).
+
+        Raises:
+            InvalidValue: another page.
+            DriverTimeout: no answer.
+        """
+        if dp not in (0, 1):
+            raise InvalidValue(pick(f"dp is 0 or 1, not {shown(dp)}", f"dp は 0 または 1 です: {shown(dp)}"))
+        sent = self._request_frame(self.address, ids.pgn(ids.SINGLE, 0, dp=dp))
+        wanted = ids.single(self.host, self.address, dp=dp)
+        record = yield from self._ask("abh3_can_reqSNG", sent, f"DP{dp}R", wanted)
+        return cast("Feedback | DP1R", record)
+
+    def reset_errors(self, tries: int = 5) -> CanOperation[BR0]:
+        """Clear errors and warnings, with commands, servo and start off, and return what was left: nothing.
+
+        A driver clears on the edge of the reset input from 0 to 1, shortly after it; so this is repeated, ``tries`` times
+        at most.
+
+        Raises:
+            DriverFault: errors or warnings are left.
+            DriverTimeout: no answer.
+        """
+        masks = self.dialect.inputs.masks
+        self._rest()
+        self.inputs &= ~(masks["servo_on"] | masks["error_reset"])
+        pause = _SETTLING
+        for _ in range(max(1, tries)):
+            yield from self.exchange("abh3_can_inBitSet")
+            self.inputs |= masks["error_reset"]
+            try:
+                yield from self.exchange("abh3_can_inBitSet")
+            finally:
+                self.inputs &= ~masks["error_reset"]
+            yield from self.exchange("abh3_can_inBitSet")
+            yield from _wait(pause)
+            pause = min(2 * pause, _LONGEST_SETTLING)
+            found = cast(BR0, (yield from self.request(0)))
+            if not found.errors and not found.warnings:
+                return found
+        texts = tuple(dict.fromkeys((*found.errors.texts, *found.warnings.texts)))
+        raise DriverFault(int(found.errors), int(found.warnings), texts)
+
+    def repeat(self, seconds: float) -> CanOperation[bool]:
+        """Send commands and inputs once more, as a keep-alive does; returns whether an answer came.
+
+        Args:
+            seconds: to wait for it.
+        """
+        received = yield Turn((self._command_frame(),), seconds, fresh=True)
+        while received is not None:
+            if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
+                return True
+            received = yield Turn()
+        return False
+
+    def part(self, seconds: float) -> CanOperation[bool]:
+        """Have the driver come to rest before the bus is closed, if anything was asked of it; as :meth:`repeat`."""
+        if not self.moving:
+            return True
+        self._rest()
+        return (yield from self.repeat(seconds))
+
+    # --- frames -------------------------------------------------------------------------------------------------------
+
+    def _ask(self, function: str, sent: CanFrame, name: str, wanted: int) -> CanOperation[Record]:
+        """Send a frame and return the record of the answer."""
+        received = yield Turn((sent,), self.timeout, fresh=True)
+        while received is not None:
+            if received.id & _MEANT == wanted and len(received.data) == _LENGTH:
+                return self.codec.decode(name, received.data) if name else BUF(received.data)
+            received = yield Turn()
+        raise DriverTimeout(function, self.timeout, self.address)
+
+    def _command_frame(self) -> CanFrame:
+        self.commanded += 1
+        layout = self.dialect.layouts["DP0S"]
+        return CanFrame(self._command_id, layout.struct.pack(*self._codes, self.inputs))
+
+    def _request_frame(self, destination: int, pgn: bytes) -> CanFrame:
+        return CanFrame(ids.request(destination, self.host, priority=self.priority), pgn)
+
+    def _name_of(self, ps: int) -> str:
+        layout = self.dialect.broadcasts.get(ps % ids.BROADCASTS)
+        return layout.name if layout else ""
+
+    # --- memory -------------------------------------------------------------------------------------------------------
+
+    @property
+    def _starting(self) -> int:
+        masks = self.dialect.inputs.masks
+        return masks["start"]
+
+    def _quantity(self, axis: int) -> Quantity:
+        return CURRENT if self.inputs & self._torque[axis] else VELOCITY
+
+    def _change(self, inputs: int) -> None:
+        for axis, mask in enumerate(self._torque):
+            if (inputs ^ self.inputs) & mask:
+                self._codes[axis] = 0
+        self.inputs = inputs
+
+    def _rest(self) -> None:
+        self.forget()
+        self.inputs &= ~self._starting
+
+
+_TO_ONE: Final = frozenset((ids.SINGLE, ids.CONTROL, ids.TRANSFER))
+_MEANT: Final = 0x03FFFFFF
+"""All of an identifier but the priority."""
+_SOURCE: Final = 0x020000FF
+"""The source address, and the reserved bit, which is 0."""
+
+
+def broadcasts_of_all(
+    codec: Codec, host: int, ps: int, seconds: float, count: int | None = None, priority: int = 0
+) -> CanOperation[dict[int, AnyRecord]]:
+    """Request a broadcast of all drivers of a group and return their answers by address (4.7, abh3_can_reqBRDBRD).
+
+    Args:
+        codec: of their dialect.
+        host: address of this host.
+        ps: group * 8 + number.
+        seconds: to wait for answers.
+        count: of drivers; when so many have answered there is no more waiting.
+        priority: of the request.
+    """
+    layout = codec.dialect.broadcasts.get(ps % ids.BROADCASTS)
+    sent = CanFrame(ids.request(ids.EVERYONE, host, priority=priority), ids.pgn(ids.BROADCAST, ps))
+    found: dict[int, AnyRecord] = {}
+    received = yield Turn((sent,), seconds, fresh=True)
+    while received is not None:
+        parts = Id.parse(received.id)
+        if parts._replace(priority=0, sa=0) == Id(ids.BROADCAST, ps, 0) and len(received.data) == _LENGTH:
+            record = codec.decode(layout.name, received.data) if layout else BUF(received.data)
+            found[parts.sa] = cast(AnyRecord, record)
+            if count is not None and len(found) >= count:
+                break
+        received = yield Turn()
+    return found
+
+
+def _wait(seconds: float) -> CanOperation[None]:
+    received = yield Turn((), seconds)
+    while received is not None:
+        received = yield Turn()
+
+
+def _word(name: str, value: object) -> int:
+    """Return 32 bits; a signed number, a C ``long``, is taken too.
+
+    Raises:
+        InvalidValue: it is neither.
+    """
+    if isinstance(value, int) and not isinstance(value, bool) and -0x80000000 <= value <= _ALL_BITS:
+        return value & _ALL_BITS
+    raise InvalidValue(
+        pick(f"{name} is a word of 32 bits, not {shown(value)}", f"{name} は 32 ビットの整数です: {shown(value)}")
+    )

@@ -1,0 +1,78 @@
+"""What has a keep-alive beat: a thread, or a task of asyncio.
+
+Neither outlives the program: the thread is a daemon, and ends with the thread that began it, with the main thread, and with
+the driver's object. A process that is stopped or killed sends nothing. (CAN interfaces could send periodically by themselves;
+they would go on when the program hangs.)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+from typing import TypeAlias
+from weakref import WeakMethod
+
+Beat: TypeAlias = Callable[[], float | None]
+"""Does what is due, and returns the seconds until the next time, ``None`` when there is none."""
+AsyncBeat: TypeAlias = Callable[[], Awaitable[float | None]]
+_JOINING = 2.0
+
+
+class Keeper:
+    """Calls a method again and again from a thread of its own.
+
+    Args:
+        beat: a method; that its object goes away ends the keeping too.
+        name: of the thread.
+    """
+
+    def __init__(self, beat: Beat, name: str) -> None:
+        self._beat = WeakMethod(beat)
+        self._owner = threading.current_thread()
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Call it no more; one call that is at work is waited for."""
+        self._stopped.set()
+        if self._thread is not threading.current_thread():
+            self._thread.join(_JOINING)
+
+    def _run(self) -> None:
+        pause: float | None = 0.0
+        while pause is not None and not self._stopped.wait(pause):
+            beat = self._beat()
+            if beat is None or not self._owner.is_alive() or not threading.main_thread().is_alive():
+                return
+            pause = beat()
+            del beat  # while this thread waits the object may go away
+
+
+class AsyncKeeper:
+    """The same as a task of the event loop that is running."""
+
+    def __init__(self, beat: AsyncBeat, name: str) -> None:
+        self._beat = WeakMethod(beat)
+        self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+
+    def stop(self) -> None:
+        """Call it no more."""
+        if self._task is not _current_task():
+            self._task.cancel()
+
+    async def _run(self) -> None:
+        pause: float | None = 0.0
+        while pause is not None:
+            await asyncio.sleep(pause)
+            beat = self._beat()
+            pause = await beat() if beat is not None else None
+            del beat
+
+
+def _current_task() -> asyncio.Task[object] | None:
+    try:
+        return asyncio.current_task()
+    except RuntimeError:  # it is closed from outside of a loop
+        return None

@@ -1,0 +1,420 @@
+"""TelABH3: the texts by which parameters and monitors of a driver are read and written.
+
+Over CAN a text is one multi-packet message (:mod:`orinkit.abh3.multipacket`). A request is a command of two letters, an
+address of four hexadecimal digits, for writing a value of eight, and a checksum of two: ``CP000095`` reads parameter 0.
+The checksum is such that the sum of all bytes, with those of the header ``FFFF`` before them, is a multiple of 256. Over
+serial lines the header is sent too, and all of it stands between STX and ETX.
+
+What an answer looks like over CAN is documented nowhere. Over serial lines it is STX, a header of four characters, the
+status, the data, the checksum and ETX. Answers made here leave out what requests over CAN leave out: they are status,
+data, checksum. :func:`parse_reply` reads all these forms.
+
+Values are words of 32 bits: a PACK_FLOAT, a whole number, or flags; :data:`MONITORS` and :data:`PARAMETERS` know which.
+SYN at the end of a message only fills it up.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+from orinkit import hresult
+from orinkit.abh3 import packfloat
+from orinkit.abh3._shown import shown
+from orinkit.errors import InvalidValue, ProtocolError, error_for
+from orinkit.language import pick
+
+Kind: TypeAlias = Literal["pack", "int", "bits"]
+
+PARAMETER: Final = "CP"
+"""The command that reads or writes a parameter."""
+MONITOR: Final = "CM"
+"""The command that reads a monitor."""
+IDENTIFICATION: Final = "BI"
+"""The command that reads what the driver is."""
+IDENTIFICATIONS: Final = (0, 2, 4, 5, 8, 0xC)
+"""Numbers of identifications that drivers are asked for."""
+VERSION: Final = 2
+"""Number of the identification that is the driver's version."""
+OFF: Final = 0x0000
+"""Value of a switched parameter that is off."""
+ON: Final = 0x8000
+"""Value of a switched parameter that is on."""
+ACK: Final = 0x06
+"""Status of an answer made here: carried out. Any status but NAK means that."""
+NAK: Final = 0x15
+"""Status of an answer: refused."""
+
+_HEADER: Final = b"FFFF"
+_STX: Final = b"\x02"
+_ETX: Final = b"\x03"
+_SYN: Final = b"\x16"
+_BLANK: Final = 0x20  # what is less is a status, not a character of a header
+_WORDS: Final = range(1 << 32)
+_ADDRESSES: Final = range(1 << 16)
+_REQUEST: Final = re.compile(rb"([ -~]{4})?(CP|CM|BI)([0-9A-Fa-f]{4})([0-9A-Fa-f]{8})?([0-9A-Fa-f]{2})")
+_HEX_BYTE: Final = re.compile(rb"[0-9A-Fa-f]{2}")
+_HEX_WORD: Final = re.compile(r"[0-9A-Fa-f]{8}")
+_PRINTABLE: Final = re.compile(r"[ -~]*")
+
+
+# --- requests ---------------------------------------------------------------------------------------------------------
+
+
+class Request(NamedTuple):
+    """What a host asks for.
+
+    Attributes:
+        command: ``"CP"``, ``"CM"`` or ``"BI"``.
+        address: 0 to 0xFFFF.
+        value: word that is to be written; ``None`` where something is read.
+    """
+
+    command: str
+    address: int
+    value: int | None = None
+
+    def __bytes__(self) -> bytes:
+        value = "" if self.value is None else f"{self.value:08X}"
+        text = f"{self.command}{self.address:04X}{value}".encode("ascii")
+        return text + checksum(_HEADER + text)
+
+
+def checksum(data: bytes) -> bytes:
+    """Return the two digits that follow these bytes; of texts over CAN the header ``FFFF`` counts too."""
+    return b"%02X" % (-sum(data) & 0xFF)
+
+
+def read_parameter(address: int) -> bytes:
+    """Return the request that reads a parameter.
+
+    Raises:
+        InvalidValue: the address has more than 16 bits.
+    """
+    return bytes(Request(PARAMETER, _in(_ADDRESSES, address)))
+
+
+def write_parameter(address: int, word: int) -> bytes:
+    """Return the request that writes a parameter.
+
+    Raises:
+        InvalidValue: the address has more than 16 bits, or the word more than 32.
+    """
+    return bytes(Request(PARAMETER, _in(_ADDRESSES, address), _in(_WORDS, word)))
+
+
+def read_monitor(address: int) -> bytes:
+    """Return the request that reads a monitor.
+
+    Raises:
+        InvalidValue: the address has more than 16 bits.
+    """
+    return bytes(Request(MONITOR, _in(_ADDRESSES, address)))
+
+
+def read_identification(number: int) -> bytes:
+    """Return the request that reads an identification, for example :data:`VERSION`.
+
+    Raises:
+        InvalidValue: the number has more than 16 bits.
+    """
+    return bytes(Request(IDENTIFICATION, _in(_ADDRESSES, number)))
+
+
+def parse_request(message: bytes) -> Request:
+    """Return what a message asks for, in the form of CAN or that of serial lines.
+
+    Raises:
+        ProtocolError: it is no request, or its checksum is wrong.
+    """
+    body, _ = _unframed(message)
+    found = _REQUEST.fullmatch(body)
+    if found is None or (found[4] and found[2] != PARAMETER.encode()):
+        raise _unreadable(message)
+    _check(message, (b"" if found[1] else _HEADER) + body)
+    return Request(found[2].decode(), int(found[3], 16), int(found[4], 16) if found[4] else None)
+
+
+# --- answers ----------------------------------------------------------------------------------------------------------
+
+
+class Reply(NamedTuple):
+    """What a driver answers.
+
+    Attributes:
+        refused: the driver did not do what it was asked for.
+        data: text of an identification, or the digits of a value; nothing where a parameter was written.
+    """
+
+    refused: bool
+    data: str
+
+    def confirmed(self) -> str:
+        """Return the data.
+
+        Raises:
+            CallError: E_FAIL: the driver has refused the request.
+        """
+        if self.refused:
+            raise error_for(
+                hresult.E_FAIL,
+                pick(
+                    f"the driver refused the request (NAK {self.data}). Try: is there such an address, may it be written?",
+                    f"ABH3 が要求を拒否しました (NAK {self.data})。対処: アドレスと、書き込みの可否を確認してください",
+                ),
+            )
+        return self.data
+
+    @property
+    def word(self) -> int:
+        """The value that was read, a word of 32 bits.
+
+        Raises:
+            CallError: E_FAIL: the driver has refused the request.
+            ProtocolError: the data is no value.
+        """
+        digits = self.confirmed()[-8:]
+        if _HEX_WORD.fullmatch(digits) is None:
+            raise _unreadable(self.data.encode("ascii", "replace"))
+        return int(digits, 16)
+
+
+def reply(value: int | str = "") -> bytes:
+    """Return the answer to a request that was carried out.
+
+    Args:
+        value: the word that was read, the text of an identification, or nothing where a parameter was written.
+
+    Raises:
+        InvalidValue: the word has more than 32 bits; or the text has other characters than printable ASCII.
+    """
+    text = value if isinstance(value, str) else f"{_in(_WORDS, value):08X}"
+    if _PRINTABLE.fullmatch(text) is None:
+        raise InvalidValue(
+            pick(
+                f"a text of printable ASCII is needed: {shown(text)}",
+                f"印字可能な ASCII 文字列が必要です: {shown(text)}",
+            )
+        )
+    return _answer(ACK, text)
+
+
+def refusal() -> bytes:
+    """Return the answer to a request that was not carried out."""
+    return _answer(NAK, "")
+
+
+def parse_reply(message: bytes) -> Reply:
+    """Return what a driver answers.
+
+    Read are a status, data and a checksum, with or without a header of four characters before them, with or without
+    STX and ETX around them; the header ``FFFF`` may count in the checksum even where it is not there.
+
+    Raises:
+        ProtocolError: it is no answer, or its checksum is wrong.
+    """
+    body, framed = _unframed(message)
+    _check(message, body, _HEADER + body)
+    text = body[:-2]
+    header = 4 if text and _has_header(text, framed) else 0
+    if len(text) <= header:
+        raise _unreadable(message)
+    return Reply(text[header] == NAK, text[header + 1 :].decode("latin-1"))
+
+
+def _has_header(text: bytes, framed: bool) -> bool:
+    return text[0] >= _BLANK and (framed or text.startswith(_HEADER) or (len(text) > 4 and text[4] < _BLANK))
+
+
+def _answer(status: int, text: str) -> bytes:
+    body = bytes((status,)) + text.encode("ascii")
+    return body + checksum(_HEADER + body)
+
+
+def _unframed(message: bytes) -> tuple[bytes, bool]:
+    """Return a text without what stands around it, and whether STX did."""
+    body = bytes(message).rstrip(_SYN)
+    framed = body.startswith(_STX)
+    return (body[1:] if framed else body).partition(_ETX)[0], framed
+
+
+def _check(message: bytes, *counted: bytes) -> None:
+    """Check the two digits at the end: one of the bytes with them has to have a sum of 0."""
+    for text in counted:
+        if _HEX_BYTE.fullmatch(text[-2:]) and (sum(text[:-2]) + int(text[-2:], 16)) & 0xFF == 0:
+            return
+    raise ProtocolError(
+        pick(
+            f"the checksum of a TelABH3 text is wrong: {bytes(message)!r:.80}",
+            f"TelABH3 文字列のチェックサムが不正です: {bytes(message)!r:.80}",
+        )
+    )
+
+
+def _unreadable(message: bytes) -> ProtocolError:
+    return ProtocolError(
+        pick(
+            f"no TelABH3 text that can be read: {bytes(message)!r:.80}",
+            f"TelABH3 の文字列として読めません: {bytes(message)!r:.80}",
+        )
+    )
+
+
+def _in(allowed: range, number: object) -> int:
+    if isinstance(number, int) and number in allowed:
+        return number
+    raise InvalidValue(
+        pick(
+            f"a whole number of 0 to 0x{allowed.stop - 1:X} is needed, not {shown(number)}",
+            f"0～0x{allowed.stop - 1:X} の整数が必要です: {shown(number)}",
+        )
+    )
+
+
+# --- monitors and parameters ------------------------------------------------------------------------------------------
+
+
+class Item(NamedTuple):
+    """A monitor or a parameter.
+
+    Attributes:
+        address: see :func:`read_monitor`, :func:`read_parameter`.
+        kind: ``"pack"``, a PACK_FLOAT; ``"int"``, a whole number with a sign; ``"bits"``, flags.
+        en: what it is.
+        ja: the same in Japanese.
+        unit: of the value; of switches the two words that they know.
+    """
+
+    address: int
+    kind: Kind
+    en: str
+    ja: str
+    unit: str = ""
+
+    @property
+    def text(self) -> str:
+        """What it is, in the language in force."""
+        return pick(self.en, self.ja)
+
+    def decode(self, word: int) -> float:
+        """Return the value of a word: a ``float`` of a PACK_FLOAT, an ``int`` of others.
+
+        Raises:
+            InvalidValue: it has more than 32 bits, or is negative.
+        """
+        if self.kind == "pack":
+            return packfloat.to_float(word)
+        number = _in(_WORDS, word)
+        return number - (1 << 32) if self.kind == "int" and number >> 31 else number
+
+    def encode(self, value: float) -> int:
+        """Return the word of a value.
+
+        Raises:
+            InvalidValue: it is no number, or no whole one where one is needed, or does not fit into 32 bits.
+        """
+        if self.kind == "pack":
+            word = packfloat.from_float(value)
+            if not math.isfinite(packfloat.to_float(word)):
+                raise InvalidValue(
+                    pick(
+                        f"{self.text}: {shown(value)} cannot be written",
+                        f"{self.text}: {shown(value)} は書き込めません",
+                    )
+                )
+            return word
+        low, high = (-(1 << 31), (1 << 31) - 1) if self.kind == "int" else (0, (1 << 32) - 1)
+        if not isinstance(value, int) or not low <= value <= high:
+            raise InvalidValue(
+                pick(
+                    f"{self.text}: a whole number of {low} to {high} is needed, not {shown(value)}",
+                    f"{self.text}: {low}～{high} の整数が必要です: {shown(value)}",
+                )
+            )
+        return value & 0xFFFFFFFF
+
+
+_SETS: Final = range(8)
+_SWITCH: Final = "0x0000/0x8000"
+
+
+def _monitors() -> Iterator[Item]:
+    yield Item(0x0000, "bits", "errors", "異常")
+    yield Item(0x0001, "bits", "warnings", "警告")
+    yield Item(0x0002, "bits", "digital inputs", "デジタル入力")
+    yield Item(0x0003, "bits", "input control", "入力制御")
+    yield Item(0x0004, "bits", "digital outputs, bits 24 to 31", "デジタル出力 (ビット 24～31)")
+    yield Item(0x0005, "bits", "output control", "出力制御")
+    yield Item(0x1004, "pack", "main voltage", "主電源電圧", "V")
+    yield Item(0x1005, "pack", "control voltage", "制御電源電圧", "V")
+    yield Item(0x1012, "pack", "A/Y velocity", "A/Y 速度", "min^-1")
+    yield Item(0x1022, "pack", "B/X velocity", "B/X 速度", "min^-1")
+    yield Item(0x1031, "pack", "A torque", "A トルク", "%")
+    yield Item(0x103B, "pack", "A load", "A 負荷率", "%")
+    yield Item(0x1041, "pack", "B torque", "B トルク", "%")
+    yield Item(0x104B, "pack", "B load", "B 負荷率", "%")
+    yield Item(0x1054, "int", "A pulse count", "A パルス積算値", "pulse")
+    yield Item(0x1064, "int", "B pulse count", "B パルス積算値", "pulse")
+
+
+_OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str, str], ...]] = (  # first of A/Y, how much further is B/X
+    (0x5000, 0x08, "pack", "velocity", "速度", "min^-1"),
+    (0x5010, 0x08, "pack", "current", "電流", "%"),
+    (0x5020, 0x60, "pack", "acceleration time", "加速時間", "s"),
+    (0x5030, 0x60, "pack", "acceleration S-curve", "加速 S 字", "%"),
+    (0x5040, 0x60, "pack", "deceleration time", "減速時間", "s"),
+    (0x5050, 0x60, "pack", "deceleration S-curve", "減速 S 字", "%"),
+    (0x5060, 0x60, "pack", "P gain", "P ゲイン", ""),
+    (0x5070, 0x60, "pack", "I gain", "I ゲイン", ""),
+    (0x50E0, 0x10, "int", "source of the data (0 the driver, 2 CAN)", "データソース (0: 内部、2: CAN ホスト)", ""),
+)
+_SWITCHES: Final = (
+    (0x5100, "servo on", "サーボオン"),
+    (0x5101, "start", "スタート"),
+    (0x5107, "data select 0", "データ選択 0"),
+    (0x5108, "data select 1", "データ選択 1"),
+    (0x5109, "data select 2", "データ選択 2"),
+)
+_CAN: Final = (
+    (0x4100, "CAN function", "CAN 機能", ""),
+    (0x4101, "bit rate", "ボーレート", "bit/s"),
+    (0x4102, "ABH3 address", "ABH3 アドレス", ""),
+    (0x4103, "host address, -1 for any", "ホスト機器アドレス (-1: 任意)", ""),
+    (0x4105, "single packet 0 mode", "シングルパケット 0 送信方式", "ms"),
+    (0x4107, "broadcast group", "ブロードキャスト送信グループ番号", ""),
+    *((0x4108 + n, f"broadcast {n} mode", f"ブロードキャスト {n} 送信方式", "ms") for n in range(8)),
+    *((0x4110 + n, f"broadcast reception {n + 1}", f"ブロードキャスト受信 {n + 1}", "") for n in range(4)),
+    (0x4114, "single packet priority", "シングルパケット優先順位", ""),
+    (0x4115, "multi-packet priority", "マルチパケット優先順位", ""),
+    (0x4116, "broadcast priority", "ブロードキャストパケット優先順位", ""),
+    (0x4117, "zero command time-out, 0 for none", "指令ゼロ タイムアウト判定値 (0: 無効)", "ms"),
+    (0x4118, "error time-out, 0 for none", "異常判定 タイムアウト判定値 (0: 無効)", "ms"),
+    (0x4119, "multi-packet pause", "マルチパケット データ転送ウェイト", "ms"),
+    (0x411A, "logic of the control flags", "制御フラグ論理式", ""),
+    (0x6180, "PDU format of single packets", "シングルパケット PGN: PDU Format", ""),
+)
+
+
+def _parameters() -> Iterator[Item]:
+    yield from (Item(address, "int", en, ja, unit) for address, en, ja, unit in _CAN)
+    for axis, name in enumerate(("A/Y", "B/X")):
+        for first, further, kind, en, ja, unit in _OF_A_SET:
+            base = first + axis * further
+            yield from (Item(base + n, kind, f"{name} {en} #{n}", f"{name} {ja} #{n}", unit) for n in _SETS)
+        for first, en, ja in _SWITCHES:
+            yield Item(first + axis * 0x20, "int", f"{name} {en}", f"{name} {ja}", _SWITCH)
+    for n in _SETS:
+        yield Item(0x5180 + n, "bits", f"digital output #{n}", f"デジタル出力 #{n}", "0x00000000/0xFFFFFFFF")
+
+
+def _table(items: Iterator[Item]) -> Mapping[int, Item]:
+    return MappingProxyType({item.address: item for item in sorted(items)})
+
+
+MONITORS: Final = _table(_monitors())
+"""Monitors by their addresses, as far as they are known."""
+PARAMETERS: Final = _table(_parameters())
+"""Parameters by their addresses, as far as they are known."""

@@ -1,0 +1,414 @@
+"""``orinkit abh3 drive``: turn the motors of an ABH3 for some seconds, and bring them to rest, whatever happens."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self
+
+from cyclopts import Group, Parameter
+
+from orinkit.abh3.signals import CURRENT, VELOCITY, Quantity
+from orinkit.cli._abh3_bus import BusOptions, Url
+from orinkit.cli._abh3_feedback import Feedback, Shown, velocities_of, words
+from orinkit.cli._errors import Failure, unusable, whole_number
+from orinkit.errors import OrinError
+from orinkit.language import pick
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+
+    from orinkit.abh3.differential import Differential
+    from orinkit.abh3.driver import Driver
+    from orinkit.abh3.records import BR0
+
+_LONGEST: Final = 3600.0  # s
+_PERIODS: Final = (0.01, 0.3)  # s; a driver stops by itself when no command has come for 0.5 s
+_HELD_UP: Final = 0.45  # s without a command after which it may have done so
+_RAMP: Final = 5.0  # s that the motors get to come to rest
+_STILL: Final = 1.0  # min^-1
+_LOOK: Final = 0.02  # s
+_NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+
+_DRIVER: Final = Group(pick("Driver", "ドライバ"), sort_key=7)
+_VEHICLE: Final = Group(pick("Vehicle with two driven wheels, instead of --ay and --bx", "2 輪駆動の台車 (--ay、--bx の代わり)"),
+                        sort_key=6)  # fmt: skip
+
+
+@Parameter(name="*", group=_DRIVER)
+@dataclass(frozen=True)
+class DriverOptions:
+    """Which driver, and what its parameters are."""
+
+    address: Annotated[
+        int,
+        Parameter(
+            converter=whole_number, help=pick("Address of the driver, 0 to 253.", "ドライバのアドレス (0～253)。")
+        ),
+    ] = 1
+    host: Annotated[
+        int, Parameter(converter=whole_number, help=pick("Address of this host.", "このホスト機器のアドレス。"))
+    ] = 2
+    group: Annotated[
+        int,
+        Parameter(
+            converter=whole_number,
+            help=pick("Group of its broadcasts, 0 to 31.", "ブロードキャストのグループ番号 (0～31)。"),
+        ),
+    ] = 5
+    dialect: Annotated[
+        str,
+        Parameter(
+            help=pick(
+                "v1, the document's, or v2 of 2023: a wrong one switches other inputs on.",
+                "v1 (本書) または v2 (2023 年の新仕様)。誤ると別の入力が ON になります。",
+            )
+        ),
+    ] = "v1"
+    load_unit: Annotated[
+        float, Parameter(help=pick("It counts loads in 1 or 0.1 %.", "負荷率の単位 (1 または 0.1 %)。"))
+    ] = 1.0  # fmt: skip
+
+
+@Parameter(name="*", group=_VEHICLE)
+@dataclass(frozen=True)
+class Vehicle:
+    """How a vehicle is to move, and its measures."""
+
+    velocity: Annotated[float | None, Parameter(help=pick("Forwards, in m/s.", "前進速度 (m/s)。"))] = None
+    turn: Annotated[
+        float | None, Parameter(help=pick("Turning in rad/s, positive to the left.", "旋回速度 (rad/s、左回りが正)。"))
+    ] = None
+    wheel_diameter: Annotated[
+        float | None, Parameter(help=pick("Diameter of the wheels in m.", "車輪の直径 (m)。"))
+    ] = None
+    track: Annotated[
+        float | None, Parameter(help=pick("From one wheel to the other in m.", "左右の車輪の間隔 (m)。"))
+    ] = None
+    gear: Annotated[
+        float | None,
+        Parameter(help=pick("Turns of a wheel for one of its motor, 0.1 for a gear of 10:1.",
+                            "モータ 1 回転あたりの車輪の回転数 (減速比 10:1 なら 0.1)。")),
+    ] = None  # fmt: skip
+
+    @property
+    def given(self) -> list[str]:
+        """The options that are given."""
+        names = ("velocity", "turn", "wheel_diameter", "track", "gear")
+        return ["--" + name.replace("_", "-") for name in names if getattr(self, name) is not None]
+
+    def differential(self) -> Differential:
+        """Return the measures.
+
+        Raises:
+            Failure: one is missing, or nothing is to move.
+            InvalidValue: one cannot be.
+        """
+        from orinkit.abh3.differential import Differential
+
+        if self.velocity is None and self.turn is None:
+            raise unusable(f"{', '.join(self.given)}: --velocity or --turn is missing",
+                           f"{', '.join(self.given)}: --velocity または --turn を指定してください")  # fmt: skip
+        if self.wheel_diameter is None or self.track is None or self.gear is None:
+            raise unusable("--velocity and --turn need --wheel-diameter, --track and --gear",
+                           "--velocity と --turn には --wheel-diameter、--track、--gear が必要です")  # fmt: skip
+        return Differential(wheel_diameter=self.wheel_diameter, track=self.track, gear=self.gear)
+
+    def commands(self, *, travel: bool) -> tuple[float, float]:
+        """Return A/Y and B/X in min^-1, as the driver's model wants them."""
+        measures = self.differential()
+        v, omega = self.velocity or 0.0, self.turn or 0.0
+        return measures.to_travel(v, omega) if travel else measures.to_wheels(v, omega)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be done.
+
+    Attributes:
+        ay: command of A/Y in min^-1, or % of the rated current.
+        bx: the same of B/X.
+        torque: commands are currents.
+        vehicle: that says the commands instead, or ``None``.
+        seconds: that it takes.
+        period: s between commands.
+        reset: errors are to be reset.
+        keep_servo: the servo is to stay on.
+    """
+
+    ay: float
+    bx: float
+    torque: bool
+    vehicle: Vehicle | None
+    seconds: float
+    period: float
+    reset: bool
+    keep_servo: bool
+
+    def check(self) -> None:
+        """Find out that something cannot be before anything is sent.
+
+        Raises:
+            Failure, InvalidValue: something cannot be.
+        """
+        low, high = _PERIODS
+        if not 0 < self.seconds <= _LONGEST:
+            raise unusable(f"--seconds must be more than 0 and at most {_LONGEST:g}, not {self.seconds:g}",
+                           f"--seconds は 0 より大きく {_LONGEST:g} 以下です ({self.seconds:g})")  # fmt: skip
+        if not low <= self.period <= high:
+            raise unusable(
+                f"--period must be {low:g} to {high:g} s, not {self.period:g}: the driver stops by itself without commands",
+                f"--period は {low:g}～{high:g} 秒です ({self.period:g})。指令が途絶えるとドライバは自動的に停止します",
+            )
+        self.commands(travel=True)  # if Y and X cannot be, A and B cannot either
+
+    @property
+    def quantity(self) -> Quantity:
+        """What commands are."""
+        return CURRENT if self.torque else VELOCITY
+
+    def commands(self, *, travel: bool) -> tuple[float, float]:
+        """Return the commands, of which each has a code.
+
+        Args:
+            travel: the driver has the travel-axis model.
+
+        Raises:
+            InvalidValue: one is out of its range.
+        """
+        ay, bx = (self.ay, self.bx) if self.vehicle is None else self.vehicle.commands(travel=travel)
+        for value in (ay, bx):
+            self.quantity.encode(value)
+        return ay, bx
+
+
+_BUS: Final = BusOptions()
+_OPTIONS: Final = DriverOptions()
+_STANDING: Final = Vehicle()
+
+
+def drive(
+    url: Url = None,
+    /,
+    *,
+    seconds: Annotated[float, Parameter(help=pick("How long, in s.", "動かす秒数。"))],
+    ay: Annotated[
+        float | None, Parameter(help=pick("Command of A/Y in min^-1; 0 by default.", "A/Y 軸の指令 (min^-1)。既定は 0。"))
+    ] = None,
+    bx: Annotated[
+        float | None, Parameter(help=pick("Command of B/X in min^-1; 0 by default.", "B/X 軸の指令 (min^-1)。既定は 0。"))
+    ] = None,
+    torque: Annotated[
+        bool, Parameter(help=pick("--ay and --bx are currents in %: nothing limits the velocity but the driver.",
+                                  "--ay、--bx を電流指令 (%) とする。速度はドライバの制限だけで決まります。"))
+    ] = False,
+    period: Annotated[
+        float, Parameter(help=pick("s between commands, and between lines.", "指令と表示の周期 (秒)。"))
+    ] = 0.1,
+    no_reset: Annotated[
+        bool, Parameter(help=pick("Do not reset errors of the driver; without errors only.",
+                                  "ドライバの異常をリセットしない (異常があれば動かさない)。"))
+    ] = False,
+    keep_servo: Annotated[
+        bool, Parameter(help=pick("Leave the servo on at the end; the driver has an error when it hears no host for a second.",
+                                  "終了時にサーボを ON のままにする (ホストの通信が 1 秒途絶えるとドライバは異常になります)。"))
+    ] = False,
+    json: Annotated[
+        bool, Parameter(name="--json", help=pick("Print one JSON object for each line.", "1 行に 1 つの JSON で出力する。"))
+    ] = False,
+    vehicle: Vehicle = _STANDING,
+    options: DriverOptions = _OPTIONS,
+    bus: BusOptions = _BUS,
+) -> int:  # fmt: skip
+    """Turn the motors of an ABH3: reset errors, servo on, start, commands; then to rest and servo off, whatever happens.
+
+    Ctrl-C and SIGTERM end it early. A line for each command tells what the driver says.
+    """
+    _check_together(ay, bx, vehicle, torque=torque)
+    plan = Plan(
+        ay or 0.0, bx or 0.0, torque, vehicle if vehicle.given else None, seconds, period, not no_reset, keep_servo
+    )
+    plan.check()
+    address = bus.address(url)
+
+    from orinkit.abh3.driver import connect
+
+    with (
+        Signals() as signals,
+        connect(
+            str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,
+            load_unit=options.load_unit,
+        ) as driver,
+        Shown(as_json=json) as shown,
+    ):  # fmt: skip
+        return _drive(driver, plan, signals, shown)
+
+
+def _check_together(ay: float | None, bx: float | None, vehicle: Vehicle, *, torque: bool) -> None:
+    axes = [name for name, value in (("--ay", ay), ("--bx", bx), ("--torque", torque or None)) if value is not None]
+    if axes and vehicle.given:
+        raise unusable(f"{', '.join(axes)} cannot be given beside {', '.join(vehicle.given)}",
+                       f"{', '.join(axes)} と {', '.join(vehicle.given)} は同時に指定できません")  # fmt: skip
+    if ay is None and bx is None and not vehicle.given:
+        raise unusable("nothing is to turn: --ay or --bx is missing (or --velocity or --turn)",
+                       "指令がありません: --ay、--bx (または --velocity、--turn) を指定してください")  # fmt: skip
+
+
+class Signals:
+    """Ctrl-C, SIGTERM and the end of the terminal are noted; the second one breaks a call off.
+
+    Attributes:
+        resting: motors are being brought to rest: nothing breaks that off, it takes a few seconds at most.
+    """
+
+    def __init__(self) -> None:
+        self.resting = False
+        self._noted = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
+            if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+                self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if there was one."""
+        if self._noted:
+            raise KeyboardInterrupt
+
+    def wait(self, until: float) -> None:
+        """Wait until a time of the clock; raises KeyboardInterrupt as soon as there was a signal."""
+        self.check()
+        while (left := until - monotonic()) > 0:
+            sleep(min(left, _LOOK))
+            self.check()
+
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        if self._noted and not self.resting:
+            raise KeyboardInterrupt
+        self._noted = True
+
+
+def _drive(driver: Driver[Any, Any], plan: Plan, signals: Signals, shown: Shown) -> int:
+    """Do it; returns the exit code."""
+    signals.check()
+    _clear(driver, plan)
+    commands = plan.commands(travel=plan.vehicle is not None and _travels(driver))
+    try:
+        signals.check()
+        _start(driver, plan)
+        began = monotonic()
+        _keep_on(driver, plan, commands, signals, shown, began)
+    finally:
+        signals.resting = True
+        notes = _rest(driver, keep_servo=plan.keep_servo)
+        for note in notes:
+            print(f"orinkit: {' '.join(note.split())}", file=sys.stderr)
+    if notes:
+        return 1
+    shown.show(_read(driver, driver.command, monotonic() - began))
+    signals.check()
+    return 0
+
+
+def _clear(driver: Driver[Any, Any], plan: Plan) -> None:
+    """Reset errors, or make sure that there are none.
+
+    Raises:
+        DriverFault, Failure: there are.
+    """
+    if plan.reset:
+        driver.reset_errors()
+        return
+    found = driver.errors()
+    if found.errors:
+        told = words(found.errors)
+        raise Failure(pick(f"the driver has errors: {told}. Try: without --no-reset",
+                           f"ドライバに異常があります: {told}。対処: --no-reset を外してください"))  # fmt: skip
+
+
+def _travels(driver: Driver[Any, Any]) -> bool:
+    """Whether the driver says that it has the travel-axis model, whose commands are those of Y and X."""
+    feedback = driver.command()
+    control = feedback.control if hasattr(feedback, "control") else driver.states().control
+    return "travel_model" in control
+
+
+def _start(driver: Driver[Any, Any], plan: Plan) -> None:
+    if plan.torque:
+        driver.set_input("torque", 1)
+    driver.set_input("servo_on", 1)
+    driver.set_input("start", 1)
+
+
+def _keep_on(
+    driver: Driver[Any, Any],
+    plan: Plan,
+    commands: tuple[float, float],
+    signals: Signals,
+    shown: Shown,
+    began: float,
+) -> None:
+    """Command every period until the time is up.
+
+    Raises:
+        KeyboardInterrupt: somebody wants an end.
+        Failure: the driver has errors, or this program was held up.
+    """
+    end, due, sent = began + plan.seconds, began, began
+    while (now := monotonic()) < end:
+        if now - sent > _HELD_UP:
+            raise Failure(pick(
+                f"no command was sent for {now - sent:.1f} s, so the driver may have stopped; it is not started again",
+                f"{now - sent:.1f} 秒間指令を送信できず、ドライバが停止した可能性があるため、再開せずに終了します"))  # fmt: skip
+        feedback = _read(driver, lambda: driver.command(*commands), now - began)
+        sent = now
+        shown.show(feedback)
+        _complain(feedback.faults)
+        due = max(due + plan.period, monotonic())
+        signals.wait(min(due, end))
+
+
+def _complain(found: BR0) -> None:
+    if found.errors:
+        told = words(found.errors)
+        raise Failure(pick(f"the driver has stopped with errors: {told}", f"ドライバが異常で停止しました: {told}"))
+
+
+def _read(driver: Driver[Any, Any], command: Callable[[], Any], time: float) -> Feedback:
+    """Send a command, and ask for all that is shown."""
+    return Feedback(time, command(), driver.pulses(), driver.currents(), driver.errors())
+
+
+def _rest(driver: Driver[Any, Any], *, keep_servo: bool) -> list[str]:
+    """Bring the motors to rest, then switch the servo off; returns what went wrong."""
+    end = monotonic() + _RAMP
+    notes = []
+    while True:
+        try:
+            fastest = max(abs(velocity) for velocity in velocities_of(driver.stop()).values())
+        except OrinError as error:  # a single answer may be lost
+            wrong = str(error)
+        else:
+            if fastest < _STILL:
+                break
+            wrong = f"{fastest:.1f} min^-1"
+        if monotonic() > end:
+            notes.append(pick(f"the motors were not seen at rest within {_RAMP:g} s: {wrong}",
+                              f"{_RAMP:g} 秒以内にモータの停止を確認できません: {wrong}"))  # fmt: skip
+            break
+        sleep(_LOOK)
+    if not keep_servo:
+        try:
+            driver.init()  # commands and inputs 0
+        except OrinError as error:
+            notes.append(pick(f"the servo may still be on: {error}", f"サーボが ON のままの可能性があります: {error}"))
+    return notes

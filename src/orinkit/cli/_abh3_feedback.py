@@ -1,0 +1,127 @@
+"""What an ABH3 says while it is driven: lines for people, one live line on a terminal, or JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from orinkit.language import pick
+
+if TYPE_CHECKING:
+    from orinkit.abh3.records import BR0, BR3, BR4, DP0R, DP0RV2, Flags
+
+_AXES: Final = {
+    "a_velocity": "A",
+    "b_velocity": "B",
+    "y_velocity": "Y",
+    "x_velocity": "X",
+    "ay_velocity": "A/Y",
+    "bx_velocity": "B/X",
+}
+
+
+def velocities_of(feedback: DP0R | DP0RV2) -> dict[str, float]:
+    """Return the velocities of a feedback in min^-1 by their names, in either dialect."""
+    return {name: getattr(feedback, name) for name in _AXES if hasattr(feedback, name)}
+
+
+def words(flags: Flags) -> str:
+    """Return what flags say, with their word."""
+    return f"{', '.join(flags.texts) or '-'} (0x{flags.value:08X})"
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """What a driver says at a moment.
+
+    Attributes:
+        time: s from the start.
+        velocities: its answer to a command.
+        pulses: pulse counts.
+        currents: currents and loads.
+        faults: errors and warnings.
+    """
+
+    time: float
+    velocities: DP0R | DP0RV2
+    pulses: BR4
+    currents: BR3
+    faults: BR0
+
+    @property
+    def line(self) -> str:
+        """A line for people."""
+        speeds = "  ".join(f"{_AXES[name]} {value:.1f}" for name, value in velocities_of(self.velocities).items())
+        pulses, currents = self.pulses, self.currents
+        return pick(
+            f"{self.time:.2f} s  {speeds} min^-1  pulses A {pulses.a_pulses}  B {pulses.b_pulses}  "
+            f"current A/Y {currents.ay_current_command:.2f}  B/X {currents.bx_current_command:.2f} %  "
+            f"load A {currents.a_load:g}  B {currents.b_load:g} %",
+            f"{self.time:.2f} s  {speeds} min^-1  パルス A {pulses.a_pulses}  B {pulses.b_pulses}  "
+            f"電流 A/Y {currents.ay_current_command:.2f}  B/X {currents.bx_current_command:.2f} %  "
+            f"負荷率 A {currents.a_load:g}  B {currents.b_load:g} %",
+        )
+
+    @property
+    def json(self) -> str:
+        """A JSON object on a line."""
+        speeds, currents = velocities_of(self.velocities), self.currents
+        percents = {
+            "ay_current_command": currents.ay_current_command,
+            "bx_current_command": currents.bx_current_command,
+            "a_load": currents.a_load,
+            "b_load": currents.b_load,
+        }
+        document = {
+            "time": round(self.time, 6),
+            "values": {**speeds, "a_pulses": self.pulses.a_pulses, "b_pulses": self.pulses.b_pulses, **percents},
+            "units": {"time": "s", **dict.fromkeys(speeds, "min^-1"), **dict.fromkeys(percents, "%")},
+            "errors": list(self.faults.errors),
+            "warnings": list(self.faults.warnings),
+        }
+        return json.dumps(document, allow_nan=False)
+
+
+class Shown:
+    """Shows what a driver says on stdout, and new warnings on stderr, while the ``with`` statement lasts.
+
+    Args:
+        as_json: as lines of JSON.
+    """
+
+    def __init__(self, *, as_json: bool) -> None:
+        self._json = as_json
+        self._live: Any = None
+        self._warnings = 0
+        if not as_json and sys.stdout.isatty():
+            from rich.live import Live
+
+            self._live = Live("", auto_refresh=False)
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, feedback: Feedback) -> None:
+        """Show it."""
+        if self._live is not None:
+            from rich.text import Text
+
+            self._live.update(Text(feedback.line), refresh=True)
+        else:
+            print(feedback.json if self._json else feedback.line, flush=True)
+        warnings = feedback.faults.warnings
+        if warnings.value & ~self._warnings:
+            told = words(warnings)
+            print(
+                pick(f"orinkit: warning: the driver warns: {told}", f"orinkit: 警告: ドライバの警告: {told}"),
+                file=sys.stderr,
+            )
+        self._warnings = warnings.value

@@ -1,0 +1,155 @@
+"""``orinkit abh3``: listening to ABH3 motor drivers on CAN, reading logs of them, and their frames as a DBC file."""
+
+from __future__ import annotations
+
+import sys
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated, Final
+
+from cyclopts import Parameter
+
+from orinkit.cli._abh3_bus import FRAMES, BusOptions, FrameOptions, JsonLines, Url, joined, whole_numbers
+from orinkit.cli._errors import unusable, whole_number
+from orinkit.language import pick
+
+if TYPE_CHECKING:
+    from orinkit.abh3.decoder import Decoded, Decoder
+    from orinkit.transport.can_bus import Bus
+
+_BUS: Final = BusOptions()
+_FRAMES: Final = FrameOptions()
+_SLICE: Final = 0.1  # s
+
+
+def monitor(
+    url: Url = None,
+    /,
+    *,
+    plain: Annotated[
+        bool,
+        Parameter(help=pick("Print a line for each frame instead of a table; so it is where stdout is no terminal.",
+                            "表の代わりにフレームごとに 1 行で出力する。標準出力が端末でない場合も同じ。")),
+    ] = False,
+    json: JsonLines = False,
+    count: Annotated[
+        int | None,
+        Parameter(converter=whole_number, help=pick("End after so many frames.", "この数のフレームを受信したら終了する。")),
+    ] = None,
+    seconds: Annotated[
+        float | None, Parameter(help=pick("End after so many seconds.", "この秒数が経過したら終了する。"))
+    ] = None,
+    frames: FrameOptions = _FRAMES,
+    bus: BusOptions = _BUS,
+) -> int:  # fmt: skip
+    """Show the frames on a bus and what they say. It only listens: nothing is sent. Ctrl-C ends it."""
+    address = bus.address(url)
+    decoder = frames.decoder()
+    for option, number in (("--count", count), ("--seconds", seconds)):
+        if number is not None and not number > 0:
+            raise unusable(f"{option} must be more than 0, not {number}", f"{option} は正の数です ({number})")
+
+    from orinkit.transport.can_bus import Bus
+
+    opened = Bus.open(address)
+    try:
+        _show(opened, decoder, (count, seconds), as_json=json, as_table=sys.stdout.isatty() and not (plain or json))
+    except KeyboardInterrupt:
+        pass
+    finally:
+        opened.close()
+    return 0
+
+
+def _show(bus: Bus, decoder: Decoder, most: tuple[int | None, float | None], *, as_json: bool, as_table: bool) -> None:
+    """Show frames until there were so many, or so many seconds have passed."""
+    count, seconds = most
+    end = None if seconds is None else monotonic() + seconds
+    if as_table:
+        from orinkit.cli._abh3_table import LiveTable
+
+        with LiveTable() as table:
+            while count != 0 and (left := _left(end)) > 0:
+                frame = bus.receive(min(left, _SLICE))
+                if frame is not None:
+                    table.add(decoder.decode(frame))
+                    count = count and count - 1
+                table.refresh()
+        return
+    while count != 0 and (left := _left(end)) > 0:
+        frame = bus.receive(min(left, _SLICE))
+        if frame is not None:
+            _print(decoder.decode(frame), as_json=as_json)
+            count = count and count - 1
+
+
+def _left(end: float | None) -> float:
+    return _SLICE if end is None else end - monotonic()
+
+
+def _print(decoded: Decoded, *, as_json: bool) -> None:
+    from orinkit.cli._abh3_show import json_line, line
+
+    print((json_line if as_json else line)(decoded), flush=True)
+
+
+def decode(
+    file: Annotated[
+        str,
+        Parameter(
+            allow_leading_hyphen=True,
+            help=pick("A log: what candump prints (.log, .txt), or .asc, .blf, .csv, .trc; - reads what candump prints from stdin.",
+                      "ログファイル: candump の出力 (.log、.txt)、または .asc、.blf、.csv、.trc。- で標準入力から candump の出力を読みます。"),
+        ),
+    ],
+    /,
+    *,
+    json: JsonLines = False,
+    frames: FrameOptions = _FRAMES,
+) -> int:  # fmt: skip
+    """Tell what the frames of a log say, a line for each; exit code 1 if there are lines that are no frames."""
+    from orinkit.cli._abh3_logs import Log
+
+    decoder = frames.decoder()
+    log = Log(file)
+    for frame in log:
+        _print(decoder.decode(frame), as_json=json)
+    if log.passed_over:
+        print(
+            pick(f"orinkit: {log.passed_over} frames passed over: standard identifiers, remote, error or FD frames",
+                 f"orinkit: 標準 ID、リモート、エラー、FD のフレーム {log.passed_over} 個を読み飛ばしました"),
+            file=sys.stderr,
+        )  # fmt: skip
+    log.check()
+    return 0
+
+
+def dbc(
+    *,
+    dialect: Annotated[
+        str, Parameter(group=FRAMES, help=pick("v1, the document's, or v2 of 2023.", "v1 (本書) または v2 (2023 年の新仕様)。"))
+    ] = "v1",
+    address: Annotated[
+        tuple[int, ...],
+        Parameter(
+            group=FRAMES,
+            converter=whole_numbers,
+            show_default=joined,
+            help=pick("Address of a driver; may be given again.", "ドライバのアドレス。複数指定可。"),
+        ),
+    ] = (1,),
+    host: Annotated[
+        int, Parameter(group=FRAMES, converter=whole_number, help=pick("Address of the host.", "ホスト機器のアドレス。"))
+    ] = 2,
+    group: Annotated[
+        int,
+        Parameter(group=FRAMES, converter=whole_number, help=pick("Group of the broadcasts.", "ブロードキャストのグループ番号。")),
+    ] = 5,
+    load_unit: Annotated[
+        float, Parameter(group=FRAMES, help=pick("Loads are counted in 1 or 0.1 %.", "負荷率の単位 (1 または 0.1 %)。"))
+    ] = 1.0,
+) -> int:  # fmt: skip
+    """Print a DBC file of all frames; try: orinkit abh3 dbc > abh3.dbc; candump can0 | cantools decode abh3.dbc."""
+    from orinkit.abh3 import dbc as made
+
+    print(made.dbc(dialect, addresses=address, host=host, group=group, load_unit=load_unit), end="")
+    return 0

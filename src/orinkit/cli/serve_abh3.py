@@ -1,0 +1,234 @@
+"""``orinkit serve abh3``: virtual ABH3 motor drivers on a CAN bus."""
+
+from __future__ import annotations
+
+import re
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.cli._abh3_bus import BusOptions, Url, joined, whole_numbers
+from orinkit.cli._errors import Failure, unusable, whole_number
+from orinkit.cli._serving import Listening, begin_log, check, run
+from orinkit.language import pick
+from orinkit.transport.address import CanAddress
+
+if TYPE_CHECKING:
+    from orinkit.virtual.abh3 import VirtualABH3
+
+_DRIVER: Final = Group(pick("Driver", "ドライバ"), sort_key=7)
+_BUS: Final = BusOptions()
+_LISTENING: Final = Listening()
+_MODE: Final = re.compile(r"([0-7])=(\d{1,4})", re.ASCII)
+_BROADCASTS: Final = 8
+_LOOK: Final = 0.5  # s: Windows tells of Ctrl-C only where something returns now and then
+
+
+def serve_abh3(
+    url: Url = None,
+    /,
+    *,
+    address: Annotated[
+        tuple[int, ...],
+        Parameter(
+            group=_DRIVER,
+            converter=whole_numbers,
+            show_default=joined,
+            help=pick("Address of the driver, 0 to 253; may be given again for several drivers on the bus.",
+                      "ドライバのアドレス (0～253)。複数指定すると、同じバスに複数のドライバを置く。"),
+        ),
+    ] = (1,),
+    host: Annotated[
+        int,
+        Parameter(group=_DRIVER, converter=whole_number, help=pick("Address of the host that it obeys.", "従うホスト機器のアドレス。")),
+    ] = 2,
+    any_host: Annotated[
+        bool, Parameter(group=_DRIVER, help=pick("It obeys every host.", "すべてのホスト機器に従う。"))
+    ] = False,
+    group: Annotated[
+        int,
+        Parameter(group=_DRIVER, converter=whole_number, help=pick("Group of its broadcasts, 0 to 31.", "ブロードキャストのグループ番号 (0～31)。")),
+    ] = 5,
+    dialect: Annotated[
+        str,
+        Parameter(group=_DRIVER, help=pick("v1, the document's, or v2 of 2023.", "v1 (本書) または v2 (2023 年の新仕様)。")),
+    ] = "v1",
+    load_unit: Annotated[
+        float,
+        Parameter(group=_DRIVER, help=pick("It counts loads in 1 or 0.1 %.", "負荷率の単位 (1 または 0.1 %)。")),
+    ] = 1.0,
+    model: Annotated[
+        str,
+        Parameter(
+            group=_DRIVER,
+            help=pick("What is commanded: motor (A and B), or travel (Y moves, X turns).",
+                      "指令の対象: motor (A、B 軸) または travel (Y 走行、X 旋回)。"),
+        ),
+    ] = "motor",
+    broadcast: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_DRIVER,
+            help=pick("Send a broadcast unasked: 2=100 sends number 2 every 100 ms; may be given again.",
+                      "ブロードキャストを定期送信する: 2=100 なら 2 番を 100 ms ごとに送信。複数指定可。"),
+        ),
+    ] = (),
+    single_period: Annotated[
+        int | None,
+        Parameter(
+            group=_DRIVER,
+            converter=whole_number,
+            help=pick("Send the feedback every so many ms too, 1 to 1000; only when asked by default.",
+                      "帰還を定期的にも送信する周期 (1～1000 ms)。既定は受信時応答のみ。"),
+        ),
+    ] = None,
+    command_timeout: Annotated[
+        int,
+        Parameter(
+            group=_DRIVER,
+            converter=whole_number,
+            help=pick("ms without a command after which it stops; 0 for never.", "指令ゼロ タイムアウト (ms)。0 で無効。"),
+        ),
+    ] = 500,
+    error_timeout: Annotated[
+        int,
+        Parameter(
+            group=_DRIVER,
+            converter=whole_number,
+            help=pick("ms without a command after which that is an error; 0 for never.", "異常判定 タイムアウト (ms)。0 で無効。"),
+        ),
+    ] = 1000,
+    time_scale: Annotated[
+        float,
+        Parameter(
+            group=_DRIVER,
+            help=pick("How many seconds of the driver pass in a real one.", "実時間 1 秒あたりに進むドライバの秒数。"),
+        ),
+    ] = 1.0,
+    bus: BusOptions = _BUS,
+    listening: Listening = _LISTENING,
+) -> int:  # fmt: skip
+    """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT and SIGTERM.
+
+    With --tcp, --udp, --serial, --pty or --http CAO clients are let in too: CaoProv.Waco.ABH3 on this bus, "ready URL" for each.
+    """
+    served = bool(listening.tcp or listening.udp or listening.serial or listening.pty or listening.web.http)
+    check(listening)
+    at = bus.address(url)
+    period = -1 if single_period is None else _period(single_period)
+    settings = {
+        "host": None if any_host else host, "group": group, "dialect": dialect, "load_unit": load_unit, "model": model,
+        "broadcast_modes": _modes(broadcast), "single_mode": period,
+        "command_timeout": command_timeout, "error_timeout": error_timeout,
+    }  # fmt: skip
+    drivers = _drivers(address, settings, time_scale)
+    begin_log(listening)
+    defaults = {"host": host, "group": group, "dialect": dialect, "load_unit": load_unit, "address": address[0]}
+    return _serve(drivers, at, (listening, defaults) if served else None)
+
+
+def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[Listening, dict[str, Any]] | None) -> int:
+    """Serve drivers until a signal comes.
+
+    Args:
+        drivers: to serve.
+        at: bus to serve them on.
+        cao: where CAO clients are let in, and what holds where they say nothing.
+    """
+    from orinkit.server.can_server import serve_can
+
+    with serve_can(*drivers, at=str(at)) as server:
+        if cao is not None:
+            from orinkit.gateway.abh3 import ABH3Provider
+
+            print(f"ready {server.url}", flush=True)
+            return run([ABH3Provider(server.url, **cao[1])], cao[0])
+        with _told_to_stop() as wait:
+            if at.interface == "virtual":
+                print(_only_here(), file=sys.stderr)
+            print(f"ready {server.url}", flush=True)
+            wait()
+    return 0
+
+
+def _only_here() -> str:
+    return pick(
+        "orinkit: warning: the interface virtual is within one process: no other program can reach this driver. Try: "
+        "--interface udp_multicast",
+        "orinkit: 警告: インタフェース virtual は 1 つのプロセス内だけで有効です。他のプログラムからは接続できません。対処: "
+        "--interface udp_multicast",
+    )
+
+
+@contextmanager
+def _told_to_stop() -> Iterator[Callable[[], None]]:
+    """Give what waits for SIGINT or SIGTERM; the same signal a second time ends the process at once."""
+    stop = threading.Event()
+
+    def handle(number: int, _frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        stop.set()
+
+    def wait() -> None:
+        while not stop.wait(_LOOK):
+            pass
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield wait
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _drivers(addresses: tuple[int, ...], settings: dict[str, Any], time_scale: float) -> list[VirtualABH3]:
+    """Return the drivers.
+
+    Raises:
+        Failure, InvalidValue: a setting cannot be.
+    """
+    from orinkit.virtual.abh3 import Parameters, VirtualABH3
+    from orinkit.virtual.clock import Clock
+
+    try:
+        clock = Clock(time_scale)
+    except ValueError as error:
+        raise Failure(str(error), 2) from None
+    return [VirtualABH3(Parameters(address=address, **settings), clock=clock) for address in addresses]
+
+
+def _period(milliseconds: int) -> int:
+    """Return a period for single packets: 0 and -1 mean other things to a driver.
+
+    Raises:
+        Failure: it is less than 1.
+    """
+    if milliseconds < 1:
+        raise unusable(
+            f"--single-period must be 1 to 1000 ms, not {milliseconds}",
+            f"--single-period は 1～1000 ms です ({milliseconds})",
+        )
+    return milliseconds
+
+
+def _modes(given: tuple[str, ...]) -> tuple[int, ...]:
+    """Return for each broadcast how many ms are between two; 0 for when asked.
+
+    Raises:
+        Failure: one cannot be read.
+    """
+    modes = [0] * _BROADCASTS
+    for text in given:
+        match = _MODE.fullmatch(text)
+        if match is None:
+            raise unusable(
+                f"--broadcast {text}: N=MS is needed, as 2=100: number 0 to 7, 1 to 1000 ms",
+                f"--broadcast {text}: 2=100 のように N=MS で指定してください (番号 0～7、1～1000 ms)",
+            )
+        modes[int(match[1])] = int(match[2])
+    return tuple(modes)

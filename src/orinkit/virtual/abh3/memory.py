@@ -1,0 +1,242 @@
+"""What TelABH3 commands read and write in a virtual ABH3: parameters, monitors, identifications.
+
+What is not here is refused. Fixed parameters may be written with the value that they have. A written parameter takes effect
+once the answer is through: the driver may have another address afterwards. ``single_mode`` ``None`` is read as -1.
+
+The switches for servo, start and data select are the terminals that an input from CAN is combined with. The digital inputs
+are bits by their numbers, "input control" are the control flags, and "output control" the I/O flags; the document knows
+nothing of their layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from orinkit.abh3 import telabh3
+from orinkit.abh3.ids import BROADCASTS, SINGLE
+from orinkit.abh3.records import Flags
+from orinkit.abh3.telabh3 import MONITORS, PARAMETERS
+from orinkit.errors import InvalidValue, ProtocolError
+from orinkit.virtual.abh3.drive import AXES
+from orinkit.virtual.abh3.driver import OUTPUTS, Driver
+from orinkit.virtual.abh3.parameters import SETS, Parameters
+
+IDENTIFICATIONS: Final = {0: "ABH3", telabh3.VERSION: "orinkit virtual ABH3"}
+"""Texts of the identifications that it has."""
+
+_NOBODY: Final = -1  # host address that means any
+_FUNCTION: Final = 0x4100
+_HOST: Final = 0x4103
+_SINGLE_MODE: Final = 0x4105
+_MODES: Final = 0x4108
+_RECEPTIONS: Final = range(0x4110, 0x4114)
+_FIELDS: Final = {
+    0x4102: "address",
+    _HOST: "host",
+    _SINGLE_MODE: "single_mode",
+    0x4107: "group",
+    0x4114: "single_priority",
+    0x4115: "multi_priority",
+    0x4116: "broadcast_priority",
+    0x4117: "command_timeout",
+    0x4118: "error_timeout",
+}
+_ENABLED: Final = 2  # the CAN function
+_FIXED: Final = {_FUNCTION: _ENABLED, **dict.fromkeys(_RECEPTIONS, 0), 0x4119: 0, 0x411A: 0, 0x6180: SINGLE}
+_TIMES: Final = {0x5020: "acceleration_time", 0x5040: "deceleration_time"}  # of the first data set of A/Y
+_S_CURVES: Final = (0x5030, 0x5050)
+_BX_TIMES: Final = 0x60  # how much further those of B/X are
+_SOURCES: Final = {"internal": 0, "can": 2}
+_OUTPUT: Final = 0x5180
+_CLOSED: Final = 0xFFFFFFFF
+_SWITCHES: Final = {0: "servo_on", 1: "start", 7: "select_0", 8: "select_1", 9: "select_2"}
+
+
+def _sets() -> dict[int, tuple[str, int, str]]:
+    """Return by address the row of data sets, the number in it, and which value of the set."""
+    firsts = {
+        "velocity": (0x5000, 0x5008),
+        "current": (0x5010, 0x5018),
+        "source": (0x50E0, 0x50F0),
+    }
+    return {
+        first + number: (f"{axis}_sets", number, value)
+        for value, both in firsts.items()
+        for axis, first in zip(AXES, both, strict=True)
+        for number in range(SETS)
+    }
+
+
+def _terminals() -> dict[int, str]:
+    return {
+        first + offset: f"{axis}_{name}"
+        for axis, first in zip(AXES, (0x5100, 0x5120), strict=True)
+        for offset, name in _SWITCHES.items()
+    }
+
+
+def _times() -> dict[int, str]:
+    """Return by address the field that a time of a data set has its value from; ``""`` of the S-curves, which are 0."""
+    rows = {**_TIMES, **dict.fromkeys(_S_CURVES, "")}
+    return {
+        first + bx + number: name for first, name in rows.items() for bx in (0, _BX_TIMES) for number in range(SETS)
+    }
+
+
+_INPUTS: Final = 0x0002
+_DIGITAL_INPUTS: Final = 20
+_OUTPUTS: Final = 0x0004
+_TORQUES: Final = (0x1031, 0x1041)
+_STATES: Final = {
+    0x0000: "errors",
+    0x0001: "warnings",
+    0x0003: "control",
+    0x0005: "io",
+    0x1004: "main_voltage",
+    0x1005: "control_voltage",
+    0x1012: "ay_velocity",
+    0x1022: "bx_velocity",
+    0x103B: "a_load",
+    0x104B: "b_load",
+    0x1054: "a_pulses",
+    0x1064: "b_pulses",
+}
+_SETS_AT: Final = _sets()
+_TERMINALS_AT: Final = _terminals()
+_TIMES_AT: Final = _times()
+
+
+class Memory:
+    """The parameters and monitors of a driver by their addresses.
+
+    Args:
+        driver: whose.
+        switch: switches a terminal.
+
+    Attributes:
+        written: parameters that a host has written and that are to take effect; ``None`` for none.
+    """
+
+    def __init__(self, driver: Driver, switch: Callable[[str, bool], None]) -> None:
+        self.written: Parameters | None = None
+        self._driver = driver
+        self._switch = switch
+
+    def answer(self, message: bytes, host: int) -> bytes:  # noqa: ARG002 - every host may read and write
+        """Return the answer to a message: a refusal where it is no request, or asks for what is not here."""
+        try:
+            asked = telabh3.parse_request(message)
+            return telabh3.reply(self._done(asked))
+        except (InvalidValue, ProtocolError, LookupError):
+            return telabh3.refusal()
+
+    def _done(self, asked: telabh3.Request) -> int | str:
+        """Do what is asked for, and return what is to be answered.
+
+        Raises:
+            InvalidValue: a value cannot be written.
+            LookupError: there is no such address.
+        """
+        if asked.command == telabh3.IDENTIFICATION:
+            return IDENTIFICATIONS[asked.address]
+        if asked.command == telabh3.MONITOR:
+            return self._monitor(asked.address)
+        if asked.value is None:
+            return self._parameter(asked.address)
+        self._write(asked.address, asked.value)
+        return ""
+
+    @property
+    def _latest(self) -> Parameters:
+        return self.written or self._driver.parameters
+
+    # --- monitors -----------------------------------------------------------------------------------------------
+
+    def _monitor(self, address: int) -> int:
+        state = self._driver.state()
+        if address == _OUTPUTS:
+            value: float = self._driver.outputs << 24
+        elif address == _INPUTS:
+            value = sum(1 << n for n in range(_DIGITAL_INPUTS) if state.io[f"di_{n}"])
+        elif address in _TORQUES:
+            value = self._driver.drive.torques()[_TORQUES.index(address)]
+        else:
+            shown = getattr(state, _STATES[address])
+            value = int(shown) if isinstance(shown, Flags) else shown
+        return MONITORS[address].encode(value)
+
+    # --- parameters ---------------------------------------------------------------------------------------------
+
+    def _parameter(self, address: int) -> int:
+        if _OUTPUT <= address < _OUTPUT + OUTPUTS:
+            return _CLOSED if self._driver.outputs >> (address - _OUTPUT) & 1 else 0
+        return PARAMETERS[address].encode(self._value(address))
+
+    def _value(self, address: int) -> float:
+        parameters = self._latest
+        if address in _FIXED:
+            return _FIXED[address]
+        if address in _FIELDS:
+            value: int | None = getattr(parameters, _FIELDS[address])
+            return _NOBODY if value is None else value
+        if _MODES <= address < _MODES + BROADCASTS:
+            return parameters.broadcast_modes[address - _MODES]
+        if address in _TERMINALS_AT:
+            mask = self._driver.dialect.inputs.masks[_TERMINALS_AT[address]]
+            return telabh3.ON if self._driver.inputs.external & mask else telabh3.OFF
+        if address in _TIMES_AT:
+            return float(getattr(parameters, _TIMES_AT[address])) if _TIMES_AT[address] else 0.0
+        row, number, name = _SETS_AT[address]
+        chosen = getattr(getattr(parameters, row)[number], name)
+        return _SOURCES[chosen] if name == "source" else float(chosen)
+
+    def _write(self, address: int, word: int) -> None:
+        if _OUTPUT <= address < _OUTPUT + OUTPUTS:
+            self._write_output(address - _OUTPUT, word)
+            return
+        value = PARAMETERS[address].decode(word)
+        if address in _TERMINALS_AT:
+            self._switch(_TERMINALS_AT[address], _found({telabh3.OFF: False, telabh3.ON: True}, value))
+        elif address in _FIXED or address in _TIMES_AT:
+            _found({self._parameter(address): None}, word)
+        else:
+            self.written = self._changed(address, value)
+
+    def _write_output(self, number: int, word: int) -> None:
+        mask = _found({0: 0, _CLOSED: 1 << number}, word)
+        self._driver.outputs = self._driver.outputs & ~(1 << number) | mask
+
+    def _changed(self, address: int, value: Any) -> Parameters:
+        """Return the parameters with another value.
+
+        Raises:
+            InvalidValue: there is no such value.
+        """
+        parameters = self._latest
+        if address in _FIELDS:
+            value = None if address == _HOST and value == _NOBODY else value
+            return replace(parameters, **{_FIELDS[address]: value})
+        if _MODES <= address < _MODES + BROADCASTS:
+            return replace(parameters, broadcast_modes=_with(parameters.broadcast_modes, address - _MODES, value))
+        row, number, name = _SETS_AT[address]
+        if name == "source":
+            value = _found({code: source for source, code in _SOURCES.items()}, value)
+        sets = getattr(parameters, row)
+        changed = replace(sets[number], **{name: value})
+        changes: dict[str, Any] = {row: _with(sets, number, changed)}
+        return replace(parameters, **changes)
+
+
+def _with(row: Any, number: int, value: Any) -> tuple[Any, ...]:
+    return (*row[:number], value, *row[number + 1 :])
+
+
+def _found(known: dict[int, Any], value: float) -> Any:
+    """Return what a value stands for.
+
+    Raises:
+        LookupError: it stands for nothing.
+    """
+    return known[int(value)]

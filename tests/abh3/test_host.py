@@ -1,0 +1,661 @@
+"""The operations of a host, each against a driver that answers from a list."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orinkit import language
+from orinkit.abh3.frames import Codec
+from orinkit.abh3.host import Host, broadcasts_of_all
+from orinkit.abh3.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2, DP1R, Flags
+from orinkit.abh3.signals import V1, V2, Dialect
+from orinkit.can_frame import CanFrame, CanOperation, Turn
+from orinkit.errors import DriverFault, DriverTimeout, InvalidValue
+
+# --- a driver from a list ---------------------------------------------------------------------------------------------
+
+
+def frame(text: str) -> CanFrame:
+    """``00EF0201 b6 ff 00 00 db ff db ff``."""
+    number, _, data = text.partition(" ")
+    return CanFrame(int(number, 16), bytes.fromhex(data))
+
+
+class Peer:
+    """Answers the turns of an operation one after the other: with a frame, or ``None`` for a time that is up."""
+
+    def __init__(self, *answers: str | CanFrame | None) -> None:
+        self._answers = [frame(answer) if isinstance(answer, str) else answer for answer in answers]
+        self.turns: list[Turn] = []
+
+    def run(self, operation: CanOperation[Any]) -> Any:
+        """Return the result; every answer has to be wanted, and no turn to be left without one."""
+        self.turns = []
+        answers = iter(self._answers)
+        try:
+            self.turns.append(next(operation))
+            for answer in answers:
+                self.turns.append(operation.send(answer))
+        except StopIteration as end:
+            assert list(answers) == [], "ended early"
+            return end.value
+        operation.close()
+        pytest.fail(f"one more turn: {self.turns[-1]}")
+
+    @property
+    def sent(self) -> list[str]:
+        """What was sent: ``00EF0102#0000000003300000``."""
+        return [str(each) for turn in self.turns for each in turn.frames]
+
+
+FEEDBACK = "00EF0201 b6 ff 00 00 db ff db ff"
+VELOCITIES = DP0R(-14.8, 0.0, -7.4, -7.4)
+REST = "00EF0201 00 00 00 00 00 00 00 00"
+
+
+def sent_by(operation: CanOperation[Any]) -> str:
+    """Run an operation that is answered at once and return the one frame that it sent."""
+    peer = Peer(FEEDBACK)
+    peer.run(operation)
+    (only,) = peer.sent
+    return only
+
+
+# --- sections 4.1 to 4.5 ----------------------------------------------------------------------------------------------
+
+
+def test_one_command_one_answer() -> None:
+    host: Host[DP0R] = Host()
+    peer = Peer(FEEDBACK)
+    assert peer.run(host.command(1000, -1000)) == VELOCITIES
+    assert peer.turns == [Turn((frame("00EF0102 88 13 78 ec 00 00 00 00"),), 1.0, fresh=True)]
+
+
+def test_init_sends_nothing_but_zeros() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    peer = Peer(FEEDBACK)
+    assert peer.run(host.init()) == VELOCITIES
+    assert peer.sent == ["00EF0102#0000000000000000"]
+    assert (host.commands, host.inputs) == ((0, 0), 0)
+
+
+def test_commands_that_are_left_out_stay() -> None:
+    host: Host[DP0R] = Host()
+    assert sent_by(host.set_inputs(0x3003)) == "00EF0102#0000000003300000"
+    assert sent_by(host.command(0.2)) == "00EF0102#0100000003300000"
+    assert sent_by(host.command(bx=-0.4)) == "00EF0102#0100FEFF03300000"
+    assert sent_by(host.command(0.6)) == "00EF0102#0300FEFF03300000"
+    assert sent_by(host.command(bx=0)) == "00EF0102#0300000003300000"
+    assert sent_by(host.command(6553.4, -6553.6)) == "00EF0102#FF7F008003300000"
+    assert sent_by(host.command()) == "00EF0102#FF7F008003300000"
+    assert sent_by(host.exchange()) == "00EF0102#FF7F008003300000"
+    assert host.commands == (6553.4, -6553.6)
+    assert host.inputs == 0x3003
+
+
+def test_inputs_by_mask() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.command(0.2, 0.4))
+    assert sent_by(host.set_inputs(0x10345678)) == "00EF0102#0100020078563410"
+    assert sent_by(host.set_inputs(0xFFFFFFFF, 0x00FF00F0))[-8:] == "F856FF10"
+    assert sent_by(host.set_inputs(0, 0x000F0008))[-8:] == "F056F010"
+    assert sent_by(host.set_inputs(0xFFFFFFFF, 0))[-8:] == "F056F010"
+    assert host.inputs == 0x10F056F0
+    assert sent_by(host.set_inputs(0, -1))[-8:] == "00000000"
+    assert sent_by(host.set_inputs(-0x80000000, -0x80000000))[-8:] == "00000080"  # as the vendor's C has it
+
+
+WORDS = st.integers(0, 0xFFFFFFFF)
+
+
+@given(WORDS, WORDS, WORDS, st.sampled_from([V1, V2]))
+def test_the_formula_of_the_inputs(before: int, data: int, mask: int, dialect: Dialect) -> None:
+    host: Host[Any] = Host(dialect)
+    assert sent_by(host.set_inputs(before)) == f"00EF0102#00000000{before.to_bytes(4, 'little').hex().upper()}"
+    wanted = (before & ~mask) | (data & mask)
+    assert sent_by(host.set_inputs(data, mask))[-8:] == wanted.to_bytes(4, "little").hex().upper()
+    assert host.inputs == wanted
+
+
+@given(WORDS, st.integers(0, 31), st.integers(0, 1))
+def test_the_formula_of_one_input(before: int, number: int, value: int) -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(before))
+    wanted = (before & ~(1 << number)) | (value << number)
+    assert sent_by(host.set_input(number, value))[-8:] == wanted.to_bytes(4, "little").hex().upper()
+    assert host.inputs == wanted
+
+
+def test_inputs_by_name() -> None:
+    host: Host[DP0R] = Host()
+    assert sent_by(host.set_input("servo_on", 1))[-8:] == "01100000"
+    assert sent_by(host.set_input("bx_start", True))[-8:] == "01300000"
+    assert sent_by(host.set_input("ay_servo_on", False))[-8:] == "00300000"
+    assert sent_by(host.set_input("error_reset", 1))[-8:] == "00300080"
+    two: Host[DP0RV2] = Host(V2)
+    assert sent_by(two.set_input("servo_on", 1))[-8:] == "01010000"
+    assert sent_by(two.set_input("error_reset", 1))[-8:] == "01014000"
+
+
+def test_stop_leaves_the_servo_on() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0xFFFFFFFF))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    peer = Peer(FEEDBACK)
+    assert peer.run(host.stop()) == VELOCITIES
+    assert peer.sent == ["00EF0102#00000000FDDFFFFF"]
+    two: Host[DP0RV2] = Host(V2)
+    Peer(FEEDBACK).run(two.set_inputs(0xFFFFFFFF))
+    assert sent_by(two.stop()) == "00EF0102#00000000FDFDFFFF"
+
+
+def test_torque_is_commanded_in_percent() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_input("ay_torque", 1))
+    assert sent_by(host.command(50, 50)) == "00EF0102#8813FA0000000001"
+    assert host.commands == (50, 50)
+    two: Host[DP0RV2] = Host(V2)
+    Peer(FEEDBACK).run(two.set_input("bx_torque", 1))
+    assert sent_by(two.command(50, 50)) == "00EF0102#FA00881300000200"
+    assert two.commands == (50, 50)
+
+
+@pytest.mark.parametrize(("dialect", "ay", "bx"), [(V1, 24, 25), (V2, 16, 17)])
+def test_a_command_is_zero_when_it_would_mean_something_else(dialect: Dialect, ay: int, bx: int) -> None:
+    def moving() -> Host[Any]:
+        host: Host[Any] = Host(dialect)
+        Peer(FEEDBACK).run(host.command(1, 2))
+        return host
+
+    host = moving()
+    assert sent_by(host.set_input(ay, 1))[9:17] == "00000A00"
+    assert sent_by(host.set_input(ay, 1))[9:17] == "00000A00"
+    Peer(FEEDBACK).run(host.command(3))  # %
+    assert sent_by(host.set_input(ay, 1))[9:17] == "2C010A00"  # nothing changes
+    assert sent_by(host.set_input(ay, 0))[9:17] == "00000A00"
+    host = moving()
+    assert sent_by(host.set_inputs(1 << bx, 1 << bx))[9:17] == "05000000"
+    assert sent_by(host.set_inputs(0))[9:17] == "05000000"
+    host = moving()
+    assert sent_by(host.set_input("torque", 1))[9:17] == "00000000"
+    host = moving()
+    others = 0xFFFFFFFF & ~(1 << ay | 1 << bx)
+    assert sent_by(host.set_inputs(others))[9:17] == "05000A00"
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+BAD: list[Callable[[Any], CanOperation[Any]]] = [
+    lambda host: host.command(6553.6),
+    lambda host: host.command(1, -6553.8),
+    lambda host: host.command(7000, 1),
+    lambda host: host.command(float("nan"), 1),
+    lambda host: host.command(bx=float("inf")),
+    lambda host: host.command("1", 1),
+    lambda host: host.command(10**5000),
+    lambda host: host.set_inputs(1 << 32),
+    lambda host: host.set_inputs(-0x80000001),
+    lambda host: host.set_inputs(0, 1 << 32),
+    lambda host: host.set_inputs(True),
+    lambda host: host.set_inputs(1.0),
+    lambda host: host.set_inputs(0, None),
+    lambda host: host.set_inputs(10**5000),
+    lambda host: host.set_input(32, 1),
+    lambda host: host.set_input(-1, 1),
+    lambda host: host.set_input("servo", 1),
+    lambda host: host.set_input("ay_ready", 1),
+    lambda host: host.set_input(0, 2),
+    lambda host: host.set_input(0, -1),
+    lambda host: host.set_input(0, "1"),
+    lambda host: host.set_input(0, 10**5000),
+    lambda host: host.request(-1),
+    lambda host: host.request(256),
+    lambda host: host.request(256, everyone=True),
+    lambda host: host.request_single(2),
+    lambda host: host.request_single(-1),
+    lambda host: host.request_single(10**5000),
+]
+
+
+@pytest.mark.parametrize("number", range(len(BAD)))
+def test_bad_values_send_nothing_and_change_nothing(number: int) -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    for tongue in ("en", "ja"):
+        language.use(tongue)
+        with pytest.raises(InvalidValue) as caught:
+            next(BAD[number](host))
+        assert len(str(caught.value)) < 600
+    assert (host.commands, host.inputs, host.commanded) == ((1, 2), 0x3003, 2)
+    assert sent_by(host.exchange()) == "00EF0102#05000A0003300000"
+
+
+def test_an_operation_that_is_not_run_changes_nothing() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    for operation in (
+        host.init(),
+        host.command(3, 4),
+        host.set_inputs(0),
+        host.set_input(0, 0),
+        host.stop(),
+        host.reset_errors(),
+        host.part(1.0),
+    ):
+        assert inspect.isgenerator(operation)
+        operation.close()
+    assert (host.commands, host.inputs, host.commanded) == ((1, 2), 0x3003, 2)
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"address": 254}, "address"),
+        ({"address": -1}, "address"),
+        ({"address": "1"}, "address"),
+        ({"host": 254}, "host"),
+        ({"host": True}, "host"),
+        ({"group": 32}, "group"),
+        ({"priority": 8}, "priority"),
+        ({"address": 7, "host": 7}, "7"),
+        ({"address": 2}, "2"),
+    ],
+)
+def test_settings_out_of_range(settings: dict[str, Any], named: str) -> None:
+    for tongue in ("en", "ja"):
+        language.use(tongue)
+        with pytest.raises(InvalidValue, match=named):
+            Host(V1, **settings)
+
+
+# --- answers that do not come -----------------------------------------------------------------------------------------
+
+FUNCTIONS: list[tuple[str, Callable[[Host[DP0R]], CanOperation[Any]]]] = [
+    ("abh3_can_cmd_init", lambda host: host.init()),
+    ("abh3_can_cmd", lambda host: host.command(1, 2)),
+    ("abh3_can_cmdAY", lambda host: host.command(1)),
+    ("abh3_can_cmdBX", lambda host: host.command(bx=2)),
+    ("abh3_can_inSet", lambda host: host.set_inputs(1)),
+    ("abh3_can_inBitSet", lambda host: host.set_input(0, 1)),
+    ("abh3_can_inBitSet", lambda host: host.reset_errors()),
+    ("abh3_can_cmd", lambda host: host.stop()),
+    ("abh3_can_cmd", lambda host: host.exchange()),
+    ("abh3_can_reqBRD", lambda host: host.request(0)),
+    ("abh3_can_reqBRDBRD", lambda host: host.request(0, everyone=True)),
+    ("abh3_can_reqSNG", lambda host: host.request_single()),
+    ("abh3_can_reqSNG", lambda host: host.request_single(1)),
+]
+
+
+@pytest.mark.parametrize(("function", "start"), FUNCTIONS)
+def test_no_answer(function: str, start: Callable[[Host[DP0R]], CanOperation[Any]]) -> None:
+    host: Host[DP0R] = Host(address=9, timeout=0.25)
+    peer = Peer(None)
+    with pytest.raises(DriverTimeout) as caught:
+        peer.run(start(host))
+    assert (caught.value.function, caught.value.seconds, caught.value.address) == (function, 0.25, 9)
+    assert len(peer.sent) == 1  # it is not repeated
+    assert peer.turns[0].seconds == 0.25
+
+
+def test_commands_are_zero_after_a_command_without_answer() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    peer = Peer(None)
+    with pytest.raises(DriverTimeout):
+        peer.run(host.command(1, 2))
+    assert peer.sent == ["00EF0102#05000A0003300000"]
+    assert (host.commands, host.inputs) == ((0, 0), 0x3003)
+    assert sent_by(host.command(3)) == "00EF0102#0F00000003300000"
+
+
+def test_inputs_without_answer_take_the_commands_back_too() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.command(1, 2))
+    with pytest.raises(DriverTimeout):
+        Peer(None).run(host.set_input(1, 1))
+    assert (host.commands, host.inputs) == ((0, 0), 2)
+
+
+def test_a_wait_that_is_broken_off_takes_the_commands_back_too() -> None:
+    """By Ctrl-C, a cancelled task, a bus that is lost: nobody knows what the driver has taken."""
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    operation = host.command(1, 2)
+    next(operation)
+    assert host.commands == (1, 2)
+    operation.close()
+    assert sent_by(host.exchange()) == "00EF0102#0000000003300000"
+
+
+def test_a_request_without_answer_leaves_the_commands() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.command(1, 2))
+    with pytest.raises(DriverTimeout):
+        Peer(None).run(host.request(0))
+    assert host.commands == (1, 2)
+
+
+# --- other traffic ----------------------------------------------------------------------------------------------------
+
+NOT_THE_ANSWER = [
+    "00EF0102 00 00 00 00 00 00 00 00",  # the own command, which some interfaces deliver back
+    "00EF0203 00 00 00 00 00 00 00 00",  # of another driver
+    "00EF0301 00 00 00 00 00 00 00 00",  # to another host
+    "01EF0201 00 00 00 00 00 00 00 00",  # the other page
+    "02EF0201 00 00 00 00 00 00 00 00",  # R is 1
+    "00EE0201 00 00 00 00 00 00 00 00",
+    "00EA0201 00 00 00 00 00 00 00 00",
+    "00FF2801 00 00 00 00 00 00 00 00",
+    "00EF0201 00 00 00 00 00 00 00",  # too short
+    "00EF0201",
+    "00000000 00 00 00 00 00 00 00 00",
+]
+
+
+def test_other_frames_do_not_make_it_wait_any_longer() -> None:
+    host: Host[DP0R] = Host(timeout=0.5)
+    peer = Peer(*NOT_THE_ANSWER, FEEDBACK)
+    assert peer.run(host.command(1)) == VELOCITIES
+    first, *others = peer.turns
+    assert (first.seconds, first.fresh, len(first.frames)) == (0.5, True, 1)
+    assert others == [Turn((), None, fresh=False)] * len(NOT_THE_ANSWER)
+
+
+def test_other_frames_are_no_answer() -> None:
+    host: Host[DP0R] = Host()
+    with pytest.raises(DriverTimeout):
+        Peer(*NOT_THE_ANSWER, None).run(host.command(1))
+
+
+@pytest.mark.parametrize("priority", range(8))
+def test_the_priority_of_an_answer_does_not_matter(priority: int) -> None:
+    host: Host[DP0R] = Host()
+    answer = frame(FEEDBACK)
+    assert Peer(answer._replace(id=answer.id | priority << 26)).run(host.exchange()) == VELOCITIES
+    data = frame("00FF2801 01 00 00 00 00 00 00 00")
+    found = Peer(data._replace(id=data.id | priority << 26)).run(host.request(0))
+    assert found == BR0(Flags(1, V1.errors), Flags(0, V1.warnings))
+    assert Peer(answer._replace(id=answer.id | priority << 26)).run(host.repeat(0.1)) is True
+
+
+def test_what_is_sent_has_the_priority_that_was_asked_for() -> None:
+    host: Host[DP0R] = Host(priority=3)
+    assert sent_by(host.exchange()) == "0CEF0102#0000000000000000"
+    peer = Peer("08FF2801 00 00 00 00 00 00 00 00")
+    peer.run(host.request(0))
+    assert peer.sent == ["0CEA0102#28FF00"]
+    assert sent_by(host.request_single()) == "0CEA0102#00EF00"
+
+
+def test_addresses_and_groups() -> None:
+    host: Host[DP0R] = Host(address=0x11, host=0x22, group=16)
+    peer = Peer("00EF2211 b6 ff 00 00 db ff db ff")
+    assert peer.run(host.exchange()) == VELOCITIES
+    assert peer.sent == ["00EF1122#0000000000000000"]
+    peer = Peer("00FF2811 00 00 00 00 00 00 00 00", "00FF8111 00 00 00 00 00 00 00 00")
+    peer.run(host.request(1))
+    assert peer.sent == ["00EA1122#81FF00"]
+
+
+def test_which_frames_are_for_a_host() -> None:
+    host: Host[DP0R] = Host()
+    for good in (
+        "00EF0201", "01EF0201", "1CEF0201", "00EC0201", "00EB0201", "00FF2801", "08FF2E01", "00FF8001", "00FF0001",
+    ):  # fmt: skip
+        assert host.accepts(frame(good)), good
+    for bad in (
+        "00EF0102", "00EF0301", "00EF0203", "02EF0201", "00EC0301", "00EB0202", "00EA0201", "00EAFF01", "00FF2802",
+        "02FF2801", "00EE0201", "00000001",
+    ):  # fmt: skip
+        assert not host.accepts(frame(bad)), bad
+
+
+# --- section 4.7 ------------------------------------------------------------------------------------------------------
+
+DATA = "05 00 0a 00 0f 00 14 00"
+
+
+@pytest.mark.parametrize(
+    ("number", "record"),
+    [
+        (0, BR0(Flags(0x000A0005, V1.errors), Flags(0x0014000F, V1.warnings))),
+        (1, BR1(Flags(0x000A0005, V1.control), Flags(0x0014000F, V1.io))),
+        (2, BR2(1, 2, 3, 4)),
+        (3, BR3(0.05, 0.1, 15, 20)),
+        (4, BR4(0x000A0005, 0x0014000F)),
+        (5, BR5(0.05, 0.1, 1.5, 2)),
+        (7, BUF(bytes.fromhex(DATA))),
+    ],
+)
+def test_requests(number: int, record: Any) -> None:
+    host: Host[DP0R] = Host()
+    for asked in (number, 0x28 + number):
+        for everyone, destination in ((False, "01"), (True, "FF")):
+            peer = Peer(f"00FF{0x28 + number:02X}01 {DATA}")
+            found = peer.run(host.request(asked, everyone=everyone))
+            assert found == record
+            assert type(found) is type(record)
+            assert peer.turns == [Turn((frame(f"00EA{destination}02 {0x28 + number:02X} FF 00"),), 1.0, fresh=True)]
+    assert host.commanded == 0
+
+
+def test_a_request_of_monitors() -> None:
+    host: Host[DP0R] = Host()
+    assert Peer("00FF2E01 00 00 80 3f 00 00 00 c0").run(host.request(6)) == BR6(1, -2)
+
+
+def test_a_request_of_another_group() -> None:
+    host: Host[DP0R] = Host()
+    peer = Peer(f"00FF2A01 {DATA}", f"00FF8201 {DATA}")
+    assert peer.run(host.request(0x82)) == BR2(1, 2, 3, 4)
+    assert peer.sent == ["00EA0102#82FF00"]
+    peer = Peer(f"00FF0F01 {DATA}")
+    assert peer.run(host.request(0x0F)) == BUF(bytes.fromhex(DATA))
+    assert Peer(f"00FFFD01 {DATA}").run(host.request(0xFD)) == BR5(0.05, 0.1, 1.5, 2)
+
+
+def test_a_request_takes_the_answer_of_its_own_driver_only() -> None:
+    host: Host[DP0R] = Host()
+    others = [
+        f"00FF2A03 {DATA}", f"00FF2B01 {DATA}", f"00FF2A01 {DATA} "[:-4], f"01FF2A01 {DATA}", f"02FF2A01 {DATA}",
+        "00EAFF02 2A FF 00", FEEDBACK,
+    ]  # fmt: skip
+    peer = Peer(*others, f"00FF2A01 {DATA}")
+    assert peer.run(host.request(2, everyone=True)) == BR2(1, 2, 3, 4)
+    assert peer.turns[1:] == [Turn()] * len(others)
+
+
+def test_single_packets_can_be_requested() -> None:
+    host: Host[DP0R] = Host()
+    peer = Peer("01EF0201 00 00 00 00 00 00 00 00", FEEDBACK)
+    assert peer.run(host.request_single()) == VELOCITIES
+    assert peer.sent == ["00EA0102#00EF00"]
+    peer = Peer(FEEDBACK, "01EF0201 ff ff ff ff 02 00 00 00")
+    assert peer.run(host.request_single(1)) == DP1R(-1, 2)
+    assert peer.sent == ["00EA0102#00EF01"]
+    assert host.commanded == 0
+
+
+def test_the_dialect_of_2023() -> None:
+    host: Host[DP0RV2] = Host(V2)
+    found = Peer("00EF0201 b6 ff 01 00 03 03 00 80").run(host.exchange())
+    assert found == DP0RV2(-14.8, 0.2, Flags(0x80000303, V2.control))
+    assert isinstance(found, DP0RV2)
+    assert list(found.control) == ["ay_servo_on", "ay_start", "bx_servo_on", "bx_start", "error"]
+    states = Peer("00FF2901 01 00 00 00 03 03 00 00").run(host.request(1))
+    assert isinstance(states, BR1V2)
+    assert (list(states.io), "servo_on" in states.external) == (["do_0"], True)
+
+
+def test_load_units() -> None:
+    host: Host[DP0R] = Host(V1.with_load_unit(0.1))
+    assert Peer(f"00FF2B01 {DATA}").run(host.request(3)) == BR3(0.05, 0.1, 1.5, 2)
+
+
+def test_what_is_asked_for() -> None:
+    host: Host[DP0R] = Host()
+    assert not host.moving
+    Peer(FEEDBACK).run(host.set_input("servo_on", 1))
+    assert not host.moving
+    Peer(FEEDBACK).run(host.set_input("bx_start", 1))
+    assert host.moving
+    Peer(FEEDBACK).run(host.stop())
+    assert not host.moving
+    Peer(FEEDBACK).run(host.command(bx=0.2))
+    assert host.moving
+    host.forget()
+    assert not host.moving
+    assert host.commands == (0, 0)
+    assert host.commanded == 4
+
+
+# --- resetting errors -------------------------------------------------------------------------------------------------
+
+SET, CLEAR = "00FF2801 00 00 40 00 00 00 40 00", "00FF2801 00 00 00 00 00 00 00 00"
+
+
+@pytest.mark.parametrize(("dialect", "resting", "reset"), [(V1, "FCCFFF7F", "FCCFFFFF"), (V2, "FCFCBFFF", "FCFCFFFF")])
+def test_a_reset_is_an_edge_and_a_glance(dialect: Dialect, resting: str, reset: str) -> None:
+    """With commands 0, start and servo off; all else of the inputs stays."""
+    host: Host[Any] = Host(dialect, timeout=0.5)
+    Peer(FEEDBACK).run(host.set_inputs(0xFFFFFFFF))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    peer = Peer(REST, REST, REST, FEEDBACK, None, CLEAR)
+    assert peer.run(host.reset_errors()) == BR0(Flags(0, dialect.errors), Flags(0, dialect.warnings))
+    assert peer.sent == [
+        f"00EF0102#00000000{resting}", f"00EF0102#00000000{reset}", f"00EF0102#00000000{resting}", "00EA0102#28FF00",
+    ]  # fmt: skip
+    asked = [(turn.seconds, turn.fresh) for turn in peer.turns]
+    assert asked == [(0.5, True), (0.5, True), (0.5, True), (0.005, False), (None, False), (0.5, True)]
+    assert f"{host.inputs:08X}" == bytes.fromhex(resting)[::-1].hex().upper()
+
+
+def test_a_reset_is_repeated() -> None:
+    host: Host[DP0R] = Host()
+    peer = Peer(*[REST, REST, REST, None, SET] * 2, REST, REST, REST, None, CLEAR)
+    assert not peer.run(host.reset_errors()).errors
+    assert len(peer.sent) == 12
+    assert [turn.seconds for turn in peer.turns if not turn.frames] == [0.005, 0.01, 0.02]
+
+
+@pytest.mark.parametrize(("tries", "made"), [(1, 1), (3, 3), (0, 1), (-5, 1), (9, 9)])
+def test_a_reset_is_not_repeated_for_ever(tries: int, made: int) -> None:
+    host: Host[DP0R] = Host()
+    peer = Peer(*[REST, REST, REST, None, "00FF2801 04 00 40 00 00 00 40 00"] * made)
+    with pytest.raises(DriverFault) as caught:
+        peer.run(host.reset_errors(tries))
+    assert (caught.value.errors, caught.value.warnings) == (0x00400004, 0x00400000)
+    assert caught.value.texts == ("driver overheated", "CAN communication time-out")
+    assert len(peer.sent) == 4 * made
+    pauses = [turn.seconds for turn in peer.turns if not turn.frames]
+    assert pauses == [0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.2, 0.2, 0.2][:made]
+    assert host.inputs == 0
+
+
+def test_five_tries_unless_told_otherwise() -> None:
+    peer = Peer(*[REST, REST, REST, None, "00FF2801 00 00 00 00 00 00 01 00"] * 5)
+    with pytest.raises(DriverFault) as caught:
+        peer.run(Host().reset_errors())
+    assert (caught.value.errors, caught.value.warnings) == (0, 0x00010000)  # a warning alone is one too
+    assert len(peer.sent) == 20
+
+
+@pytest.mark.parametrize("answers", [[None], [REST, None], [REST, REST, None], [REST, REST, REST, None, None]])
+def test_a_reset_without_answer_leaves_no_reset_behind(answers: list[str | None]) -> None:
+    host: Host[DP0R] = Host()
+    with pytest.raises(DriverTimeout):
+        Peer(*answers).run(host.reset_errors())
+    assert host.inputs == 0
+    operation = host.reset_errors()
+    next(operation)
+    operation.send(frame(REST))
+    operation.close()  # while the reset bit is set
+    assert host.inputs == 0
+
+
+# --- a keep-alive's, and the last one ---------------------------------------------------------------------------------
+
+
+def test_repeat_sends_what_was_sent_last() -> None:
+    host: Host[DP0R] = Host(timeout=5)
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    peer = Peer(*NOT_THE_ANSWER, FEEDBACK)
+    assert peer.run(host.repeat(0.1)) is True
+    assert peer.turns[0] == Turn((frame("00EF0102 05 00 0a 00 03 30 00 00"),), 0.1, fresh=True)
+    assert peer.turns[1:] == [Turn()] * len(NOT_THE_ANSWER)
+    assert Peer(*NOT_THE_ANSWER, None).run(host.repeat(0.1)) is False
+    assert (host.commands, host.inputs, host.commanded) == ((1, 2), 0x3003, 4)
+
+
+def test_who_parts_leaves_a_driver_at_rest() -> None:
+    host: Host[DP0R] = Host()
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    peer = Peer(FEEDBACK)
+    assert peer.run(host.part(0.2)) is True
+    assert peer.turns == [Turn((frame("00EF0102 00 00 00 00 01 10 00 00"),), 0.2, fresh=True)]
+    assert not host.moving
+    Peer(FEEDBACK).run(host.command(1))
+    assert Peer(None).run(host.part(0.2)) is False
+    assert host.commands == (0, 0)
+
+
+def test_who_parts_leaves_a_driver_alone_of_which_nothing_was_asked() -> None:
+    host: Host[DP0R] = Host()
+    peer = Peer()
+    assert peer.run(host.part(0.2)) is True
+    assert peer.turns == []
+    assert host.commanded == 0
+
+
+# --- all drivers ------------------------------------------------------------------------------------------------------
+
+
+def test_a_broadcast_of_all() -> None:
+    answers = [
+        "00FF2801 01 00 00 00 00 00 00 00",
+        "00FF2803 02 00 00 00 00 00 00 00",
+        "00FF2905 00 00 00 00 00 00 00 00",  # another one
+        "00EAFF02 28 FF 00",
+        "00FF2806 00",
+        "01FF2807 00 00 00 00 00 00 00 00",
+        "02FF2807 00 00 00 00 00 00 00 00",
+        "00EF0208 00 00 00 00 00 00 00 00",
+        "08FF2804 04 00 00 00 00 00 00 00",
+        "00FF2801 08 00 00 00 00 00 00 00",  # once more: the latest counts
+    ]
+    peer = Peer(*answers, None)
+    found = peer.run(broadcasts_of_all(Codec(V1), 2, 0x28, 0.3))
+    assert {address: int(record.errors) for address, record in found.items()} == {1: 8, 3: 2, 4: 4}
+    assert peer.turns == [Turn((frame("00EAFF02 28 FF 00"),), 0.3, fresh=True), *[Turn()] * len(answers)]
+
+
+def test_as_many_as_there_are() -> None:
+    answers = ["00FF2A01 " + DATA, "00FF2A01 " + DATA, "00FF2A05 " + DATA]
+    peer = Peer(*answers)
+    assert peer.run(broadcasts_of_all(Codec(V1), 9, 0x2A, 0.3, count=2, priority=4)) == dict.fromkeys(
+        (1, 5), BR2(1, 2, 3, 4)
+    )
+    assert peer.sent == ["10EAFF09#2AFF00"]
+
+
+def test_nobody() -> None:
+    assert Peer(None).run(broadcasts_of_all(Codec(V2), 2, 0x28, 0.3)) == {}
+
+
+def test_a_broadcast_of_all_that_is_not_known() -> None:
+    assert Peer("00FF8703 " + DATA, None).run(broadcasts_of_all(Codec(V1), 2, 0x87, 0.3)) == {
+        3: BUF(bytes.fromhex(DATA))
+    }

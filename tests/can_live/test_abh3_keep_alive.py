@@ -1,0 +1,354 @@
+"""A keep-alive keeps a motor turning as long as somebody wants it, and not a moment longer."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import pytest
+from abh3_wires import FAST, PATIENCE, Hosts, Peer, Place, line_of, obliging, only_on, process, rest, until, wait
+
+from both import Both
+from orinkit.errors import ConnectionClosed, DriverTimeout, InvalidValue
+from orinkit.server.can_server import CanServer, serve_can
+from orinkit.virtual.abh3 import Parameters, VirtualABH3
+
+PATIENT = {"timeout": PATIENCE}
+HOLDING = {"patience": PATIENCE}
+"""Of keep-alives that are not to end because the machine has other work to do."""
+GO = 0x3003
+
+
+@pytest.fixture
+def device() -> VirtualABH3:
+    """It warns and stops, but has no error that would be latched: whatever comes then has it move again."""
+    return VirtualABH3(Parameters(error_timeout=0, **FAST))
+
+
+@pytest.fixture
+def server(bare: Place, device: VirtualABH3) -> Iterator[CanServer]:
+    with serve_can(device, at=bare.far) as served:
+        yield served
+
+
+@pytest.fixture
+def driver(both: Both, hosts: Hosts, bare: Place, server: CanServer) -> Any:
+    found = hosts.connect(bare.near, **PATIENT)
+    both.run(found.set_inputs(GO))
+    return found
+
+
+def turned(device: VirtualABH3) -> int:
+    return device.state().a_pulses
+
+
+def stays(device: VirtualABH3, seconds: float, both: Both | None = None) -> None:
+    """Check that the motor stands, and nothing moves it for a while."""
+    until(lambda: not device.state().moving)
+    before = turned(device)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        assert not device.state().moving
+        if both is None:
+            time.sleep(0.01)
+        else:
+            rest(both, 0.01)
+    assert turned(device) == before
+
+
+@only_on("virtual", "slcan", "serial", because="the next test is on the one that is left")
+def test_a_motor_goes_on_without_calls(both: Both, device: VirtualABH3, driver: Any) -> None:
+    both.run(driver.keep_alive(**HOLDING))
+    assert driver.kept_alive
+    both.run(driver.command(100.0))
+    wait(both, lambda: device.state().a_velocity == 100.0)
+    before = turned(device)
+    rest(both, 0.9)
+    assert turned(device) - before > 150  # 100 min^-1 are 427 pulses/s
+    wait(both, lambda: device.state().a_velocity == 100.0)
+    both.run(driver.command(0.0))
+    wait(both, lambda: not device.state().moving)
+    assert driver.kept_alive
+
+
+@only_on("udp_multicast", because="three seconds are long")
+def test_three_seconds(both: Both, device: VirtualABH3, driver: Any) -> None:
+    both.run(driver.keep_alive(**HOLDING))
+    both.run(driver.command(100.0))
+    before = turned(device)
+    rest(both, 3)
+    assert turned(device) - before > 900
+    wait(both, lambda: device.state().a_velocity == 100.0)
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_it_is_ended(both: Both, device: VirtualABH3, driver: Any) -> None:
+    both.run(driver.keep_alive(**HOLDING))
+    both.run(driver.command(100.0))
+    wait(both, lambda: device.state().moving)
+    driver.end_keep_alive()
+    driver.end_keep_alive()
+    assert not driver.kept_alive
+    wait(both, lambda: device.state().warnings)
+    stays(device, 0.2, both)
+    assert driver.commands == (100.0, 0.0)
+    both.run(driver.keep_alive(0.05, **HOLDING))  # it can be begun anew, which is asking for it
+    wait(both, lambda: device.state().moving)
+    both.run(driver.keep_alive(0.2, **HOLDING))  # as another one
+    rest(both, 0.3)
+    assert [thread.name for thread in threading.enumerate()].count("orinkit-abh3-1") == (both.kind == "sync")
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+@pytest.mark.parametrize("wrong", [{"period": 0}, {"patience": -1.0}, {"idle": float("nan")}, {"period": float("inf")}])
+def test_numbers_that_cannot_be(both: Both, driver: Any, wrong: dict[str, float]) -> None:
+    with pytest.raises(InvalidValue, match=next(iter(wrong))):
+        both.run(driver.keep_alive(**wrong))
+    assert not driver.kept_alive
+
+
+@only_on("udp_multicast", "slcan", because="the bus has no part in it")
+def test_a_driver_that_falls_silent(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The next call says so, once; commands are 0 then."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, **PATIENT)
+    both.run(driver.set_inputs(GO))
+    both.run(driver.keep_alive(0.05, patience=0.3))
+    both.run(driver.command(100.0))
+    peer.script = lambda _frame: []
+    wait(both, lambda: not driver.kept_alive)
+    assert driver.commands == (0, 0)
+    sent = len(peer.heard)
+    rest(both, 0.2)
+    assert len(peer.heard) == sent  # nothing more is sent
+    peer.script = obliging  # it is back
+    with pytest.raises(DriverTimeout, match="keep_alive") as caught:
+        both.run(driver.command(50.0))
+    assert caught.value.seconds == 0.3
+    assert len(peer.heard) == sent
+    assert both.run(driver.command()).a_velocity == 0
+    assert peer.data[-1] == "00EF0102#00 00 00 00 03 30 00 00"
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_a_driver_that_comes_back_does_not_move(both: Both, bare: Place, hosts: Hosts, device: VirtualABH3) -> None:
+    with serve_can(device, at=bare.far):
+        driver = hosts.connect(bare.near, **PATIENT)
+        both.run(driver.set_inputs(GO))
+        both.run(driver.keep_alive(patience=0.3))
+        both.run(driver.command(100.0))
+        wait(both, lambda: device.state().moving)
+    wait(both, lambda: not driver.kept_alive)
+    again = VirtualABH3(Parameters(error_timeout=0, **FAST))
+    with serve_can(again, at=bare.far):
+        with pytest.raises(DriverTimeout, match="keep_alive"):
+            both.run(driver.command(30.0))
+        both.run(driver.set_inputs(GO))
+        stays(again, 0.3, both)
+        both.run(driver.command(30.0))
+        wait(both, lambda: again.state().moving)
+        both.run(driver.close())
+
+
+@only_on("virtual", because="the bus has no part in it")
+def test_a_program_that_does_not_call(both: Both, device: VirtualABH3, driver: Any) -> None:
+    """With ``idle`` a program that hangs does not hold the motor at its speed."""
+    both.run(driver.keep_alive(0.05, idle=0.4, **HOLDING))
+    both.run(driver.command(100.0))
+    wait(both, lambda: device.state().moving)
+    wait(both, lambda: not driver.kept_alive)
+    wait(both, lambda: not device.state().moving)
+    assert driver.commands == (0, 0)
+    assert list(driver.inputs) == ["ay_servo_on", "bx_servo_on"]
+    assert int(device.state().inputs) == 0x1001  # it was told to stop, before its time-out
+    assert both.run(driver.command()).a_velocity == 0  # that is no error
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_calls_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> None:
+    both.run(driver.keep_alive(0.05, idle=1.0, **HOLDING))
+    both.run(driver.command(100.0))
+    for _ in range(7):
+        rest(both, 0.2)
+        both.run(driver.pulses())
+    assert driver.kept_alive
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_closing_ends_it(both: Both, device: VirtualABH3, driver: Any) -> None:
+    both.run(driver.keep_alive(0.02, **HOLDING))
+    both.run(driver.command(100.0))
+    wait(both, lambda: device.state().moving)
+    both.run(driver.close())
+    assert int(device.state().inputs) == 0x1001
+    assert not driver.kept_alive
+    assert "orinkit-abh3-1" not in [thread.name for thread in threading.enumerate()]
+    stays(device, 0.2, both)
+    with pytest.raises(ConnectionClosed):
+        both.run(driver.command())
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_a_driver_that_nobody_has_any_more(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The keep-alive goes with the object."""
+    peer.script = obliging
+    bus = hosts.open_bus(bare.near)
+    driver = bus.driver(**PATIENT)
+    both.run(driver.keep_alive(0.02, **HOLDING))
+    wait(both, lambda: len(peer.heard) > 3)
+    del driver
+    rest(both, 0.1)
+    sent = len(peer.heard)
+    rest(both, 0.3)
+    assert len(peer.heard) == sent
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_the_bus_is_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """A keep-alive never opens it again."""
+    peer.script = obliging
+    bus = hosts.open_bus(bare.near)
+    driver = bus.driver(**PATIENT)
+    both.run(driver.set_inputs(GO))
+    both.run(driver.keep_alive(0.05, patience=0.3))
+    both.run(driver.command(100.0))
+
+    def gone(*_arguments: object) -> None:
+        raise can.CanOperationError("gone")
+
+    bus._line._bus._get = gone
+    wait(both, lambda: not driver.kept_alive)
+    assert bus._line.broken
+    assert driver.commands == (0, 0)
+    with pytest.raises(DriverTimeout, match="keep_alive"):
+        both.run(driver.command(50.0))
+    assert both.run(driver.command()).a_velocity == 0  # this call opens it
+    assert peer.data[-1] == "00EF0102#00 00 00 00 03 30 00 00"
+    both.run(bus.close())
+
+
+@pytest.mark.parametrize("both", ["async"], indirect=True)
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_an_event_loop_that_is_blocked(both: Both, device: VirtualABH3, driver: Any) -> None:
+    """The motor stops, and when the loop goes on it does not start again by itself."""
+    both.run(driver.keep_alive())
+    both.run(driver.command(100.0))
+    wait(both, lambda: device.state().moving)
+    until(lambda: device.state().warnings and not device.state().moving)  # the loop stands still
+    stays(device, 0.5, both)  # now it goes on
+    assert not driver.kept_alive
+    with pytest.raises(DriverTimeout, match="keep_alive"):
+        both.run(driver.command())
+    both.run(driver.command())
+    stays(device, 0.1, both)
+
+
+@pytest.mark.parametrize("both", ["sync"], indirect=True)
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_the_thread_that_began_it_ends(both: Both, device: VirtualABH3, driver: Any) -> None:
+    def begins() -> None:
+        driver.keep_alive(0.02, **HOLDING)
+        driver.command(100.0)
+        until(lambda: device.state().moving)
+
+    thread = threading.Thread(target=begins)
+    thread.start()
+    thread.join()
+    until(lambda: device.state().warnings)
+    stays(device, 0.3)
+
+
+@pytest.mark.parametrize("both", ["sync"], indirect=True)
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_a_call_that_takes_long(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """A call that waits for an answer holds the keep-alive up: nothing is sent late afterwards."""
+    peer.script = lambda frame: obliging(frame) if frame.arbitration_id == 0x00EF0102 else []
+    driver = hosts.connect(bare.near, timeout=1.0)
+    driver.set_inputs(GO)
+    driver.keep_alive(0.05, patience=0.4)
+    driver.command(100.0)
+    with pytest.raises(DriverTimeout, match="reqBRD"):
+        driver.pulses()
+    until(lambda: not driver.kept_alive)
+    assert peer.heard[-1].arbitration_id == 0x00EA0102
+    assert driver.commands == (0, 0)
+
+
+# --- programs that end, in every way ----------------------------------------------------------------------------------
+
+PROGRAM = """
+import asyncio, sys, threading, time
+from orinkit import abh3
+from orinkit.abh3 import aio
+
+url, kind, end = sys.argv[1:]
+
+def with_threads():
+    driver = abh3.connect(url, timeout=10)
+    driver.set_inputs(0x3003)
+    driver.keep_alive()
+    driver.command(100.0, 100.0)
+    print("turning", flush=True)
+    if end == "raises":
+        threading.Thread(target=time.sleep, args=(60,)).start()
+        time.sleep(0.5)
+        raise RuntimeError("a bug")
+    time.sleep(60)
+
+async def with_tasks():
+    driver = await aio.connect(url, timeout=10)
+    await driver.set_inputs(0x3003)
+    await driver.keep_alive()
+    await driver.command(100.0, 100.0)
+    print("turning", flush=True)
+    if end == "raises":
+        threading.Thread(target=time.sleep, args=(60,)).start()
+        await asyncio.sleep(0.5)
+        raise RuntimeError("a bug")
+    await asyncio.sleep(60)
+
+with_threads() if kind == "threads" else asyncio.run(with_tasks())
+"""
+
+
+@pytest.fixture(params=["threads", "tasks"])
+def kind(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def begins_to_turn(device: VirtualABH3, child: Any) -> None:
+    assert line_of(child) == "turning"
+    until(lambda: device.state().a_velocity == 100.0)
+
+
+@only_on("udp_multicast", because="two processes share it")
+@pytest.mark.parametrize("end", ["killed", "raises"])
+def test_a_program_that_ends(bare: Place, device: VirtualABH3, server: CanServer, kind: str, end: str) -> None:
+    """Killed, or its main thread raises while another thread lives on: the motor stops by itself."""
+    with process("-c", PROGRAM, bare.near, kind, end) as child:
+        begins_to_turn(device, child)
+        began = time.monotonic()
+        if end == "killed":
+            child.kill()
+        until(lambda: not device.state().moving)
+        assert time.monotonic() - began < PATIENCE / 2
+        until(lambda: device.state().warnings)
+        stays(device, 0.3)
+        if end == "raises":
+            assert child.poll() is None  # the other thread is still there
+
+
+@only_on("udp_multicast", because="two processes share it")
+def test_a_program_that_is_stopped(bare: Place, device: VirtualABH3, server: CanServer, kind: str) -> None:
+    """The motor stops, and does not start again by itself when the program goes on."""
+    with process("-c", PROGRAM, bare.near, kind, "sleeps") as child:
+        begins_to_turn(device, child)
+        child.send_signal(signal.SIGSTOP)
+        until(lambda: device.state().warnings and not device.state().moving)
+        stays(device, 0.2)
+        child.send_signal(signal.SIGCONT)
+        stays(device, 0.7)

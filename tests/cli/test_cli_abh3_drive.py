@@ -1,0 +1,345 @@
+"""abh3 drive: the motors of a virtual ABH3 turn, and come to rest whatever happens."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pty
+import select
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from orinkit import language
+from orinkit.server.can_server import CanServer, serve_can
+from orinkit.virtual.abh3 import Parameters, VirtualABH3
+
+URL = "can://udp_multicast/239.74.163.2?port=43397"
+DRIVE = ("abh3", "drive", URL)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Bench:
+    """A virtual driver on the bus."""
+
+    def __init__(self, **parameters: Any) -> None:
+        self.abh3 = VirtualABH3(Parameters(**parameters))
+        self.server: CanServer = serve_can(self.abh3, at=URL)
+
+    @property
+    def at_rest(self) -> bool:
+        """Nothing turns, and nothing is switched on."""
+        state = self.abh3.state()
+        return not (state.moving or state.ay_servo or state.bx_servo or state.inputs)
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[..., Bench]]:
+    """Serve a virtual driver with parameters."""
+    served: list[Bench] = []
+
+    def serve(**parameters: Any) -> Bench:
+        served.append(Bench(**parameters))
+        return served[-1]
+
+    yield serve
+    for bench in served:
+        bench.server.close()
+
+
+@pytest.fixture
+def bench(serve) -> Bench:
+    return serve()
+
+
+def until(condition: Callable[[], object], seconds: float = 30) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.002)
+
+
+@pytest.fixture
+def when() -> Iterator[Callable[[Callable[[], object], Callable[[], object]], None]]:
+    """Do something in another thread as soon as something is so."""
+    threads: list[threading.Thread] = []
+
+    def when(condition: Callable[[], object], act: Callable[[], object]) -> None:
+        def wait() -> None:
+            until(condition)
+            act()
+
+        threads.append(threading.Thread(target=wait))
+        threads[-1].start()
+
+    yield when
+    for thread in threads:
+        thread.join()
+
+
+def turning(bench: Bench, least: float = 50) -> Callable[[], bool]:
+    return lambda: abs(bench.abh3.state().a_velocity) > least
+
+
+def lines(out: str) -> list[Any]:
+    return [json.loads(line) for line in out.splitlines()]
+
+
+# --- what it does -----------------------------------------------------------------------------------------------------
+
+
+def test_it_turns_and_comes_to_rest(run, bench):
+    until(lambda: bench.abh3.state().errors)  # nobody has talked to it for a second: that is reset
+    done = run(*DRIVE, "--ay", "100", "--bx", "-50", "--seconds", "0.6")
+    assert (done.code, done.err) == (0, "")
+    first, *_, before_last, last = done.out.splitlines()
+    assert first.startswith("0.00 s  A 0.0  B 0.0  Y 0.0  X 0.0 min^-1  pulses A ")
+    assert "  A 100.0  B -50.0  Y 25.0  X 75.0 min^-1" in before_last
+    assert "  A 0.0  B 0.0  Y 0.0  X 0.0 min^-1" in last
+    assert "  current A/Y 0.00  B/X 0.00 %  load A 0  B 0 %" in last
+    assert bench.at_rest
+    assert bench.abh3.state().a_pulses > 0 > bench.abh3.state().b_pulses
+
+
+def test_json(run, bench):
+    done = run(*DRIVE, "--ay", "100", "--seconds", "0.5", "--period", "0.05", "--json")
+    assert (done.code, done.err) == (0, "")
+    told = lines(done.out)
+    assert [line["time"] for line in told] == sorted(line["time"] for line in told)
+    assert max(line["values"]["a_velocity"] for line in told) == 100
+    assert told[-1]["values"]["a_velocity"] == 0
+    assert told[-1]["values"]["a_pulses"] > told[0]["values"]["a_pulses"]
+    assert told[0]["units"]["a_velocity"] == "min^-1"
+    assert told[0]["units"]["a_load"] == "%"
+    assert (told[0]["errors"], told[0]["warnings"]) == ([], [])
+    assert bench.at_rest
+
+
+def test_the_second_dialect_and_other_numbers(run, serve):
+    bench = serve(dialect="v2", address=7, host=9, group=3)
+    numbers = ("--address", "7", "--host", "9", "--group", "3", "--dialect", "v2")
+    done = run(*DRIVE, *numbers, "--bx", "80", "--seconds", "0.5", "--json")
+    assert (done.code, done.err) == (0, "")
+    assert max(line["values"]["bx_velocity"] for line in lines(done.out)) == 80
+    assert bench.at_rest
+
+
+def test_torque(run, bench, when):
+    seen: list[object] = []
+    when(turning(bench, 1), lambda: seen.append(bench.abh3.state()))
+    done = run(*DRIVE, "--ay", "10", "--torque", "--seconds", "0.5", "--json")
+    assert done.code == 0
+    assert max(line["values"]["ay_current_command"] for line in lines(done.out)) == 10
+    assert "ay_torque" in seen[0].inputs
+    assert bench.at_rest
+
+
+@pytest.mark.parametrize(
+    ("model", "a", "b"), [("motor", "a_velocity", "b_velocity"), ("travel", "y_velocity", "x_velocity")]
+)
+def test_a_vehicle(run, serve, model, a, b):
+    bench = serve(model=model)
+    measures = ("--wheel-diameter", "0.1", "--track", "0.5", "--gear", "0.1")
+    done = run(*DRIVE, "--velocity", "0.05", "--turn", "0.1", *measures, "--seconds", "0.6", "--json")
+    assert (done.code, done.err) == (0, "")
+    values = lines(done.out)[-2]["values"]
+    y = 0.05 * 60 / (0.01 * math.pi)
+    x = -0.1 * 0.25 * 60 / (0.01 * math.pi)
+    assert (values["y_velocity"], values["x_velocity"]) == pytest.approx((y, x), abs=0.3)
+    wanted = (y, x) if model == "travel" else (y + x, y - x)
+    assert (values[a], values[b]) == pytest.approx(wanted, abs=0.3)
+    assert bench.at_rest
+
+
+def test_the_servo_stays_on(run, bench):
+    assert run(*DRIVE, "--ay", "60", "--seconds", "0.3", "--keep-servo").code == 0
+    state = bench.abh3.state()
+    assert list(state.inputs) == ["ay_servo_on", "bx_servo_on"]
+    assert not state.moving
+
+
+# --- what ends it -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_ends_it(run, bench, when, number):
+    handlers = [signal.getsignal(each) for each in SIGNALS]
+    when(turning(bench), lambda: os.kill(os.getpid(), number))
+    done = run(*DRIVE, "--ay", "100", "--seconds", "60")
+    assert (done.code, done.err) == (130, "orinkit: interrupted\n")
+    assert [signal.getsignal(each) for each in SIGNALS] == handlers
+    assert bench.at_rest
+
+
+def test_many_signals_do_not_keep_it_from_coming_to_rest(run, serve, when):
+    bench = serve(deceleration_time=10.0)
+
+    def insist() -> None:
+        while turning(bench, 50)():  # not to the very end: then the signals are those of pytest again
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.05)
+
+    when(turning(bench, 250), insist)
+    assert run(*DRIVE, "--ay", "300", "--seconds", "60").code == 130
+    assert bench.at_rest
+
+
+def test_an_error_of_the_driver_is_told(run, bench, when):
+    when(turning(bench), lambda: bench.abh3.inject("a_overcurrent"))
+    done = run(*DRIVE, "--ay", "100", "--seconds", "60")
+    assert done.code == 1
+    assert done.err.splitlines()[-1].startswith("orinkit: the driver has stopped with errors: ")
+    assert "overcurrent" in done.err
+    assert bench.at_rest
+
+
+def test_errors_that_stay(refused, bench):
+    bench.abh3.inject("a_overcurrent", stays=True)
+    assert "overcurrent" in refused(*DRIVE, "--ay", "100", "--seconds", "1")
+    assert bench.at_rest
+
+
+def test_errors_that_are_not_reset(refused, bench):
+    bench.abh3.inject("a_overcurrent")
+    line = refused(*DRIVE, "--ay", "100", "--seconds", "1", "--no-reset")
+    assert "overcurrent" in line
+    assert "--no-reset" in line
+    assert bench.at_rest
+
+
+def test_nobody_answers(refused):
+    assert "ABH3 1 did not answer" in refused(*DRIVE, "--ay", "100", "--seconds", "1")
+
+
+def test_the_driver_goes_away(run, bench, when):
+    when(turning(bench), bench.server.close)
+    done = run(*DRIVE, "--ay", "100", "--seconds", "60")
+    assert done.code == 1
+    assert "the motors were not seen at rest within 5 s" in done.err
+    assert "the servo may still be on" in done.err
+    assert "did not answer" in done.err.splitlines()[-1]
+
+
+def test_a_long_way_to_rest(run, serve):
+    bench = serve(deceleration_time=100.0)
+    done = run(*DRIVE, "--ay", "300", "--seconds", "1.5")
+    assert done.code == 1
+    assert done.err.startswith("orinkit: the motors were not seen at rest within 5 s: ")
+    assert not bench.abh3.state().ay_servo
+
+
+# --- as a program -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def start(program) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start it in a process of its own."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*options: str, stdout: int = subprocess.PIPE) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [*program, *DRIVE, *options],
+            stdout=stdout, stderr=subprocess.PIPE, text=True, encoding="utf-8", env={**os.environ, "ORINKIT_LANG": "en"},
+        )  # fmt: skip
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_a_reader_that_has_seen_enough(start, bench):
+    process = start("--ay", "100", "--seconds", "60")
+    until(turning(bench))
+    process.stdout.close()
+    assert process.wait(30) == 1
+    assert process.stderr.read() == ""
+    assert bench.at_rest
+
+
+def test_a_program_that_was_held_up_does_not_go_on(start, bench):
+    process = start("--ay", "100", "--seconds", "60")
+    until(turning(bench))
+    process.send_signal(signal.SIGSTOP)
+    until(lambda: not bench.abh3.state().moving)  # the driver stops by itself
+    process.send_signal(signal.SIGCONT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "it is not started again" in err
+    assert bench.at_rest
+
+
+def test_a_killed_program(start, bench):
+    process = start("--ay", "100", "--seconds", "60")
+    until(turning(bench))
+    process.kill()
+    until(lambda: not bench.abh3.state().moving)
+
+
+def test_a_terminal_sees_one_live_line(start, bench):
+    ours, theirs = pty.openpty()
+    try:
+        process = start("--ay", "100", "--seconds", "0.5", stdout=theirs)
+        os.close(theirs)
+        written = b""
+        while select.select([ours], [], [], 30)[0]:
+            try:
+                written += os.read(ours, 65536)
+            except OSError:  # it has ended
+                break
+        assert process.wait(30) == 0
+    finally:
+        os.close(ours)
+    assert b"A 100.0" in written
+    assert b"\x1b[2K" in written  # the line is written again in its place
+    assert bench.at_rest
+
+
+# --- what cannot be ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--ay", "100"), "--seconds is missing"),
+        (("--seconds", "1"), "--ay or --bx is missing"),
+        (("--ay", "7000", "--seconds", "1"), "-6553.6 to 6553.4 min^-1"),
+        (("--ay", "nan", "--seconds", "1"), "cannot be sent"),
+        (("--bx", "400", "--torque", "--seconds", "1"), "-327.68 to 327.67 %"),
+        (("--ay", "1", "--seconds", "0"), "--seconds must be more than 0"),
+        (("--ay", "1", "--seconds", "nan"), "--seconds must be more than 0"),
+        (("--ay", "1", "--seconds", "1", "--period", "0.5"), "--period must be 0.01 to 0.3 s"),
+        (("--ay", "1", "--velocity", "1", "--seconds", "1"), "--ay cannot be given beside --velocity"),
+        (("--torque", "--turn", "1", "--seconds", "1"), "--torque cannot be given beside --turn"),
+        (("--velocity", "1", "--track", "0.5", "--seconds", "1"), "need --wheel-diameter, --track and --gear"),
+        (("--track", "0.5", "--seconds", "1"), "--velocity or --turn is missing"),
+        (
+            ("--velocity", "1", "--wheel-diameter", "0", "--track", "1", "--gear", "1", "--seconds", "1"),
+            "wheel_diameter must be greater than 0",
+        ),
+        (
+            ("--velocity", "9", "--wheel-diameter", "0.01", "--track", "1", "--gear", "0.1", "--seconds", "1"),
+            "-6553.6 to 6553.4 min^-1",
+        ),
+        (("--ay", "1", "--seconds", "1", "--address", "254"), "address must be 0 to 253"),
+        (("--ay", "1", "--seconds", "1", "--dialect", "v3"), "v3"),
+        (("--ay", "1", "--seconds", "1", "--bitrate", "500000"), "--bitrate cannot be given beside it"),
+    ],
+)
+def test_a_command_line_that_cannot_be_used(refused, bench, options, words):
+    assert words in refused(*DRIVE, *options, code=2)
+    assert bench.at_rest
+
+
+def test_in_japanese(run, refused, bench):
+    language.use("ja")
+    assert "指令がありません" in refused(*DRIVE, "--seconds", "1", code=2)
+    assert " パルス A " in run(*DRIVE, "--ay", "10", "--seconds", "0.1").out
