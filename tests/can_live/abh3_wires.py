@@ -363,3 +363,10 @@ class Hosts:
     def close(self) -> None:
         for opened in reversed(self._opened):
             self.both.run(opened.close())
+
+
+def turn(both: Both, driver: Any) -> None:
+    """Have both motors turn."""
+    both.run(driver.set_input("servo_on", 1))
+    both.run(driver.set_input("start", 1))
+    both.run(driver.command(100.0, 100.0))

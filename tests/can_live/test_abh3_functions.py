@@ -331,7 +331,7 @@ def test_listening(both: Both, hosts: Hosts, world: Place) -> None:
 
 def test_listening_ends_by_itself(both: Both, hosts: Hosts, bare: Place) -> None:
     bus = hosts.open_bus(bare.near)
-    listener = bus.listen(0.2)
+    listener = bus.listen(0.05)
     if both.loop is None:
         assert list(listener) == []
     else:

@@ -60,7 +60,7 @@ def stays(device: VirtualABH3, seconds: float, both: Both | None = None) -> None
     assert turned(device) == before
 
 
-@only_on("virtual", "slcan", "serial", because="the next test is on the one that is left")
+@only_on("slcan", "serial", because="the next test is over the network")
 def test_a_motor_goes_on_without_calls(both: Both, device: VirtualABH3, driver: Any) -> None:
     both.run(driver.keep_alive(**HOLDING))
     assert driver.kept_alive
