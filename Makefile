@@ -20,9 +20,12 @@ CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_
 # These wait for minutes in real time: they begin first.
 LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot.py tests/cli/test_demo_ve026a.py
 
+# These stream in real time: alone.
+REAL_TIME := $(patsubst %,tests/slave/test_%.py,slave_hour slave_live slave_lossy slave_mishaps slave_stream slave_wires streamer)
+
 test: lint types coverage ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
-	$(RUN) pytest -m "not soak" -n 3 --dist loadfile $(CORE_TESTS:%=--ignore=%) --ignore=tests/slave $(LONGEST) tests
-	$(RUN) pytest -m "not soak" tests/slave
+	$(RUN) pytest -m "not soak" -n 3 --dist loadfile $(CORE_TESTS:%=--ignore=%) $(REAL_TIME:%=--ignore=%) $(LONGEST) tests
+	$(RUN) pytest -m "not soak" $(REAL_TIME)
 
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査
 	$(RUN) ruff check .

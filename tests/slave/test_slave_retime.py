@@ -169,6 +169,13 @@ def test_any_points_become_a_trajectory(points, velocity, acceleration):
         assert min(math.dist(point, place) for place in result) <= step
 
 
+@pytest.mark.parametrize("seed", [279, 750960])
+def test_an_arm_that_all_but_rests_on_its_way_goes_on(seed):
+    random = np.random.default_rng(seed)
+    waves = np.sin(np.outer(np.arange(30), (0.001, 0.0))) * (60, 30) + random.normal(0, 0.25, (30, 2))
+    assert len(retimed([tuple(row) for row in waves.tolist()], limits(2, 300.0, 1500.0))) < 200
+
+
 @settings(max_examples=40)
 @given(st.floats(0.001, 1.5), st.floats(0.0, 1.0), st.floats(1e-6, 1.0), st.integers(0, 10**6))
 def test_any_motion_with_noise_becomes_a_trajectory(rate, phase, noise, seed):

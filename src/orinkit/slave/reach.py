@@ -28,6 +28,7 @@ _BENT: Final = 4.0  # where q'' is less, it is the path that bends, and not only
 _STEEPNESS: Final = 5.0  # times the root of q'' / q' at the end: then q' changes by a tenth in the first cell
 _SMOOTH: Final = 0.2  # q'' / q': then q' hardly changes from sample to sample
 _NOTHING: Final = 1e-12
+_LEAST: Final = 0.01  # of the greatest z of a place: so much has to be left of it on the way
 _ENOUGH: Final = 30  # Newton steps; each is exact where the same limits hold, two or three are usual
 _CORNERS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
 _INSIDE: Final = 1.0 / math.cos(math.pi / 12)  # the polygon that these make lies within the circle
@@ -266,7 +267,8 @@ def _reachable(bends: Bends, allowed: Sequence[float], cells: Sequence[int], fre
             begin, cap = bends.at(interval, after)
             width = 2.0 * (place - after)
             rows, most = _rows(begin, end, width, part, _cap(cap, part))
-            following = _highest(rows, most, following, width)
+            least = _LEAST * min([following, *[limit * width for limit, _ in rows]])
+            following = _highest(rows, most, following, least, width)
             greatest.append(following)
             end = begin
     greatest.reverse()
@@ -333,15 +335,16 @@ def _rows(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tu
     return rows, cap
 
 
-def _highest(rows: Terms, cap: float, following: float, width: float) -> float:
-    """Return the greatest z up to ``cap`` for which some u keeps all limits and ``z + width * u <= following``.
+def _highest(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
+    """Return the greatest z up to ``cap`` for which some u keeps all limits and ``least <= z + width * u <= following``.
 
-    The room for u is a concave function of z, so Newton's method comes down to where it ends without ever going below.
+    ``least`` is a little above 0: an arm that comes to rest on its way, with a place behind it that has to be passed
+    slowly, would stay there. The room for u is a concave function of z, so Newton's method comes down to where it ends without ever going below.
     """
     z = cap
     for _ in range(_ENOUGH):
         top, top_slope = (following - z) / width, -1.0 / width
-        bottom, bottom_slope = -z / width, -1.0 / width
+        bottom, bottom_slope = (least - z) / width, -1.0 / width
         for most, fall in rows:
             shift = fall * z
             if most - shift < top:
