@@ -18,6 +18,7 @@ import can
 import cantools
 import pytest
 
+import orinkit
 from orinkit import language
 from orinkit.abh3.decoder import Decoder
 from orinkit.can_frame import CanFrame
@@ -122,6 +123,23 @@ def test_interface_and_channel(serve):
     code, _, err = stop(process, signal.SIGTERM)
     assert code == 0
     assert "within one process" in err
+
+
+def test_cao_clients_are_let_in_too(serve):
+    process, url = serve(
+        "--tcp", "127.0.0.1:0", "--http", "127.0.0.1:0", "--address", "7", where=("can://virtual/cao",)
+    )
+    assert url == "can://virtual/cao"
+    assert process.stdout is not None
+    for scheme in ("tcp", "http"):
+        word, _, url = process.stdout.readline().rstrip("\n").partition(" ")
+        assert (word, url.partition(":")[0]) == ("ready", scheme)
+        with orinkit.connect(url, provider="CaoProv.Waco.ABH3") as motor:
+            motor.execute("ResetErrors")
+            assert motor.variable("MAIN_VOLTAGE").value == 24.0
+    code, _, err = stop(process, signal.SIGTERM)
+    assert code == 0
+    assert "Traceback" not in err
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """A host of one ABH3 driver, without I/O: what it remembers, and each function of section 4 as an operation.
 
-An operation is a generator (:mod:`orinkit.can_frame`), which does nothing, and remembers nothing, until it is run. It takes the answers of its own driver only; other frames do not make
-it wait any longer, and frames that came before a request are no answers to it.
+An operation is a generator (:mod:`orinkit.can_frame`), which does nothing, and remembers nothing, until it is run. It takes
+the answers of its own driver only; other frames do not make it wait any longer, and frames that came before a request are
+no answers to it.
 """
 
 from __future__ import annotations
@@ -74,6 +75,7 @@ class Host(Generic[F]):
         self.commanded = 0
         masks = dialect.inputs.masks
         self._torque = (masks["ay_torque"], masks["bx_torque"])
+        self._pack = dialect.layouts["DP0S"].struct.pack
         self._command_id = ids.single(self.address, self.host, priority=self.priority)
         self._feedback_id = ids.single(self.host, self.address)
 
@@ -121,13 +123,8 @@ class Host(Generic[F]):
         if bx is not None:
             codes[1] = self._quantity(1).encode(bx)
         self._codes = codes
-        name = (
-            "abh3_can_cmd"
-            if ay is not None and bx is not None
-            else "abh3_can_cmdAY"
-            if bx is None
-            else "abh3_can_cmdBX"
-        )
+        alone = "abh3_can_cmdAY" if bx is None else "abh3_can_cmdBX"
+        name = "abh3_can_cmd" if (ay is None) == (bx is None) else alone
         return (yield from self.exchange(name))
 
     def set_inputs(self, data: int, mask: int = _ALL_BITS) -> CanOperation[F]:
@@ -263,7 +260,7 @@ class Host(Generic[F]):
 
     def _ask(self, function: str, sent: CanFrame, name: str, wanted: int) -> CanOperation[Record]:
         """Send a frame and return the record of the answer."""
-        received = yield Turn((sent,), self.timeout, fresh=True)
+        received = yield Turn((sent,), self.timeout, True)
         while received is not None:
             if received.id & _MEANT == wanted and len(received.data) == _LENGTH:
                 return self.codec.decode(name, received.data) if name else BUF(received.data)
@@ -272,8 +269,7 @@ class Host(Generic[F]):
 
     def _command_frame(self) -> CanFrame:
         self.commanded += 1
-        layout = self.dialect.layouts["DP0S"]
-        return CanFrame(self._command_id, layout.struct.pack(*self._codes, self.inputs))
+        return CanFrame(self._command_id, self._pack(*self._codes, self.inputs))
 
     def _request_frame(self, destination: int, pgn: bytes) -> CanFrame:
         return CanFrame(ids.request(destination, self.host, priority=self.priority), pgn)

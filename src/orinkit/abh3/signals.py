@@ -75,11 +75,13 @@ class Quantity:
         Raises:
             InvalidValue: it has no code, or is no number.
         """
+        assert self.steps  # a single float is its own code
         number = real(value)
         if number is None or abs(number) > _FAR:
             raise self._unusable(value)
         scaled = abs(number) * self.steps
-        code = math.floor(scaled) + (scaled - math.floor(scaled) >= _HALF)
+        whole = int(scaled)
+        code = whole + (scaled - whole >= _HALF)
         code = -code if number < 0 else code
         if not self.low <= code <= self.high:
             raise self._unusable(value)
