@@ -12,7 +12,7 @@ from orinkit.can_frame import CanFrame
 from orinkit.server._can_wire import Wire
 
 if TYPE_CHECKING:
-    from orinkit.server.can_server import CanDevice
+    from orinkit.server.can_device import CanDevice
 
 _log = logging.getLogger("orinkit.server")
 _LONGEST_WAIT: Final = 0.05  # s: a clock may have been moved by hand, and no device has much to make up for

@@ -19,7 +19,7 @@ from orinkit.extra import require
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.aio_stream import AsyncStreamLink
-from orinkit.transport.http_reply import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, Reached, tls_failed
+from orinkit.transport.http_reply import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
 from orinkit.transport.socket_link import CHUNK
 
@@ -29,6 +29,7 @@ import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
 from orinkit.transport.http_connection import Known, has_news, url_of  # noqa: E402
+from orinkit.transport.http_reached import Reached  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"

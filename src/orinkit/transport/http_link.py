@@ -15,7 +15,7 @@ from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.drive import Deadline
 from orinkit.transport.http_body import Body
-from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN, Reached
+from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN
 from orinkit.transport.link_errors import closed
 
 require(NEED, "http", "httpx2")
@@ -24,6 +24,7 @@ import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
 from orinkit.transport.http_connection import Known, Transport, url_of  # noqa: E402
+from orinkit.transport.http_reached import Reached  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"

@@ -18,10 +18,9 @@ ever out of step.
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Final, Self, TypeAlias
+from typing import Final, TypeAlias
 from urllib.parse import unquote_to_bytes
 
 from orinkit.errors import (
@@ -32,18 +31,14 @@ from orinkit.errors import (
     LimitExceeded,
     OrinError,
     ProtocolError,
-    StreamError,
     TransportError,
 )
 from orinkit.language import pick
-from orinkit.transport.access import NOTHING, Access
+from orinkit.transport.access import Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.http_body import Body
-from orinkit.transport.link_errors import closed, lost
+from orinkit.transport.link_errors import lost
 from orinkit.variant_bytes import DEFAULT_LIMITS
-
-if TYPE_CHECKING:
-    from orinkit.transport.http_connection import Known
 
 MOST: Final = DEFAULT_LIMITS.packet + 65536
 """Bytes of a reply, by default."""
@@ -326,74 +321,6 @@ class Contact:
         )
 
 
-class Reached(ABC):
-    """What both links show of their server.
-
-    Args:
-        address: of the server.
-        access: what lets a client in.
-        most: bytes of a reply.
-        known: what is known of the server already, ``None`` for nothing.
-
-    Raises:
-        InvalidValue: the token cannot be sent, or there are no certificates in the file.
-    """
-
-    def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
-    ) -> None:
-        if known is None:
-            from orinkit.transport.http_connection import Known, context_of  # with packages that the links ask for
-
-            known = Known(Contact(address, access, most), context_of(address, access))
-        self._known = known
-        self._contact = known.contact
-        self._open = True
-
-    @property
-    def tells(self) -> bool | None:
-        """Whether the server says that it is at work on a call; ``None`` where that is not known yet."""
-        return self._contact.tells
-
-    @property
-    def patience(self) -> float:
-        """Seconds that a server gets for a call that cannot say that it is at work; may be set."""
-        return self._contact.patience
-
-    @patience.setter
-    def patience(self, seconds: float) -> None:
-        self._contact.patience = seconds
-
-    def fileno(self) -> int:
-        """Refuse.
-
-        Raises:
-            StreamError: a connection over HTTP cannot be lent.
-            ConnectionClosed: the link has been closed.
-        """
-        if not self._open:
-            raise closed()
-        raise _not_to_be_lent()
-
-    def another(self) -> Self:
-        """Return a link to the same server, for the same client, over which nothing is under way.
-
-        It is closed where the server has never answered, and so knows nothing of this client.
-        """
-        made = type(self)(self._contact.address, known=self._known)
-        if self.tells is None:
-            made.close()
-        return made
-
-    def release(self) -> None:
-        """Close, as nobody else can have it."""
-        self.close()
-
-    @abstractmethod
-    def close(self) -> None:
-        """Close; a receive that is waiting ends at once."""
-
-
 def first_line(body: bytes) -> str:
     """Return the first line of a text that a server sent, or the title of a page; short, and fit to be shown."""
     text = body.decode("utf-8", "replace").lstrip("\ufeff \t\r\n")
@@ -437,18 +364,6 @@ def no_certificates(cafile: str, error: Exception) -> InvalidValue:
         pick(
             f"cafile (--cafile) {cafile!r:.200} cannot be used: {error}. Try: a PEM file, -----BEGIN CERTIFICATE-----",
             f"cafile (--cafile) {cafile!r:.200} は使用できません: {error}。対処: PEM ファイル (-----BEGIN CERTIFICATE-----) を指定してください",
-        )
-    )
-
-
-def _not_to_be_lent() -> StreamError:
-    """Return the exception for a connection that another process is to have."""
-    return StreamError(
-        pick(
-            "a connection over HTTP cannot be lent to another process. Try: slave mode with set-points over tcp://, udp:// "
-            "or a serial line",
-            "HTTP の接続は他のプロセスに渡せません。対処: 位置指令を送るスレーブモードには tcp://、udp://、"
-            "またはシリアル通信を使ってください",
         )
     )
 
