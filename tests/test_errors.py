@@ -23,6 +23,7 @@ from orinkit.errors import (
     ConnectionLost,
     ControllerError,
     DriverFault,
+    DriverRefused,
     DriverTimeout,
     ExecutionTimeout,
     GeneralError,
@@ -142,6 +143,7 @@ def test_the_tree_is_as_drawn_in_the_docstring():
         (CallTimeout, TimeoutError),
         (DriverTimeout, CallTimeout),
         (DriverFault, OrinError),
+        (DriverRefused, OrinError),
         (NotImplementedCall, GeneralError),
         (ObjectNotFound, CaoError),
         (AlreadyRegistered, CaoError),
@@ -220,19 +222,45 @@ def test_a_driver_that_does_not_answer():
     assert isinstance(error, TimeoutError)
     assert (error.function, error.seconds, error.tries, error.address) == ("abh3_can_cmd", 2.5, 1, 0)
     assert str(error).startswith(
-        "abh3_can_cmd: ABH3 0 did not answer within 2.5 s; whether the command was taken is not known. Try: "
+        "abh3_can_cmd: ABH3 0 did not answer within 2.5 s; whether it took the command is not known. Try: is it on, "
     )
+    assert "group" not in str(error)  # a command needs none
     language.use("ja")
-    assert str(error).startswith("abh3_can_cmd: 2.5 秒以内にABH3 0 から応答がありません。")
+    assert str(error).startswith(
+        "abh3_can_cmd: 2.5 秒以内にアドレス 0 の ABH3 から応答がありません。指令が受け付けられた"
+    )
     assert "対処: 電源、ボーレート" in str(error)
+    assert "グループ" not in str(error)
 
 
-def test_no_driver_answers():
-    error = DriverTimeout("abh3_can_reqBRDBRD", 1.0, None)
-    assert error.address is None
-    assert str(error).startswith("abh3_can_reqBRDBRD: no ABH3 did answer within 1 s; ")
+@pytest.mark.parametrize("function", ["abh3_can_reqBRD", "abh3_can_reqBRDBRD", "abh3_can_reqSNG"])
+def test_a_driver_that_does_not_answer_a_request(function):
+    """It has commanded nothing; who answers commands and no requests has another broadcast group."""
+    error = DriverTimeout(function, 1.0, 7)
+    assert str(error).startswith(
+        f"{function}: ABH3 7 did not answer within 1 s. Try: if it answers commands, its broadcast group; else is it on, "
+    )
+    assert "taken" not in str(error)
+    assert "took" not in str(error)
     language.use("ja")
-    assert str(error).startswith("abh3_can_reqBRDBRD: 1 秒以内にどの ABH3 からも応答がありません。")
+    assert str(error).startswith(
+        f"{function}: 1 秒以内にアドレス 7 の ABH3 から応答がありません。対処: 指令には応答する場合は"
+    )
+    assert "グループ番号" in str(error)
+
+
+def test_a_driver_that_does_not_come_to_rest():
+    error = DriverTimeout("rest", 5.0, 7)
+    assert str(error).startswith("ABH3 7 has not come to rest within 5 s. Try: ")
+    assert "answer" not in str(error)
+    language.use("ja")
+    assert str(error).startswith("アドレス 7 の ABH3 が 5 秒以内に停止しません。対処: ")
+
+
+def test_a_driver_that_refuses():
+    error = DriverRefused("the driver refuses it (01)")
+    assert str(error) == "the driver refuses it (01)"
+    assert not isinstance(error, CallError)  # it has no HRESULT: no controller has answered
 
 
 def test_a_driver_with_errors():
@@ -240,18 +268,20 @@ def test_a_driver_with_errors():
     assert (error.errors, error.warnings, error.texts) == (0x00400004, 0x20, ("driver overheated", "CAN"))
     assert "driver overheated, CAN (errors 0x00400004, warnings 0x00000020)" in str(error)
     assert "Try: " in str(error)
+    assert "is dialect= right" in str(error)  # v1 and v2 reset by different bits
     assert ": - (errors 0x00000000, warnings 0x10000000)" in str(DriverFault(0, 1 << 28))
     assert DriverFault(0, 1).texts == ()
     language.use("ja")
     assert "driver overheated, CAN (異常 0x00400004, 警告 0x00000020)" in str(error)
     assert "対処: " in str(error)
+    assert "dialect=" in str(error)
 
 
 # --- pickle and copy --------------------------------------------------------------------------------------------------
 
 SAMPLES = {
     CallTimeout: [("Robot_Move", 2.5)],
-    DriverTimeout: [("abh3_can_cmd", 1.0, 1), ("abh3_can_reqBRDBRD", 0.5, None)],
+    DriverTimeout: [("abh3_can_cmd", 1.0, 1), ("abh3_can_reqBRDBRD", 0.5, 7), ("rest", 5.0, 253)],
     DriverFault: [(0x00400000, 4), (4, 0, ("driver overheated",))],
     ProtocolError: [("text",), ("text", hresult.E_INVALIDARGTYPE)],
     LimitExceeded: [("text", hresult.E_ARGSIZEOVER)],

@@ -18,6 +18,7 @@
     ├── StreamError                        streaming in slave mode has ended, or cannot begin
     ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
     │   └── DriverTimeout                  ... of an ABH3 motor driver
+    ├── DriverRefused                      an ABH3 motor driver does not read or write a parameter
     ├── DriverFault                        an ABH3 motor driver has errors that a reset does not clear
     └── CallError                          the controller answered with an error code
         ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx
@@ -166,10 +167,10 @@ class DriverTimeout(CallTimeout):
     """An ABH3 motor driver did not answer; whether it took the command is not known.
 
     Attributes:
-        address: of the driver; ``None`` where all of them were asked.
+        address: of the driver.
     """
 
-    def __init__(self, function: str, seconds: float, address: int | None) -> None:
+    def __init__(self, function: str, seconds: float, address: int) -> None:
         super().__init__(function, seconds)
         self.address = address
 
@@ -177,19 +178,29 @@ class DriverTimeout(CallTimeout):
         return type(self), (self.function, self.seconds, self.address)
 
     def __str__(self) -> str:
-        en, ja = (
-            ("no ABH3", "どの ABH3 からも")
-            if self.address is None
-            else (f"ABH3 {self.address}", f"ABH3 {self.address} から")
-        )
-        no = "" if self.address is None else " not"
+        if self.function == "rest":
+            return pick(
+                f"ABH3 {self.address} has not come to rest within {self.seconds:g} s. Try: more seconds; its deceleration time",
+                f"アドレス {self.address} の ABH3 が {self.seconds:g} 秒以内に停止しません。対処: 秒数を増やすか、減速時間を確認してください",
+            )
+        who = f"ABH3 {self.address} did not answer", f"アドレス {self.address} の ABH3 から応答がありません"
+        if "req" in self.function:
+            return pick(
+                f"{self.function}: {who[0]} within {self.seconds:g} s. Try: if it answers commands, its broadcast group; else is it "
+                "on, do bit rate, its address and the host's address fit its parameters, is the bus terminated?",
+                f"{self.function}: {self.seconds:g} 秒以内に{who[1]}。対処: 指令には応答する場合は、ブロードキャスト送信グループ番号を"
+                "確認してください。それ以外は、電源、ボーレート、ABH3 アドレス、ホスト機器アドレス、終端抵抗を確認してください",
+            )
         return pick(
-            f"{self.function}: {en} did{no} answer within {self.seconds:g} s; whether the command was taken is not known. "
-            "Try: is the driver on, do bit rate, its address, group and the host's address fit its parameters, is the bus "
-            "terminated, may it answer (single packet 0 mode)?",
-            f"{self.function}: {self.seconds:g} 秒以内に{ja}応答がありません。指令が受け付けられたかどうかは不明です。"
-            "対処: 電源、ボーレート、ABH3 アドレス、グループ番号、ホスト機器アドレス、終端抵抗、シングルパケット 0 送信方式を確認してください",
+            f"{self.function}: {who[0]} within {self.seconds:g} s; whether it took the command is not known. Try: is it on, do bit "
+            "rate, its address and the host's address fit its parameters, is the bus terminated, may it answer (single packet 0 mode)?",
+            f"{self.function}: {self.seconds:g} 秒以内に{who[1]}。指令が受け付けられたかどうかは不明です。"
+            "対処: 電源、ボーレート、ABH3 アドレス、ホスト機器アドレス、終端抵抗、シングルパケット 0 送信方式を確認してください",
         )
+
+
+class DriverRefused(OrinError):
+    """An ABH3 motor driver refuses to read or write a parameter."""
 
 
 class DriverFault(OrinError):
@@ -211,9 +222,9 @@ class DriverFault(OrinError):
         texts = ", ".join(self.texts) or "-"
         return pick(
             f"the driver still has errors after a reset: {texts} (errors 0x{self.errors:08X}, warnings 0x{self.warnings:08X}). "
-            "Try: mend the cause, then reset_errors() again",
+            "Try: mend the cause, then reset_errors() again; is dialect= right (v1 and v2 reset by different bits)?",
             f"リセット後も異常が残っています: {texts} (異常 0x{self.errors:08X}, 警告 0x{self.warnings:08X})。"
-            "対処: 原因を取り除いてから、もう一度 reset_errors() を呼んでください",
+            "対処: 原因を取り除いてから、もう一度 reset_errors() を呼んでください。dialect= (v1 と v2 でリセットのビットが異なる) も確認してください",
         )
 
 

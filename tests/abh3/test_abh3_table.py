@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
+import pickle
 import re
 import struct
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -168,6 +171,21 @@ def test_the_dialects() -> None:
         language.use(tongue)
         with pytest.raises(InvalidValue, match=r"'v3'.*v1.*v2"):
             dialect_of("v3")
+        for wrong in (["v1"], {}, None, 1, b"v1", ("v1",), "V1", ""):
+            with pytest.raises(InvalidValue, match="v1"):
+                dialect_of(wrong)
+
+
+@pytest.mark.parametrize("dialect", [*BOTH, V1.with_load_unit(0.1)])
+def test_a_dialect_can_be_given_to_another_process(dialect: Dialect) -> None:
+    """What was derived from it once goes along or is derived anew."""
+    assert dialect.inputs.masks
+    assert [layout.struct.size for layout in dialect.layouts.values()] == [8] * len(dialect.layouts)
+    for again in (pickle.loads(pickle.dumps(dialect)), copy.copy(dialect), copy.deepcopy(dialect)):
+        assert again == dialect
+        assert again.layouts["DP0S"].struct.pack(1, -1, 3) == bytes.fromhex("0100 FFFF 03000000")
+        assert again.inputs.masks == dialect.inputs.masks
+        assert again.broadcasts == dialect.broadcasts
 
 
 @pytest.mark.parametrize("dialect", BOTH)
@@ -538,8 +556,12 @@ def test_a_name_without_an_axis_means_both(word: Word, rows: Rows, per_axis: Map
         assert word.mask(name) == mask
 
 
-@pytest.mark.parametrize("name", [-1, 32, True, False, "", "servo", "AY_SERVO_ON", "bit_3", "x" * 1000])
-def test_what_is_no_bit(name: int | str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [-1, 32, True, False, "", "servo", "AY_SERVO_ON", "bit_3", "x" * 1000, 1.0, None, ["servo_on"], np.True_, 10**5000],
+    ids=lambda name: f"{type(name).__name__} {name!s:.12}" if not isinstance(name, int) else f"{name:#x}"[:12],
+)
+def test_what_is_no_bit(name: Any) -> None:
     for tongue, text in (("en", "inputs"), ("ja", "入力")):
         language.use(tongue)
         with pytest.raises(InvalidValue) as caught:
@@ -551,6 +573,7 @@ def test_what_is_no_bit(name: int | str) -> None:
 
 def test_bits_that_mean_nothing_have_masks_by_their_numbers() -> None:
     assert [V1.inputs.mask(n) for n in range(32)] == [1 << n for n in range(32)]
+    assert [V1.inputs.mask(np.uint8(n)) for n in range(32)] == [1 << n for n in range(32)]
 
 
 def test_a_name_that_a_bit_has_is_not_taken_for_both_axes() -> None:

@@ -10,9 +10,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 from weakref import ref
 
+import numpy as np
 import pytest
 
 from orinkit import language
@@ -79,10 +82,18 @@ def test_a_command_that_comes_too_late_is_not_sent_again() -> None:
     assert heart.too_late(10.51) is End.SILENT
     heart.sent(10.5, answered=True)
     assert heart.too_late(11.0) is None
-    slow = Heart(2.0, 0.5, None, 10.0)  # its beats are further apart than its patience
-    assert slow.too_late(12.0) is None
-    assert slow.too_late(13.0) is None
-    assert slow.too_late(13.01) is End.SILENT
+    slow = Heart(0.4, 0.5, None, 10.0)  # its beats are nearly as far apart as its patience
+    assert slow.too_late(10.6) is None
+    assert slow.too_late(10.61) is End.SILENT
+    assert slow.end(10.51) is End.SILENT
+
+
+def test_an_answer_that_was_read_late_is_no_proof() -> None:
+    """A program that stood still reads an answer to a command that was sent long ago: the driver has stopped meanwhile."""
+    heart = Heart(0.1, 0.5, None, 10.0)
+    heart.sent(10.1, answered=True)  # read at 12.0
+    assert heart.end(12.0) is End.SILENT
+    assert heart.too_late(12.0) is End.SILENT
 
 
 def test_why_it_ends() -> None:
@@ -90,7 +101,7 @@ def test_why_it_ends() -> None:
 
 
 @pytest.mark.parametrize("name", ["period", "patience", "idle"])
-@pytest.mark.parametrize("seconds", [0, -1.0, math.nan, math.inf, -math.inf, "1", True, 10**400, GREAT])
+@pytest.mark.parametrize("seconds", [0, -1.0, math.nan, math.inf, -math.inf, "1", True, 10**400, GREAT, 3600.1, 1j])
 def test_times_that_are_none(name: str, seconds: Any) -> None:
     for tongue in ("en", "ja"):
         language.use(tongue)
@@ -100,11 +111,28 @@ def test_times_that_are_none(name: str, seconds: Any) -> None:
 
 
 @pytest.mark.parametrize("name", ["period", "patience", "idle"])
-def test_any_time_above_zero_will_do(name: str) -> None:
-    for seconds in (1e-9, 1, 1e9):
-        assert (
-            getattr(Heart(**{"period": 0.1, "patience": 0.5, "idle": None, "now": 0.0, name: seconds}), name) == seconds
-        )
+@pytest.mark.parametrize("seconds", [1, 0.25, Decimal("0.25"), Fraction(1, 4), np.float32(0.25), np.int64(1)])
+def test_any_kind_of_number_will_do(name: str, seconds: Any) -> None:
+    heart = Heart(**{"period": 0.1, "patience": 2.0, "idle": None, "now": 0.0, name: seconds})
+    found = getattr(heart, name)
+    assert found == float(seconds)
+    assert type(found) is float  # times are reckoned with it
+
+
+def test_the_least_and_the_longest() -> None:
+    heart = Heart(1e-9, 3600.0, 3600, 0.0)
+    assert (heart.period, heart.patience, heart.idle) == (1e-9, 3600.0, 3600.0)
+
+
+@pytest.mark.parametrize(("period", "patience"), [(0.5, 0.5), (2.0, 0.5), (Decimal("0.5"), Fraction(1, 2))])
+def test_a_period_is_below_the_patience(period: Any, patience: Any) -> None:
+    """Otherwise it would end before the second beat, or wait longer than the driver does."""
+    for tongue, text in (("en", "Try: a period of 0.1 s"), ("ja", "対処")):
+        language.use(tongue)
+        with pytest.raises(InvalidValue, match=text) as caught:
+            Heart(period, patience, None, 0.0)
+        assert f"{float(period):g}" in str(caught.value)
+        assert f"{float(patience):g}" in str(caught.value)
 
 
 # --- a thread ---------------------------------------------------------------------------------------------------------
@@ -116,6 +144,7 @@ class Beating:
     def __init__(self, *pauses: float | None) -> None:
         self.pauses = pauses
         self.beats = 0
+        self.ends = 0
         self.seen = threading.Semaphore(0)
         self.thread: threading.Thread | None = None
 
@@ -125,6 +154,10 @@ class Beating:
         self.beats += 1
         self.seen.release()
         return pause
+
+    def left(self) -> None:
+        """The keeping has ended, and nobody here wanted that."""
+        self.ends += 1
 
     async def async_beat(self) -> float | None:
         return self.beat()
@@ -154,53 +187,58 @@ def _no_threads_are_left() -> Iterator[None]:
 
 def test_it_beats_until_it_is_stopped() -> None:
     heart = Beating(0.001)
-    keeper = Keeper(heart.beat, "a-name")
+    keeper = Keeper(heart.beat, heart.left, "a-name")
     heart.wait(5)
     assert heart.thread is not None
     assert (heart.thread.name, heart.thread.daemon) == ("a-name", True)
     keeper.stop()
+    keeper.join()
     assert not heart.thread.is_alive()
     beats = heart.beats
     keeper.stop()  # once more does no harm
-    assert heart.beats == beats
+    keeper.join()
+    assert (heart.beats, heart.ends) == (beats, 0)
 
 
 def test_it_beats_at_once_and_waits_then() -> None:
     heart = Beating(LONG)
-    keeper = Keeper(heart.beat, "x")
+    keeper = Keeper(heart.beat, heart.left, "x")
     heart.wait(1)
-    keeper.stop()  # does not wait for the pause to pass
-    assert heart.beats == 1
+    keeper.stop()
+    keeper.join()  # does not wait for the pause to pass
     assert ended(heart.thread)
+    assert (heart.beats, heart.ends) == (1, 0)
 
 
 def test_it_ends_when_there_is_no_next_time() -> None:
     heart = Beating(0.0, 0.001, None)
-    keeper = Keeper(heart.beat, "x")
+    keeper = Keeper(heart.beat, heart.left, "x")
     heart.wait(3)
     assert ended(heart.thread)
-    assert heart.beats == 3
+    assert (heart.beats, heart.ends) == (3, 0)  # the beat knows
     keeper.stop()
 
 
 def test_it_ends_with_the_thread_that_began_it() -> None:
     heart = Beating(0.005)
     kept: list[Keeper] = []
-    owner = threading.Thread(target=lambda: kept.append(Keeper(heart.beat, "x")))
+    owner = threading.Thread(target=lambda: kept.append(Keeper(heart.beat, heart.left, "x")))
     owner.start()
     owner.join(LONG)
     assert len(kept) == 1
     heart.seen.acquire(timeout=0.2)  # there may have been a beat before it ended
     assert kept[0]._thread is not threading.main_thread()
     assert ended(kept[0]._thread)
+    assert heart.ends == 1
     beats = heart.beats
     kept[0].stop()
-    assert heart.beats == beats
+    kept[0].join()
+    assert (heart.beats, heart.ends) == (beats, 1)
 
 
 def test_it_ends_with_the_object() -> None:
     heart = Beating(0.005)
-    keeper = Keeper(heart.beat, "x")
+    keeper = Keeper(heart.beat, heart.left, "x")
     heart.wait(2)
     thread, seen = heart.thread, ref(heart)
     del heart
@@ -212,7 +250,7 @@ def test_it_ends_with_the_object() -> None:
 
 def test_it_does_not_keep_its_object_while_it_waits() -> None:
     heart = Beating(LONG)
-    keeper = Keeper(heart.beat, "x")
+    keeper = Keeper(heart.beat, heart.left, "x")
     heart.wait(1)
     seen = ref(heart)
     del heart
@@ -240,32 +278,89 @@ class StopsItself(Beating):
 def test_it_can_be_stopped_from_within() -> None:
     heart = StopsItself(0.0)
     heart.ready = threading.Event()
-    heart.keeper = keeper = Keeper(heart.beat, "x")
+    heart.keeper = keeper = Keeper(heart.beat, heart.left, "x")
     heart.ready.set()
     heart.wait(1)
     assert ended(heart.thread)
-    assert heart.beats == 1
+    assert (heart.beats, heart.ends) == (1, 0)
     keeper.stop()
 
 
-def test_a_beat_that_is_at_work_is_waited_for() -> None:
-    at_work, go_on = threading.Event(), threading.Event()
+class Slow(Beating):
+    """Its beat takes as long as a test wants."""
 
-    class Slow:
-        done = False
+    def __init__(self) -> None:
+        super().__init__(0.0)
+        self.at_work, self.go_on = threading.Event(), threading.Event()
+        self.done = False
 
+    def beat(self) -> float | None:
+        self.at_work.set()
+        assert self.go_on.wait(LONG)
+        self.done = True
+        return super().beat()
+
+
+def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
+    """Who stops it may have to send something first."""
+    heart = Slow()
+    keeper = Keeper(heart.beat, heart.left, "x")
+    assert heart.at_work.wait(LONG)
+    keeper.stop()
+    assert not heart.done
+    heart.go_on.set()
+    keeper.join()
+    assert heart.done
+    assert (heart.beats, heart.ends) == (1, 0)
+
+
+def test_joining_does_not_take_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("orinkit.abh3.keeping._JOINING", 0.05)
+    heart = Slow()
+    keeper = Keeper(heart.beat, heart.left, "x")
+    assert heart.at_work.wait(LONG)
+    keeper.stop()
+    began = time.monotonic()
+    keeper.join()
+    assert time.monotonic() - began < LONG / 2
+    assert not heart.done
+    heart.go_on.set()
+
+
+def test_a_beat_can_join_itself() -> None:
+    class Joins(StopsItself):
         def beat(self) -> float | None:
-            at_work.set()
-            assert go_on.wait(LONG)
-            self.done = True
-            return 0.0
+            pause = super().beat()
+            assert isinstance(self.keeper, Keeper)
+            self.keeper.join()
+            return pause
 
-    slow = Slow()
-    keeper = Keeper(slow.beat, "x")
-    assert at_work.wait(LONG)
-    threading.Timer(0.05, go_on.set).start()
-    keeper.stop()
-    assert slow.done
+    heart = Joins(0.0)
+    heart.ready = threading.Event()
+    heart.keeper = Keeper(heart.beat, heart.left, "x")
+    heart.ready.set()
+    heart.wait(1)
+    assert ended(heart.thread)
+
+
+class Fails(Beating):
+    """Its second beat raises."""
+
+    def beat(self) -> float | None:
+        if self.beats == 1:
+            raise ZeroDivisionError("a bug")
+        return super().beat()
+
+
+def test_a_beat_that_raises_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told, and the exception goes where those of threads go."""
+    raised: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", lambda told: raised.append(told.exc_type))
+    heart = Fails(0.0)
+    keeper = Keeper(heart.beat, heart.left, "x")
+    assert ended(keeper._thread)
+    assert (heart.beats, heart.ends) == (1, 1)
+    assert raised == [ZeroDivisionError]
 
 
 PROGRAM = """
@@ -277,8 +372,11 @@ class Heart:
         print("beat", flush=True)
         return 0.005
 
+    def left(self):
+        print("left", flush=True)
+
 heart = Heart()
-keeper = Keeper(heart.beat, "x")
+keeper = Keeper(heart.beat, heart.left, "x")
 if "other" in sys.argv:  # a thread that is none of ours keeps the process alive
 
     def other():
@@ -292,7 +390,7 @@ if "other" in sys.argv:  # a thread that is none of ours keeps the process alive
 
 def test_it_does_not_outlive_the_program() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, timeout=LONG, check=True)
-    assert set(done.stdout.split()) <= {b"beat"}
+    assert set(done.stdout.split()) <= {b"beat", b"left"}
 
 
 def test_it_does_not_outlive_the_main_thread() -> None:
@@ -306,7 +404,9 @@ def test_it_does_not_outlive_the_main_thread() -> None:
         time.sleep(0.3)  # time for many more beats
         assert process.poll() is None
         process.stdin.close()
-        assert process.stdout.read().count("beat") <= 2
+        rest = process.stdout.read()
+        assert rest.count("beat") <= 2
+        assert rest.count("left") == 1
         assert process.wait(LONG) == 0
 
 
@@ -323,15 +423,16 @@ async def _until(condition: Callable[[], bool]) -> None:
 def test_a_task_beats_until_it_is_stopped() -> None:
     async def run() -> None:
         heart = Beating(0.001)
-        keeper = AsyncKeeper(heart.async_beat, "a-name")
+        keeper = AsyncKeeper(heart.async_beat, heart.left, "a-name")
         assert heart.beats == 0
         assert [task.get_name() for task in asyncio.all_tasks() if task is not asyncio.current_task()] == ["a-name"]
         await _until(lambda: heart.beats >= 3)
         keeper.stop()
+        keeper.join()
         beats = heart.beats
         await _until(keeper._task.done)
         assert keeper._task.cancelled()
-        assert heart.beats == beats
+        assert (heart.beats, heart.ends) == (beats, 0)
         keeper.stop()
 
     asyncio.run(run())
@@ -340,9 +441,9 @@ def test_a_task_beats_until_it_is_stopped() -> None:
 def test_a_task_ends_when_there_is_no_next_time() -> None:
     async def run() -> None:
         heart = Beating(0.0, 0.001, None)
-        keeper = AsyncKeeper(heart.async_beat, "x")
+        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
         await _until(keeper._task.done)
-        assert heart.beats == 3
+        assert (heart.beats, heart.ends) == (3, 0)
         assert keeper._task.result() is None
 
     asyncio.run(run())
@@ -351,7 +452,7 @@ def test_a_task_ends_when_there_is_no_next_time() -> None:
 def test_a_task_ends_with_the_object() -> None:
     async def run() -> None:
         heart = Beating(0.001)
-        keeper = AsyncKeeper(heart.async_beat, "x")
+        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
         await heart.beaten(2)
         seen = ref(heart)
         del heart
@@ -366,7 +467,7 @@ def test_a_task_ends_with_the_object() -> None:
 def test_a_task_does_not_keep_its_object_while_it_waits() -> None:
     async def run() -> None:
         heart = Beating(LONG)
-        keeper = AsyncKeeper(heart.async_beat, "x")
+        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
         await heart.beaten(1)
         seen = ref(heart)
         del heart
@@ -381,17 +482,17 @@ def test_a_task_can_be_stopped_from_within() -> None:
     async def run() -> None:
         heart = StopsItself(0.0, None)
         heart.ready.set()
-        heart.keeper = keeper = AsyncKeeper(heart.async_beat, "x")
+        heart.keeper = keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
         await _until(keeper._task.done)
         assert not keeper._task.cancelled()  # the beat itself is not torn off
-        assert heart.beats == 2
+        assert (heart.beats, heart.ends) == (2, 0)
 
     asyncio.run(run())
 
 
 def test_a_task_can_be_stopped_after_its_loop() -> None:
     async def run() -> AsyncKeeper:
-        return AsyncKeeper(heart.async_beat, "x")
+        return AsyncKeeper(heart.async_beat, heart.left, "x")
 
     heart = Beating(LONG)
     keeper = asyncio.run(run())
@@ -399,6 +500,47 @@ def test_a_task_can_be_stopped_after_its_loop() -> None:
     assert keeper._task.cancelled()
 
 
+def test_a_task_that_is_cancelled_from_outside() -> None:
+    """As the end of asyncio.run does with every task; also before it has begun."""
+
+    async def run(beats: int) -> Beating:
+        heart = Beating(LONG)
+        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        if beats:
+            await heart.beaten(beats)
+        keeper._task.cancel()
+        await _until(keeper._task.done)
+        assert keeper._task.cancelled()
+        return heart
+
+    for beats in (0, 1):
+        heart = asyncio.run(run(beats))
+        assert (heart.beats, heart.ends) == (beats, 1)
+
+
+def test_a_task_ends_with_its_loop() -> None:
+    async def run() -> Beating:
+        heart = Beating(LONG)
+        kept.append(AsyncKeeper(heart.async_beat, heart.left, "x"))
+        await heart.beaten(1)
+        return heart
+
+    kept: list[AsyncKeeper] = []
+    assert asyncio.run(run()).ends == 1
+
+
+def test_a_beat_that_raises_ends_the_task() -> None:
+    async def run() -> None:
+        heart = Fails(0.0)
+        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        await _until(keeper._task.done)
+        assert (heart.beats, heart.ends) == (1, 1)
+        assert isinstance(keeper._task.exception(), ZeroDivisionError)
+
+    asyncio.run(run())
+
+
 def test_a_task_needs_a_loop() -> None:
+    heart = Beating(LONG)
     with pytest.raises(RuntimeError, match="no running event loop"):
-        AsyncKeeper(Beating(LONG).async_beat, "x")
+        AsyncKeeper(heart.async_beat, heart.left, "x")

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -109,8 +110,9 @@ def test_inputs_by_mask() -> None:
     assert sent_by(host.set_inputs(0, 0x000F0008))[-8:] == "F056F010"
     assert sent_by(host.set_inputs(0xFFFFFFFF, 0))[-8:] == "F056F010"
     assert host.inputs == 0x10F056F0
-    assert sent_by(host.set_inputs(0, -1))[-8:] == "00000000"
-    assert sent_by(host.set_inputs(-0x80000000, -0x80000000))[-8:] == "00000080"  # as the vendor's C has it
+    assert sent_by(host.set_inputs(0, 0xFFFFFFFF))[-8:] == "00000000"
+    assert sent_by(host.set_inputs(np.uint32(0x80000000), np.uint64(0x80000000)))[-8:] == "00000080"
+    assert type(host.inputs) is int
 
 
 WORDS = st.integers(0, 0xFFFFFFFF)
@@ -202,7 +204,10 @@ BAD: list[Callable[[Any], CanOperation[Any]]] = [
     lambda host: host.command("1", 1),
     lambda host: host.command(10**5000),
     lambda host: host.set_inputs(1 << 32),
-    lambda host: host.set_inputs(-0x80000001),
+    lambda host: host.set_inputs(-1),
+    lambda host: host.set_inputs(0, -1),
+    lambda host: host.set_inputs(np.int32(-5)),
+    lambda host: host.set_inputs(np.True_),
     lambda host: host.set_inputs(0, 1 << 32),
     lambda host: host.set_inputs(True),
     lambda host: host.set_inputs(1.0),
@@ -221,6 +226,12 @@ BAD: list[Callable[[Any], CanOperation[Any]]] = [
     lambda host: host.request(256, everyone=True),
     lambda host: host.request_single(2),
     lambda host: host.request_single(-1),
+    lambda host: host.request_single(False),
+    lambda host: host.request_single(True),
+    lambda host: host.request_single(0.0),
+    lambda host: host.request(0x30),
+    lambda host: host.request(0x27, everyone=True),
+    lambda host: host.request(True),
     lambda host: host.request_single(10**5000),
 ]
 
@@ -239,6 +250,23 @@ def test_bad_values_send_nothing_and_change_nothing(number: int) -> None:
     assert sent_by(host.exchange()) == "00EF0102#05000A0003300000"
 
 
+def test_whose_command_is_wrong() -> None:
+    host: Host[DP0R] = Host()
+    for tongue in ("en", "ja"):
+        language.use(tongue)
+        for arguments, axis in (((7000, 1), "ay"), ((1, 7000), "bx"), ((None, "1"), "bx"), ((7000, 7000), "ay")):
+            with pytest.raises(InvalidValue, match=f"^{axis}: "):
+                next(host.command(*arguments))
+
+
+def test_what_to_do_about_a_negative_word() -> None:
+    for tongue in ("en", "ja"):
+        language.use(tongue)
+        for arguments, name in (((-1,), "data"), ((0, -1), "mask")):
+            with pytest.raises(InvalidValue, match=rf"^{name} .*-1.*: {name} & 0xFFFFFFFF$"):
+                next(Host().set_inputs(*arguments))
+
+
 def test_an_operation_that_is_not_run_changes_nothing() -> None:
     host: Host[DP0R] = Host()
     Peer(FEEDBACK).run(host.set_inputs(0x3003))
@@ -250,6 +278,7 @@ def test_an_operation_that_is_not_run_changes_nothing() -> None:
         host.set_input(0, 0),
         host.stop(),
         host.reset_errors(),
+        host.rest(1.0),
         host.part(1.0),
     ):
         assert inspect.isgenerator(operation)
@@ -289,6 +318,7 @@ FUNCTIONS: list[tuple[str, Callable[[Host[DP0R]], CanOperation[Any]]]] = [
     ("abh3_can_inBitSet", lambda host: host.set_input(0, 1)),
     ("abh3_can_inBitSet", lambda host: host.reset_errors()),
     ("abh3_can_cmd", lambda host: host.stop()),
+    ("abh3_can_cmd", lambda host: host.rest(60.0)),
     ("abh3_can_cmd", lambda host: host.exchange()),
     ("abh3_can_reqBRD", lambda host: host.request(0)),
     ("abh3_can_reqBRDBRD", lambda host: host.request(0, everyone=True)),
@@ -316,7 +346,9 @@ def test_commands_are_zero_after_a_command_without_answer() -> None:
         peer.run(host.command(1, 2))
     assert peer.sent == ["00EF0102#05000A0003300000"]
     assert (host.commands, host.inputs) == ((0, 0), 0x3003)
-    assert sent_by(host.command(3)) == "00EF0102#0F00000003300000"
+    peer = Peer(FEEDBACK, None)
+    assert peer.run(host.command(3)) == VELOCITIES
+    assert peer.sent == ["00EF0102#0F00000003300000"]
 
 
 def test_inputs_without_answer_take_the_commands_back_too() -> None:
@@ -335,7 +367,85 @@ def test_a_wait_that_is_broken_off_takes_the_commands_back_too() -> None:
     next(operation)
     assert host.commands == (1, 2)
     operation.close()
-    assert sent_by(host.exchange()) == "00EF0102#0000000003300000"
+    peer = Peer(FEEDBACK, None)
+    peer.run(host.exchange())
+    assert peer.sent == ["00EF0102#0000000003300000"]
+
+
+# --- an answer that may still come ------------------------------------------------------------------------------------
+
+LATE = "00EF0201 05 00 00 00 00 00 00 00"
+"""The answer to the command before."""
+
+
+def in_vain(operation: CanOperation[Any]) -> None:
+    with pytest.raises(DriverTimeout):
+        Peer(None).run(operation)
+
+
+def broken_off(operation: CanOperation[Any]) -> None:
+    next(operation)
+    operation.close()
+
+
+def silent(operation: CanOperation[bool]) -> None:
+    assert Peer(None).run(operation) is False
+
+
+LOST: list[Callable[[Host[DP0R]], None]] = [
+    lambda host: in_vain(host.command(1)),
+    lambda host: broken_off(host.command(1)),
+    lambda host: silent(host.repeat(0.1)),
+    lambda host: broken_off(host.repeat(0.1)),
+]
+
+
+@pytest.mark.parametrize("lose", LOST)
+def test_an_answer_behind_the_first_one_is_the_right_one(lose: Callable[[Host[DP0R]], None]) -> None:
+    """What comes first may be the answer to the command before; two follow each other at once then."""
+    host: Host[DP0R] = Host()
+    lose(host)
+    peer = Peer(LATE, *NOT_THE_ANSWER, FEEDBACK)
+    assert peer.run(host.command(2)) == VELOCITIES
+    assert peer.turns[1:] == [Turn((), 0.02), *[Turn()] * len(NOT_THE_ANSWER)]
+    assert sent_by(host.command(3)) == "00EF0102#0F00000000000000"  # nothing is owed any more: no second wait
+
+
+@pytest.mark.parametrize("lose", LOST)
+def test_an_answer_alone_is_taken(lose: Callable[[Host[DP0R]], None]) -> None:
+    host: Host[DP0R] = Host()
+    lose(host)
+    peer = Peer(FEEDBACK, *NOT_THE_ANSWER, None)
+    assert peer.run(host.command(2)) == VELOCITIES
+    assert host.commands == (2, 0)
+    assert sent_by(host.command(3)) == "00EF0102#0F00000000000000"
+
+
+def test_an_answer_stays_owed_until_one_has_come() -> None:
+    host: Host[DP0R] = Host()
+    in_vain(host.command(1))
+    in_vain(host.command(2))
+    operation = host.command(3)  # broken off while it looks for the second one
+    next(operation)
+    assert operation.send(frame(LATE)) == Turn((), 0.02)
+    operation.close()
+    assert host.commands == (0, 0)
+    assert Peer(LATE, FEEDBACK).run(host.command(4)) == VELOCITIES
+    assert Peer(LATE).run(host.command(5)) == DP0R(1.0, 0.0, 0.0, 0.0)
+
+
+def test_an_answer_to_a_keep_alive_pays_what_is_owed() -> None:
+    host: Host[DP0R] = Host()
+    silent(host.repeat(0.1))
+    assert Peer(FEEDBACK).run(host.repeat(0.1)) is True
+    sent_by(host.command(1))
+
+
+def test_requests_owe_nothing() -> None:
+    host: Host[DP0R] = Host()
+    in_vain(host.request(0))
+    in_vain(host.request_single())
+    sent_by(host.command(1))
 
 
 def test_a_request_without_answer_leaves_the_commands() -> None:
@@ -455,14 +565,15 @@ def test_a_request_of_monitors() -> None:
     assert Peer("00FF2E01 00 00 80 3f 00 00 00 c0").run(host.request(6)) == BR6(1, -2)
 
 
-def test_a_request_of_another_group() -> None:
-    host: Host[DP0R] = Host()
-    peer = Peer(f"00FF2A01 {DATA}", f"00FF8201 {DATA}")
-    assert peer.run(host.request(0x82)) == BR2(1, 2, 3, 4)
-    assert peer.sent == ["00EA0102#82FF00"]
-    peer = Peer(f"00FF0F01 {DATA}")
-    assert peer.run(host.request(0x0F)) == BUF(bytes.fromhex(DATA))
-    assert Peer(f"00FFFD01 {DATA}").run(host.request(0xFD)) == BR5(0.05, 0.1, 1.5, 2)
+def test_requests_of_other_groups() -> None:
+    host: Host[DP0R] = Host(group=16)
+    for number in (2, 0x82):
+        peer = Peer(f"00FF2A01 {DATA}", f"00FF8201 {DATA}")
+        assert peer.run(host.request(number)) == BR2(1, 2, 3, 4)
+        assert peer.sent == ["00EA0102#82FF00"]
+    host = Host(group=1)
+    assert Peer(f"00FF0F01 {DATA}").run(host.request(0x0F)) == BUF(bytes.fromhex(DATA))
+    assert Peer(f"00FFFD01 {DATA}").run(Host(group=31).request(0xFD)) == BR5(0.05, 0.1, 1.5, 2)
 
 
 def test_a_request_takes_the_answer_of_its_own_driver_only() -> None:
@@ -584,6 +695,57 @@ def test_a_reset_without_answer_leaves_no_reset_behind(answers: list[str | None]
     assert host.inputs == 0
 
 
+# --- coming to rest ---------------------------------------------------------------------------------------------------
+
+STOPPED = "00EF0102#0000000001100000"
+
+
+def turning() -> Host[DP0R]:
+    host: Host[DP0R] = Host(timeout=0.5)
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    Peer(FEEDBACK).run(host.command(1, 2))
+    return host
+
+
+def test_a_motor_that_stands_is_at_rest_at_once() -> None:
+    host = turning()
+    peer = Peer(REST)
+    assert peer.run(host.rest(5.0)) == DP0R(0.0, 0.0, 0.0, 0.0)
+    assert peer.sent == [STOPPED]
+    assert peer.turns[0].seconds == 0.5
+    assert (host.commands, host.inputs) == ((0, 0), 0x1001)
+
+
+@pytest.mark.parametrize(
+    "turns",
+    ["05 00 00 00 00 00 00 00", "00 00 fb ff 00 00 00 00", "00 00 00 00 05 00 00 00", "00 00 00 00 00 00 fb ff"],
+)
+def test_it_stops_until_the_motors_stand(turns: str) -> None:
+    """1 min^-1 of any of them is not yet rest, 0.8 are."""
+    host = turning()
+    slow = "00EF0201 04 00 fc ff 04 00 fc ff"
+    peer = Peer(f"00EF0201 {turns}", None, FEEDBACK, *NOT_THE_ANSWER, None, slow)
+    assert peer.run(host.rest(5.0)) == DP0R(0.8, -0.8, 0.8, -0.8)
+    assert peer.sent == [STOPPED] * 3
+    assert [turn.seconds for turn in peer.turns if turn.seconds] == [0.5, 0.05, 0.5, 0.05, 0.5]
+
+
+def test_the_rest_of_a_driver_of_2023() -> None:
+    host: Host[DP0RV2] = Host(V2)
+    found = Peer("00EF0201 05 00 00 00 00 00 00 00", None, "00EF0201 00 00 04 00 03 03 00 00").run(host.rest(5.0))
+    assert (found.ay_velocity, found.bx_velocity) == (0.0, 0.8)
+
+
+@pytest.mark.parametrize(("seconds", "looks"), [(0.001, 1), (0.05, 1), (0.2, 4), (0.21, 5), (1, 20)])
+def test_motors_that_do_not_come_to_rest(seconds: float, looks: int) -> None:
+    host = turning()
+    peer = Peer(*[FEEDBACK, None] * looks)
+    with pytest.raises(DriverTimeout, match="has not come to rest") as caught:
+        peer.run(host.rest(seconds))
+    assert (caught.value.function, caught.value.seconds, caught.value.address) == ("rest", seconds, 1)
+    assert peer.sent == [STOPPED] * looks
+
+
 # --- a keep-alive's, and the last one ---------------------------------------------------------------------------------
 
 
@@ -610,6 +772,13 @@ def test_who_parts_leaves_a_driver_at_rest() -> None:
     Peer(FEEDBACK).run(host.command(1))
     assert Peer(None).run(host.part(0.2)) is False
     assert host.commands == (0, 0)
+
+
+def test_a_driver_that_has_another_host_now() -> None:
+    host = turning()
+    host.abandon()
+    assert (host.commands, host.inputs, host.commanded, host.moving) == ((0, 0), 0, 2, False)
+    assert Peer().run(host.part(0.2)) is True  # nothing is sent
 
 
 def test_who_parts_leaves_a_driver_alone_of_which_nothing_was_asked() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from enum import IntEnum
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -94,12 +97,41 @@ def test_bounds(check: Any, highest: int, name: str) -> None:
 def test_numbers_of_broadcasts() -> None:
     assert [ids.broadcast_number(n, 5) for n in range(8)] == list(range(0x28, 0x30))
     assert [ids.broadcast_number(n, 0) for n in range(8)] == list(range(8))
-    assert ids.broadcast_number(8, 5) == 8
-    assert ids.broadcast_number(0x28, 5) == 0x28
-    assert ids.broadcast_number(0x28, 9) == 0x28
-    assert ids.broadcast_number(0xFF, 5) == 0xFF
+    assert [ids.broadcast_number(0x28 + n, 5) for n in range(8)] == list(range(0x28, 0x30))
+    assert ids.broadcast_number(8, 1) == 8
+    assert ids.broadcast_number(0xFF, 31) == 0xFF
     for tongue, text in (("en", "broadcast"), ("ja", "ブロードキャスト")):
         language.use(tongue)
         for bad in (-1, 256, True, 0.0, "0"):
             with pytest.raises(InvalidValue, match=text):
                 ids.broadcast_number(bad, 5)
+
+
+@pytest.mark.parametrize(
+    ("number", "group", "other", "place"),
+    [(0x28, 9, 5, 0), (8, 5, 1, 0), (0xFF, 5, 31, 7), (8, 0, 1, 0), (0x2A, 4, 5, 2)],
+)
+def test_a_broadcast_of_another_group_is_none(number: int, group: int, other: int, place: int) -> None:
+    """No driver of this group answers to it; whoever gives it has forgotten the group."""
+    for tongue, text in (
+        ("en", f"0x{number:02X} is broadcast {place} of group {other}; the group is {group} here"),
+        ("ja", f"0x{number:02X} はグループ {other} のブロードキャスト {place} です"),
+    ):
+        language.use(tongue)
+        with pytest.raises(InvalidValue, match=re.escape(text)):
+            ids.broadcast_number(number, group)
+
+
+class Counted(IntEnum):
+    """Whole numbers of a program."""
+
+    ONE = 1
+
+
+def test_whole_numbers_of_every_kind() -> None:
+    for value in (1, Counted.ONE, np.int8(1), np.uint64(1), np.array(1)):
+        found = ids.whole(value)
+        assert (found, type(found)) == (1, int)
+        assert type(ids.check_address("host", value)) is int
+    for value in (True, np.True_, np.array(True), 1.0, np.float64(1), np.array([1, 2]), "1", None, int):
+        assert ids.whole(value) is None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from orinkit import language
 from orinkit.abh3 import telabh3
 from orinkit.abh3.telabh3 import ACK, MONITORS, NAK, PARAMETERS, Item, Reply, Request
-from orinkit.errors import CallError, InvalidValue, ProtocolError
+from orinkit.errors import DriverRefused, InvalidValue, ProtocolError
 
 ADDRESSES = st.integers(0, 0xFFFF)
 WORDS = st.integers(0, 0xFFFFFFFF)
@@ -125,10 +125,12 @@ def test_a_refusal(form: bytes) -> None:
     reply = telabh3.parse_reply(form)
     assert reply.refused
     for read in (reply.confirmed, lambda: reply.word):
-        with pytest.raises(CallError, match="the driver refused the request"):
+        with pytest.raises(DriverRefused, match="the driver refuses it") as caught:
             read()
+        assert (f"({reply.data})" in str(caught.value)) == bool(reply.data)
+        assert "Try: " in str(caught.value)
     language.use("ja")
-    with pytest.raises(CallError, match="拒否"):
+    with pytest.raises(DriverRefused, match=r"拒否.*対処"):
         reply.confirmed()
 
 

@@ -348,6 +348,10 @@ class Hosts:
     def open_bus(self, at: Any, **settings: Any) -> Any:
         return self.keep(self.both.run(self._module.open_bus(at, **settings)))
 
+    def opening_bus(self, at: Any, **settings: Any) -> Any:
+        """What ``open_bus`` returns before it is awaited, or entered."""
+        return self._module.open_bus(at, **settings)
+
     def keep(self, opened: Any) -> Any:
         self._opened.append(opened)
         return opened
@@ -356,9 +360,9 @@ class Hosts:
     @contextmanager
     def in_vain(driver: Any, seconds: float) -> Iterator[None]:
         """Calls that are not to be answered end sooner than those that are."""
-        before, driver._host.timeout = driver._host.timeout, seconds
+        before, driver.host.timeout = driver.host.timeout, seconds
         yield
-        driver._host.timeout = before
+        driver.host.timeout = before
 
     def close(self) -> None:
         for opened in reversed(self._opened):

@@ -83,7 +83,7 @@ def test_an_adapter_that_is_unplugged(both: Both, hosts: Hosts, bare: Place, cap
 
 def works(both: Both, driver: Any) -> bool:
     """Call, and tell whether that has worked; the server's side of the bus takes its time to come back."""
-    driver._host.timeout = 1.0
+    driver.host.timeout = 1.0
     try:
         both.run(driver.command())
     except (DriverTimeout, ConnectFailed, ConnectionLost):
@@ -135,6 +135,7 @@ class Scripted(can.BusABC):
         self.receiving: Exception | None = None
         self.sending: Exception | None = None
         self.sent: list[can.Message] = []
+        self.refused = 0
         self.shut = 0
         self._waiting: queue.Queue[can.Message] = queue.Queue()
 
@@ -151,6 +152,7 @@ class Scripted(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         if self.sending is not None:
+            self.refused += 1
             raise self.sending
         self.sent.append(msg)
         for answer in obliging(message(msg.arbitration_id, bytes(msg.data))):
@@ -208,13 +210,43 @@ def test_all_drivers_of_a_lost_bus_forget_their_commands(both: Both, hosts: Host
     bus = hosts.open_bus(URL)
     one, other = bus.driver(**PATIENT), bus.driver(address=7, **PATIENT)
     both.run(one.command(100.0))
-    other._host._codes = [5, 5]  # nobody answers for it here
+    other.host._codes = [5, 5]  # nobody answers for it here
     setattr(buses[0], way, OSError(19, "No such device"))
     with pytest.raises(ConnectionLost, match="No such device"):
         both.run(one.command())
     assert one.commands == other.commands == (0, 0)
     assert both.run(one.command()).a_velocity == 0
     both.run(bus.close())
+
+
+def test_a_beat_that_nobody_takes(both: Both, hosts: Hosts) -> None:
+    """A full transmit buffer for a moment ends no keep-alive, and takes nobody else's commands."""
+    bus = Scripted()
+    shared = hosts.open_bus(bus)
+    one, other = shared.driver(**PATIENT), shared.driver(address=7, **PATIENT)
+    both.run(one.set_inputs(0x3003))
+    both.run(one.command(100.0))
+    other.host._codes = [5, 5]  # nobody answers for it here
+    both.run(one.keep_alive(0.02, patience=PATIENCE))
+    refused = bus.refused
+    bus.sending = can.CanTimeoutError("transmit buffer full")
+    wait(both, lambda: bus.refused > refused + 2)
+    bus.sending = None
+    sent = len(bus.sent)
+    wait(both, lambda: len(bus.sent) > sent + 2)
+    assert one.kept_alive
+    assert one.commands == (100.0, 0.0)
+    assert other.commands == (1.0, 1.0)
+    assert bytes(bus.sent[-1].data) == bytes.fromhex("f401 0000 03300000")
+    one.end_keep_alive()
+    both.run(one.keep_alive(0.02, patience=0.2))
+    bus.sending = can.CanTimeoutError("transmit buffer full")
+    wait(both, lambda: not one.kept_alive and one.commands == (0, 0))  # that was too long
+    assert other.commands == (1.0, 1.0)
+    bus.sending = None
+    other.host.forget()
+    both.run(shared.close())
+    bus.shutdown()
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -12,7 +13,9 @@ from typing import Any
 import pytest
 from abh3_wires import (
     COMMAND,
+    FAST,
     PATIENCE,
+    Echo,
     Hosts,
     Peer,
     Place,
@@ -24,7 +27,10 @@ from abh3_wires import (
 )
 
 from both import Both
-from orinkit.errors import ConnectFailed, ConnectionClosed, DriverTimeout, OrinError
+from orinkit import language
+from orinkit.errors import ConnectFailed, ConnectionClosed, DriverTimeout, InvalidValue, OrinError
+from orinkit.server.can_server import serve_can
+from orinkit.virtual.abh3 import Parameters, VirtualABH3
 
 PATIENT = {"timeout": PATIENCE}
 STOP = "00EF0102#00 00 00 00 01 10 00 00"
@@ -98,7 +104,7 @@ def test_a_call_that_is_cancelled(both: Both, hosts: Hosts, bare: Place, peer: P
 
 def test_closing_the_bus_ends_a_call(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     bus = hosts.open_bus(bare.near)
-    driver = bus.driver(**PATIENT)
+    driver = bus.driver(timeout=0.5)
 
     async def calls() -> object:
         try:
@@ -115,11 +121,235 @@ def test_closing_the_bus_ends_a_call(both: Both, hosts: Hosts, bare: Place, peer
         return time.monotonic() - began
 
     called, took = both.side_by_side(calls(), closes())
-    assert called is ConnectionClosed
+    assert called in (DriverTimeout, ConnectionClosed)
     assert took < PATIENCE * 0.8
     with pytest.raises(ConnectionClosed):
         both.run(driver.command())
     assert driver.commands == (0, 0)
+
+
+@only_on("virtual", "udp_multicast", because="it is the same everywhere")
+@pytest.mark.parametrize("kept", [False, True])
+def test_closing_the_bus_brings_its_drivers_to_rest(both: Both, hosts: Hosts, bare: Place, kept: bool) -> None:
+    """They would not stop by themselves: their time-outs are off."""
+    devices = [VirtualABH3(Parameters(address=each, command_timeout=0, error_timeout=0, **FAST)) for each in (1, 7, 9)]
+    drivers: list[Any] = []
+
+    def body(bus: Any) -> None:
+        drivers.extend(bus.driver(address=device.parameters.address, **PATIENT) for device in devices)
+        for driver in drivers[:2]:
+            if kept:
+                both.run(driver.keep_alive(0.02, patience=PATIENCE))
+            turn(both, driver)
+        until(lambda: all(device.state().moving for device in devices[:2]))
+
+    with serve_can(*devices, at=bare.far):
+        both.within(hosts.opening_bus(bare.near), body)
+        assert [int(device.state().inputs) for device in devices] == [0x1001, 0x1001, 0]
+        until(lambda: not any(device.state().moving for device in devices))
+    for driver in drivers:
+        assert not driver.kept_alive
+        assert driver.commands == (0, 0)
+        with pytest.raises(ConnectionClosed):
+            both.run(driver.command())
+
+
+@only_on("udp_multicast", because="it is the same everywhere")
+def test_who_closes_stops_before_he_waits_for_the_keep_alive(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second Ctrl-C comes while the first one closes: the driver has been told to stop by then."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, **PATIENT)
+    turn(both, driver)
+    both.run(driver.keep_alive(0.02, patience=PATIENCE))
+    told: list[list[str]] = []
+
+    def interrupted(keeper: Any) -> None:
+        until(lambda: STOP in peer.data)
+        told.append(peer.data)
+        monkeypatch.undo()
+        keeper.join()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(type(driver._keeper), "join", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        both.run(driver.close())
+    assert told[0][-1] == STOP
+    both.run(driver.bus.close())
+    assert driver.closed
+
+
+@pytest.mark.parametrize("both", ["async"], indirect=True)
+@only_on("udp_multicast", "virtual", because="it is the same everywhere")
+def test_closing_that_is_cancelled_closes_all_the_same(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The block ends while the driver, which is silent, is being told to stop."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, **PATIENT)
+    turn(both, driver)
+    peer.script = lambda _frame: []
+
+    async def body() -> None:
+        task = asyncio.create_task(driver.close())
+        while STOP not in peer.data:  # noqa: ASYNC110 - a thread counts
+            await asyncio.sleep(0.001)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    both.run(body())
+    assert driver.closed
+    with pytest.raises(ConnectionClosed):
+        both.run(driver.bus.request_all(0))
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
+@pytest.mark.parametrize("both", ["sync"], indirect=True)
+def test_stopping_in_a_signal_handler(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """A call of the same thread waits for its answer, which never comes: the handler need not wait for that."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, timeout=PATIENCE)
+    turn(both, driver)
+    asked = peer.served
+    unanswered = 400.0
+    peer.script = lambda frame: [] if frame.data[:2] == bytes((0xD0, 0x07)) else obliging(frame)
+    stopped: list[Any] = []
+
+    class Enough(Exception):
+        """Ends the call that waits."""
+
+    def handler(*_arguments: object) -> None:
+        began = time.monotonic()
+        stopped.extend((driver.stop(), time.monotonic() - began))
+        raise Enough
+
+    before = signal.signal(signal.SIGUSR1, handler)
+    main = threading.main_thread().ident or 0
+    thread = threading.Thread(
+        target=lambda: (until(lambda: peer.served > asked), signal.pthread_kill(main, signal.SIGUSR1))
+    )
+    try:
+        thread.start()
+        with pytest.raises(Enough):
+            driver.command(unanswered)
+    finally:
+        thread.join()
+        signal.signal(signal.SIGUSR1, before)
+    assert stopped[0].a_velocity == 0
+    assert stopped[1] < PATIENCE * 0.8
+    assert peer.data[-1] == STOP
+    assert driver.commands == (0, 0)
+    assert driver.command(3.0).a_velocity == 3.0
+
+
+# --- objects ----------------------------------------------------------------------------------------------------------
+
+
+def test_one_object_for_a_driver(both: Both, hosts: Hosts, bare: Place) -> None:
+    """Two would not know what the other one has commanded; a second host is somebody else."""
+    bus = hosts.open_bus(bare.near)
+    driver = bus.driver(address=7)
+    for tongue, text in (("en", "ABH3 7 has a driver object on this bus already. Try"), ("ja", "アドレス 7 の ABH3")):
+        language.use(tongue)
+        with pytest.raises(InvalidValue, match=text):
+            bus.driver(address=7, dialect="v2")
+    other = bus.driver(address=8)
+    second = bus.driver(address=7, host=3)
+    both.run(driver.close())
+    again = bus.driver(address=7)  # it was closed
+    both.run(again.close())
+    del again
+    assert not other.closed
+    assert not second.closed
+
+
+@only_on("virtual", "udp_multicast", because="it is the same everywhere")
+def test_objects_that_nobody_has_leave_nothing_behind(both: Both, hosts: Hosts, bare: Place) -> None:
+    bus = hosts.open_bus(bare.near)
+    kept = bus.driver(address=1)
+    for number in range(500):
+        bus.driver(address=3 + number % 200)
+    if both.loop is not None:
+        both.run(asyncio.sleep(0))
+    assert len(bus._line._ports) == 1
+    assert list(bus._members) == [kept]
+    gone = bus.driver(address=2)
+    del gone
+    bus.driver(address=2)  # nobody has the other one any more
+
+
+# --- Ctrl-C at every point --------------------------------------------------------------------------------------------
+
+
+def interrupt_at(point: int, call: Any) -> bool:
+    """Raise KeyboardInterrupt where Python looks for signals for the n-th time; returns whether it came to that."""
+    passed = 0
+
+    def look(frame: Any, event: str, _argument: object) -> None:
+        nonlocal passed
+        if event not in ("call", "c_return") or not frame.f_code.co_filename.endswith(OURS):
+            return
+        passed += 1
+        if passed == point:
+            sys.setprofile(None)
+            raise KeyboardInterrupt
+
+    sys.setprofile(look)
+    try:
+        call()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.setprofile(None)
+    return False
+
+
+OURS = ("_sync_driver.py", "_sync_shared.py", "host.py", "can_line.py", "can_bus.py", "frames.py", "threading.py")
+
+
+@pytest.mark.parametrize("both", ["sync"], indirect=True)
+@pytest.mark.parametrize("name", ["command", "pulses", "stop"])
+@only_on("udp_multicast", "virtual", because="it is the same everywhere")
+def test_ctrl_c_at_every_point(both: Both, hosts: Hosts, bare: Place, name: str) -> None:
+    """Nothing stays locked, and nobody is taken for one that reads: the next call is carried out."""
+    with serve_can(Echo(1), at=bare.far):
+        driver = hosts.connect(bare.near, timeout=PATIENCE)
+        line = driver.bus._line
+        call = {"command": lambda: driver.command(100.0, 50.0), "pulses": driver.pulses, "stop": driver.stop}[name]
+        points = 0
+        while interrupt_at(points + 1, call):
+            points += 1
+            assert points < 1000
+            assert (line._reader, line._waiting, line._lock.locked()) == (None, [], False), points
+            assert both.side_by_side(_sends(driver)) == [True], points  # from another thread
+            assert driver.command(7.0, 0.0).a_velocity == 7.0, points
+        assert points > 20
+        both.run(driver.close())
+
+
+async def _sends(driver: Any) -> bool:
+    return bool(driver.stop().y_velocity == 1)
+
+
+@pytest.mark.parametrize("both", ["sync"], indirect=True)
+@only_on("udp_multicast", because="it is the same everywhere")
+def test_ctrl_c_at_every_point_of_closing(both: Both, hosts: Hosts, bare: Place) -> None:
+    """It can be closed again, by whoever is next."""
+    with serve_can(Echo(1), at=bare.far):
+        points = 0
+        while True:
+            driver = hosts.connect(bare.near, timeout=PATIENCE)
+            driver.command(100.0)
+            interrupted = interrupt_at(points + 1, driver.close)
+            driver.close()
+            driver.bus.close()
+            with pytest.raises(ConnectionClosed):
+                driver.command()
+            if not interrupted:
+                break
+            points += 1
+            assert points < 1000
+        assert points > 10
 
 
 @only_on("virtual", "serial", because="it takes a time-out")

@@ -11,7 +11,7 @@ from abh3_wires import COMMAND, DRIVERS, FEEDBACK, Hosts, Peer, Place, message, 
 
 from both import Both
 from orinkit.abh3 import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2
-from orinkit.errors import CallError, ConnectionClosed, DriverTimeout, InvalidValue
+from orinkit.errors import ConnectionClosed, DriverRefused, DriverTimeout, InvalidValue
 
 PATIENT = {"timeout": 10.0}
 """Of calls that are to be answered, on a machine with other work to do."""
@@ -126,11 +126,18 @@ def test_what_cannot_be_sent_is_not_sent(both: Both, hosts: Hosts, bare: Place, 
         (driver.command, ("fast",)),
         (driver.set_inputs, (1 << 32,)),
         (driver.set_inputs, (0, 1.5)),
+        (driver.set_inputs, (-1,)),
+        (driver.set_inputs, (0, -1)),
         (driver.set_input, (32, 1)),
         (driver.set_input, ("ay_go", 1)),
         (driver.set_input, (0, 2)),
         (driver.request_broadcast, (256,)),
+        (driver.request_broadcast, (0x30,)),  # of another group
         (driver.request_single, (2,)),
+        (driver.request_single, (False,)),
+        (driver.rest, (0,)),
+        (driver.rest, (3601,)),
+        (driver.rest, ("long",)),
         (driver.read_parameter, (0x10000,)),
     ]:
         with pytest.raises(InvalidValue):
@@ -202,12 +209,13 @@ def test_turning_a_driver_of_2023(both: Both, hosts: Hosts, world: Place) -> Non
 def test_a_load_that_is_told_in_another_unit(both: Both, hosts: Hosts, world: Place) -> None:
     """The wire does not say the unit; the host has to know."""
     bus = hosts.open_bus(world.near)
-    fine, coarse = (bus.driver(address=9, dialect="v2", group=3, load_unit=unit, **PATIENT) for unit in (0.1, 1.0))
+    fine = bus.driver(address=9, dialect="v2", group=3, load_unit=0.1, **PATIENT)
     both.run(fine.set_input("servo_on", 1))
     both.run(fine.set_input("start", 1))
     both.run(fine.command(100.0))
     wait(both, lambda: both.run(fine.currents()).a_load == 5.0)
-    assert both.run(coarse.currents()).a_load == 50.0
+    coarse = both.run(bus.request_all(3, seconds=10, count=1, group=3, dialect="v2", load_unit=1.0))
+    assert coarse[9].a_load == 50.0
     both.run(fine.stop())
 
 
@@ -226,6 +234,22 @@ def test_torque(both: Both, hosts: Hosts, world: Place) -> None:
     assert both.run(driver.currents()).ay_current_command == 20.0
     both.run(driver.init())
     wait(both, lambda: both.run(driver.velocities()).ay_velocity == 0)
+
+
+def test_coming_to_rest(both: Both, hosts: Hosts, world: Place) -> None:
+    """rest() returns when the motors stand, not before; the servo stays on."""
+    driver = hosts.connect(world.near, address=7, **PATIENT)
+    both.run(driver.set_input("servo_on", 1))
+    both.run(driver.set_input("start", 1))
+    both.run(driver.command(1000.0, -1000.0))
+    wait(both, lambda: both.run(driver.request_single()).b_velocity == -1000.0)
+    with pytest.raises(DriverTimeout, match=r"ABH3 7 has not come to rest within 0\.05 s"):
+        both.run(driver.rest(0.05))  # it takes a quarter of a second
+    assert driver.commands == (0, 0)
+    feedback = both.run(driver.rest(PATIENT["timeout"]))
+    assert max(map(abs, (feedback.a_velocity, feedback.b_velocity))) < 1
+    assert list(driver.inputs) == ["ay_servo_on", "bx_servo_on"]
+    assert max(map(abs, (both.run(driver.velocities()).ay_velocity, both.run(driver.velocities()).bx_velocity))) < 1
 
 
 def test_errors_are_reset(both: Both, hosts: Hosts, world: Place) -> None:
@@ -277,7 +301,7 @@ def test_parameters_monitors_identification(both: Both, hosts: Hosts, world: Pla
     both.run(driver.write_parameter(0x4117, 0))
     assert both.run(driver.read_monitor(0x1004)).value == 24.0
     assert "orinkit" in both.run(driver.read_identification())
-    with pytest.raises(CallError):
+    with pytest.raises(DriverRefused, match="Try"):
         both.run(driver.read_parameter(0x7FFF))
     with pytest.raises(InvalidValue):
         both.run(driver.write_parameter(0x7FFF, 1))
@@ -347,9 +371,23 @@ def test_closing(both: Both, hosts: Hosts, world: Place) -> None:
     driver = hosts.connect(world.near, **PATIENT)
     both.run(driver.close())
     both.run(driver.close())
-    for call in (driver.init, driver.command, driver.errors, driver.read_identification, driver.reset_errors):
+    for call, arguments in [
+        (driver.init, ()),
+        (driver.command, ()),
+        (driver.stop, ()),
+        (driver.rest, ()),
+        (driver.errors, ()),
+        (driver.reset_errors, ()),
+        (driver.read_identification, ()),
+        (driver.read_parameter, (0x4102,)),
+        (driver.write_parameter, (0x4117, 0)),
+        (driver.read_monitor, (0x1004,)),
+        (driver.keep_alive, ()),
+    ]:
         with pytest.raises(ConnectionClosed):
-            both.run(call())
+            both.run(call(*arguments))
+    assert driver.closed
+    assert not driver.kept_alive
     again = hosts.connect(world.near, **PATIENT)  # the bus can be opened again
     assert both.run(again.command()).a_velocity == 0
 

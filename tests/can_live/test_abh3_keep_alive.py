@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import signal
 import threading
 import time
@@ -10,9 +12,25 @@ from typing import Any
 
 import can
 import pytest
-from abh3_wires import FAST, PATIENCE, Hosts, Peer, Place, line_of, obliging, only_on, process, rest, until, wait
+from abh3_wires import (
+    FAST,
+    PATIENCE,
+    REQUEST,
+    Hosts,
+    Peer,
+    Place,
+    broadcast,
+    line_of,
+    obliging,
+    only_on,
+    process,
+    rest,
+    until,
+    wait,
+)
 
 from both import Both
+from orinkit.can_frame import CanFrame
 from orinkit.errors import ConnectionClosed, DriverTimeout, InvalidValue
 from orinkit.server.can_server import CanServer, serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
@@ -21,6 +39,13 @@ PATIENT = {"timeout": PATIENCE}
 HOLDING = {"patience": PATIENCE}
 """Of keep-alives that are not to end because the machine has other work to do."""
 GO = 0x3003
+STOP = "00EF0102#00 00 00 00 01 10 00 00"
+"""Commands 0, servo on, start off."""
+
+
+def at_rest(frame: can.Message) -> list[can.Message]:
+    """The script of a driver whose motors stand, without errors."""
+    return [broadcast(0)] if frame.arbitration_id == REQUEST else obliging(frame)
 
 
 @pytest.fixture
@@ -104,7 +129,20 @@ def test_it_is_ended(both: Both, device: VirtualABH3, driver: Any) -> None:
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-@pytest.mark.parametrize("wrong", [{"period": 0}, {"patience": -1.0}, {"idle": float("nan")}, {"period": float("inf")}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"period": 0},
+        {"patience": -1.0},
+        {"idle": float("nan")},
+        {"period": float("inf")},
+        {"period": "0.1"},
+        {"idle": 3601},
+        {"period": 0.5},  # a driver would stop before the second beat
+        {"patience": 0.1},
+    ],
+    ids=repr,
+)
 def test_numbers_that_cannot_be(both: Both, driver: Any, wrong: dict[str, float]) -> None:
     with pytest.raises(InvalidValue, match=next(iter(wrong))):
         both.run(driver.keep_alive(**wrong))
@@ -113,17 +151,17 @@ def test_numbers_that_cannot_be(both: Both, driver: Any, wrong: dict[str, float]
 
 @only_on("udp_multicast", "slcan", because="the bus has no part in it")
 def test_a_driver_that_falls_silent(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The next call says so, once; commands are 0 then."""
+    """It is told to stop, whether it hears that or not; the next call says so, once; commands are 0 then."""
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     both.run(driver.set_inputs(GO))
     both.run(driver.keep_alive(0.05, patience=0.3))
     both.run(driver.command(100.0))
     peer.script = lambda _frame: []
-    wait(both, lambda: not driver.kept_alive)
+    wait(both, lambda: not driver.kept_alive and peer.data[-1] == STOP)
     assert driver.commands == (0, 0)
     sent = len(peer.heard)
-    rest(both, 0.2)
+    rest(both, 0.3)
     assert len(peer.heard) == sent  # nothing more is sent
     peer.script = obliging  # it is back
     with pytest.raises(DriverTimeout, match="keep_alive") as caught:
@@ -131,7 +169,61 @@ def test_a_driver_that_falls_silent(both: Both, hosts: Hosts, bare: Place, peer:
     assert caught.value.seconds == 0.3
     assert len(peer.heard) == sent
     assert both.run(driver.command()).a_velocity == 0
-    assert peer.data[-1] == "00EF0102#00 00 00 00 03 30 00 00"
+    assert peer.data[-1] == STOP
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+@pytest.mark.parametrize("name", ["stop", "rest", "init", "reset_errors"])
+def test_what_moves_nothing_is_carried_out_all_the_same(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, name: str
+) -> None:
+    """Who stops a motor must not be told that a keep-alive has ended instead."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, **PATIENT)
+    both.run(driver.set_inputs(GO))
+    both.run(driver.keep_alive(0.05, patience=0.3))
+    both.run(driver.command(100.0))
+    peer.script = lambda _frame: []
+    wait(both, lambda: not driver.kept_alive and peer.data[-1] == STOP)
+    sent = len(peer.heard)
+    peer.script = at_rest
+    both.run(getattr(driver, name)())
+    assert len(peer.heard) > sent
+    assert driver.commands == (0, 0)
+    assert "start" not in driver.inputs
+    peer.script = obliging
+    assert both.run(driver.command(50.0)).a_velocity == 50.0
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_a_beat_whose_answer_is_read_late(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The program stands still after a beat was sent: the answer that it reads then is no reason to go on."""
+    beats = threading.Semaphore(0)
+
+    def slowly(frame: can.Message) -> list[can.Message]:
+        if frame.data[:2] == b"\xf4\x01" and len(peer.heard) > 4:
+            beats.release()
+            time.sleep(0.1)
+        return obliging(frame)
+
+    peer.script = slowly
+    driver = hosts.connect(bare.near, **PATIENT)
+    both.run(driver.set_inputs(GO))
+    both.run(driver.keep_alive(0.3, patience=1.0))
+    both.run(driver.command(100.0))
+    real = driver._port.receive
+
+    def late(seconds: float) -> Any:
+        if beats.acquire(blocking=False):
+            time.sleep(1.2)  # all of the program, as when it is stopped
+        return real(seconds)
+
+    driver._port.receive = late
+    wait(both, lambda: not driver.kept_alive and driver.commands == (0, 0))
+    driver._port.receive = real
+    wait(both, lambda: peer.data[-1] == STOP)
+    with pytest.raises(DriverTimeout, match="keep_alive"):
+        both.run(driver.command(50.0))
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
@@ -176,6 +268,19 @@ def test_calls_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> No
         rest(both, 0.2)
         both.run(driver.pulses())
     assert driver.kept_alive
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+@pytest.mark.parametrize("name", ["read_monitor", "read_parameter"])
+def test_messages_count_as_life(both: Both, device: VirtualABH3, driver: Any, name: str) -> None:
+    """They command nothing, but somebody is there who wants to know."""
+    both.run(driver.keep_alive(0.05, idle=1.0, **HOLDING))
+    both.run(driver.command(100.0))
+    for _ in range(7):
+        rest(both, 0.2)
+        both.run(getattr(driver, name)(0x4102 if name == "read_parameter" else 0x1004))
+    assert driver.kept_alive
+    assert driver.commands == (100.0, 0.0)
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
@@ -227,7 +332,7 @@ def test_the_bus_is_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> N
     with pytest.raises(DriverTimeout, match="keep_alive"):
         both.run(driver.command(50.0))
     assert both.run(driver.command()).a_velocity == 0  # this call opens it
-    assert peer.data[-1] == "00EF0102#00 00 00 00 03 30 00 00"
+    assert peer.data[-1] == STOP
     both.run(bus.close())
 
 
@@ -260,6 +365,56 @@ def test_the_thread_that_began_it_ends(both: Both, device: VirtualABH3, driver: 
     thread.join()
     until(lambda: device.state().warnings)
     stays(device, 0.3)
+    assert not driver.kept_alive
+    assert driver.commands == (0, 0)
+    driver.set_input("correction", 1)  # has nothing to do with moving
+    stays(device, 0.3)
+
+
+@pytest.mark.parametrize("both", ["async"], indirect=True)
+@only_on("udp_multicast", because="the bus has no part in it")
+@pytest.mark.parametrize("begun", [True, False])
+def test_its_task_is_cancelled(both: Both, device: VirtualABH3, driver: Any, begun: bool) -> None:
+    """As a program does that cancels all its tasks, also before it has had its first turn."""
+
+    async def body() -> None:
+        await driver.command(100.0)
+        await driver.keep_alive(0.02, **HOLDING)
+        if begun:
+            await asyncio.sleep(0.1)
+        for task in asyncio.all_tasks() - {asyncio.current_task()}:
+            task.cancel()
+        await asyncio.sleep(0.05)
+
+    both.run(body())
+    assert not driver.kept_alive
+    assert driver.commands == (0, 0)
+    wait(both, lambda: device.state().warnings)
+    both.run(driver.set_input("correction", 1))
+    stays(device, 0.3, both)
+
+
+@only_on("udp_multicast", because="the bus has no part in it")
+def test_a_beat_that_fails(both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a fault of ours: the keep-alive says that it has ended, and the commands are taken back."""
+    raised: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", lambda told: raised.append(told.exc_type))
+    if both.loop is not None:
+        both.loop.set_exception_handler(lambda _loop, _context: None)
+    peer.script = obliging
+    driver = hosts.connect(bare.near, **PATIENT)
+    both.run(driver.set_inputs(GO))
+    both.run(driver.command(100.0))
+
+    def fails(_seconds: float) -> Any:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(driver.host, "repeat", fails)
+    both.run(driver.keep_alive(0.02, **HOLDING))
+    wait(both, lambda: not driver.kept_alive and driver.commands == (0, 0))
+    assert raised == ([ZeroDivisionError] if both.loop is None else [])
+    assert both.run(driver.set_input("correction", 1)).a_velocity == 0
+    gc.collect()  # a task says then that its exception was never looked at
 
 
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
@@ -273,8 +428,8 @@ def test_a_call_that_takes_long(both: Both, hosts: Hosts, bare: Place, peer: Pee
     driver.command(100.0)
     with pytest.raises(DriverTimeout, match="reqBRD"):
         driver.pulses()
-    until(lambda: not driver.kept_alive)
-    assert peer.heard[-1].arbitration_id == 0x00EA0102
+    until(lambda: not driver.kept_alive and peer.data[-1] == STOP)
+    assert peer.heard[-2].arbitration_id == 0x00EA0102
     assert driver.commands == (0, 0)
 
 
@@ -350,5 +505,28 @@ def test_a_program_that_is_stopped(bare: Place, device: VirtualABH3, server: Can
         child.send_signal(signal.SIGSTOP)
         until(lambda: device.state().warnings and not device.state().moving)
         stays(device, 0.2)
+        child.send_signal(signal.SIGCONT)
+        stays(device, 0.7)
+
+
+class Stopping(VirtualABH3):
+    """Stops a process that has sent a command, before it reads the answer."""
+
+    process: Any = None
+
+    def receive(self, frame: CanFrame) -> list[CanFrame]:
+        process, self.process = self.process, None
+        if process is not None:
+            process.send_signal(signal.SIGSTOP)
+        return super().receive(frame)
+
+
+@only_on("udp_multicast", because="two processes share it")
+def test_a_program_that_is_stopped_between_a_command_and_its_answer(bare: Place, kind: str) -> None:
+    device = Stopping(Parameters(error_timeout=0, **FAST))
+    with serve_can(device, at=bare.far), process("-c", PROGRAM, bare.near, kind, "sleeps") as child:
+        begins_to_turn(device, child)
+        device.process = child
+        until(lambda: device.state().warnings and not device.state().moving)
         child.send_signal(signal.SIGCONT)
         stays(device, 0.7)

@@ -26,7 +26,7 @@ async def asks(both: Both, driver: Any, times: int) -> int:
         right += (answer.a_velocity, answer.b_velocity, answer.y_velocity) == (ay, bx, driver.address)
         if number % 10 == 0:
             pulses = await both.now(driver.pulses())
-            right -= (pulses.a_pulses, pulses.b_pulses) != (driver.address, driver._host.commanded)
+            right -= (pulses.a_pulses, pulses.b_pulses) != (driver.address, driver.host.commanded)
     return right
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
@@ -262,6 +264,72 @@ def test_a_reader_that_has_seen_enough(start, bench):
     process.stdout.close()
     assert process.wait(30) == 1
     assert process.stderr.read() == ""
+    assert bench.at_rest
+
+
+@pytest.fixture
+def unread() -> Iterator[tuple[int, int]]:
+    """A pipe with little room, that nobody reads from: where it is read, and where it is written."""
+    ours, theirs = os.pipe()
+    if hasattr(fcntl, "F_SETPIPE_SZ"):
+        fcntl.fcntl(theirs, fcntl.F_SETPIPE_SZ, 4096)
+    yield ours, theirs
+    os.close(ours)
+    os.close(theirs)
+
+
+def fill(theirs: int) -> Callable[[], bool]:
+    return lambda: not select.select([], [theirs], [], 0)[1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_reader_that_does_not_read(start, bench, unread, number):
+    process = start("--ay", "100", "--seconds", "60", "--period", "0.02", "--json", stdout=unread[1])
+    until(turning(bench))
+    until(fill(unread[1]))
+    end = time.monotonic() + 2  # it would have stopped without commands
+    while time.monotonic() < end:
+        assert bench.abh3.state().moving
+        time.sleep(0.01)
+    process.send_signal(number)
+    until(lambda: bench.at_rest)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    first, last = err.splitlines()
+    assert re.fullmatch(r"orinkit: nobody has read \d+ lines of stdout: they are lost", first)
+    assert last == "orinkit: interrupted"
+
+
+def test_the_end_comes_though_nobody_reads(start, bench, unread):
+    process = start("--ay", "100", "--seconds", "1.5", "--period", "0.02", "--json", stdout=unread[1])
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert "nobody has read" in err
+    assert bench.at_rest
+
+
+def test_a_reader_that_is_late_gets_all(start, bench, unread):
+    ours, theirs = unread
+    process = start("--ay", "100", "--seconds", "1", "--period", "0.02", "--json", stdout=theirs)
+    until(fill(theirs))
+    until(lambda: bench.abh3.state().moving)
+    written = b""
+    while process.poll() is None or select.select([ours], [], [], 0)[0]:
+        if select.select([ours], [], [], 0.1)[0]:
+            written += os.read(ours, 512)  # slowly
+    assert process.returncode == 0
+    assert process.stderr.read() == ""
+    times = [line["time"] for line in lines(written.decode())]
+    assert times == sorted(times)
+    assert times[-1] > 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="it is of Linux")  # noqa: PTH110
+def test_a_full_disk(start, bench):
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        process = start("--ay", "100", "--seconds", "60", stdout=full.fileno())
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (1, "orinkit: reading or writing failed: No space left on device\n")
     assert bench.at_rest
 
 

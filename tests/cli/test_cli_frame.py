@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import socket
 import subprocess
@@ -32,7 +33,13 @@ COMMANDS = (
     "abh3",
 )
 
-NO = {"--no-samples", "--no-motor", "--no-slave-licence", "--no-providers"}  # every other flag has no opposite
+NO = {
+    "--no-samples",
+    "--no-motor",
+    "--no-slave-licence",
+    "--no-providers",
+    "--no-reset",
+}  # every other flag has no opposite
 
 
 def japanese(program: list[str], *argv: str) -> str:
@@ -51,13 +58,35 @@ def test_help_names_every_command(run, argv):
 
 
 @pytest.mark.parametrize(
-    "command", [*COMMANDS, "serve rc8", "serve device", "serve abh3", "abh3 monitor", "abh3 decode", "abh3 dbc"]
+    "command",
+    [*COMMANDS, "serve rc8", "serve device", "serve abh3", "abh3 monitor", "abh3 decode", "abh3 dbc", "abh3 drive"],
 )
 def test_every_command_has_help(run, command):
     done = run(*command.split(), "--help")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith(f"Usage: orinkit {command}")
     assert set(re.findall(r"--no-[a-z-]+", done.out)) <= NO
+
+
+@pytest.mark.parametrize("lang", ["en", "ja"])
+def test_help_of_abh3(run, monkeypatch, lang):
+    language.use(lang)
+    monkeypatch.setenv("COLUMNS", "80")
+    usage = {"en": "Usage", "ja": "使い方"}[lang]
+    drive = run("abh3", "drive", "--help").out
+    assert drive.startswith(f"{usage}: orinkit abh3 drive [URL] --seconds S [--ay N] [--bx N] [OPTIONS]\n")
+    for command in ("abh3 drive", "abh3 monitor", "serve abh3"):
+        page = run(*command.split(), "--help").out
+        for example in ("can://socketcan/can0", "can://slcan//dev/ttyACM0?bitrate=500000", "can://udp_multicast/239"):
+            assert example in page  # on one line
+    assert "127.0.0.1:5007" not in run("serve", "abh3", "--help").out  # nothing listens there unless it is told to
+    assert "127.0.0.1:5007" in run("serve", "rc8", "--help").out
+
+
+def test_help_of_abh3_tells_what_it_does(run):
+    page = run("abh3", "--help").out
+    for word in ("listen", "decode", "turn", "DBC"):
+        assert word in page.split("Commands")[0]
 
 
 def test_version(run):
@@ -162,6 +191,45 @@ def test_interrupted(program):
         out, err = process.communicate(timeout=60)
         peer.close()
     assert (process.returncode, out, err) == (130, "", "orinkit: interrupted\n")
+
+
+@pytest.mark.parametrize("module", ["orinkit.cli.app", "cyclopts", "orinkit.cli.functions"])
+def test_interrupted_in_the_first_moments(module):
+    """Ctrl-C while modules are imported."""
+    script = f"""
+import sys
+import orinkit.__main__
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+sys.argv = ["orinkit", "functions"]
+sys.exit(orinkit.__main__.main())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, encoding="utf-8", check=False,
+        env={**os.environ, "ORINKIT_LANG": "en"},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "orinkit: interrupted\n")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full is of Linux")  # noqa: PTH110
+@pytest.mark.parametrize("argv", [["functions"], ["abh3", "dbc"], ["functions", "1", "--json"]])
+def test_a_full_disk_is_one_line(program, argv):
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        done = subprocess.run(
+            [*program, *argv], stdout=full, stderr=subprocess.PIPE, encoding="utf-8", check=False,
+            env={**os.environ, "ORINKIT_LANG": "en"},
+        )  # fmt: skip
+    assert (done.returncode, done.stderr) == (1, "orinkit: reading or writing failed: No space left on device\n")
+
+
+def test_no_stderr_to_say_it_on(program):
+    """Errors do not get among the results."""
+    line = shlex.join([*program, "get", "a", "b", "--zip"])
+    done = subprocess.run(["sh", "-c", f"{line} 2>&-"], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (2, b"", b"")
 
 
 def test_a_reader_that_has_seen_enough_is_no_trouble(program):

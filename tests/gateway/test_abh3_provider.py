@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import socket
 import subprocess
 import sys
 import textwrap
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from gateways import until
@@ -144,6 +146,15 @@ def test_commands(server, option):
         assert "Release" in motor.error_description(error.code)
         refused(hresult.E_INVALIDARG, motor.execute, "Command", [1.0])
         refused(hresult.E_INVALIDARG, motor.execute, "SetInput", ["wings", 1])
+        for value in ("2", 2, float("nan"), 0.5):
+            refused(hresult.E_INVALIDARG, motor.execute, "SetInput", ["start", value])
+        motor.execute("SetInput", ["start", "0"])  # as text, as clients may send numbers
+        refused(hresult.E_INVALIDARG, setattr, motor.variable("INPUTS"), "value", 1.5)
+        refused(hresult.E_INVALIDARG, setattr, motor.variable("INPUTS"), "value", True)
+        refused(hresult.E_INVALIDARG, setattr, motor.variable("SERVO_ON"), "value", 1e308)
+        assert motor.variable("INPUTS").value == 0
+        assert motor.execute("Command", ["1", "2"])[0] == 0.0
+        refused(hresult.E_INVALIDARGTYPE, motor.execute, "WriteParameter", [0x4118, [1, 2]])
         refused(hresult.E_INVALIDARG, motor.execute, "RequestBroadcast", 999)
         refused(hresult.E_FAIL, motor.execute, "ReadParameter", 0x0001)
 
@@ -175,11 +186,20 @@ def test_what_was_wrong_is_told_in_words(server, option):
         ("Interface=virtual,Channel={},Address=x", hresult.E_INVALIDARG, "no whole number"),
         ("Interface=virtual,Channel={},Timeout=soon", hresult.E_INVALIDARG, "no number"),
         ("Interface=virtual,Channel={},Idle=-1", hresult.E_INVALIDARG, "0 to 3600 s"),
+        ("Interface=virtual,Channel={},KeepAlive=2", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
+        ("Interface=virtual,Channel={},KeepAlive=1e-9", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
+        ("Interface=virtual,Channel={},Bus=can://virtual/1", hresult.E_INVALIDARG, "Bus= and its URL alone"),
+        ("Bitrate=500000", hresult.E_INVALIDARG, "which CAN bus"),
+        ("Interface=virtual,Channel=1,Bitrate=500000&port=7", hresult.E_INVALIDARG, "no whole number"),
+        ("Interface=slcan,Channel=spy:///dev/ptmx?file=/tmp/x", hresult.E_INVALIDARG, "on the server only"),
+        ("Interface=serial,Channel=socket://127.0.0.1:5007", hresult.E_INVALIDARG, "on the server only"),
+        ("Bus=can://usb2can/1?dll=x.dll", hresult.E_INVALIDARG, "dll may be said on the server only"),
+        ("Bus=can://udp_multicast/239.74.163.2?port=x", hresult.E_INVALIDARG, "port may be said on the server only"),
         ("Interface=virtual,Channel={},Dialect=v3", hresult.E_INVALIDARG, "v1 and v2"),
         ("Interface=virtual,Channel={},LoadUnit=2", hresult.E_INVALIDARG, "1 or 0.1"),
         ("Interface=virtual,Channel={},Bitrate=7", hresult.E_INVALIDARG, "bitrate"),
         ("Interface=nothing,Channel=1", hresult.E_INVALIDARG, "no interface 'nothing'"),
-        ("Bus=tcp://127.0.0.1:5007", hresult.E_INVALIDARG, "CAN bus is needed"),
+        ("Bus=tcp://127.0.0.1:5007", hresult.E_INVALIDARG, "is no CAN bus"),
         ("Interface=slcan,Channel=/dev/no-such-port", hresult.E_CAO_REMOTE_PROVIDER, "/dev/no-such-port"),
     ],
 )
@@ -189,10 +209,10 @@ def test_options_that_cannot_be(server, channel, caplog, option, code, text):
     assert text in caplog.text
 
 
-def test_a_driver_that_does_not_answer(server, channel):
-    with connect(server, f"Interface=virtual,Channel={channel},Address=9,Timeout=0.2") as motor:
-        error = refused(hresult.E_TIMEOUT, motor.execute, "Init")
-        assert "ABH3 9 did not answer within 0.2 s" in motor.error_description(error.code)
+def test_a_driver_that_does_not_answer(server, channel, caplog):
+    caplog.set_level("INFO", "orinkit.session")
+    refused(hresult.E_TIMEOUT, connect, server, f"Interface=virtual,Channel={channel},Address=9,Timeout=0.2")
+    assert "ABH3 9 did not answer within 0.2 s" in caplog.text
 
 
 def test_one_client_commands_and_others_read(server, device, option):
@@ -204,6 +224,11 @@ def test_one_client_commands_and_others_read(server, device, option):
         refused(hresult.E_ACCESSDENIED, setattr, other.variable("AY_COMMAND"), "value", 5)
         other.close()
         assert device.state().a_velocity == 100.0  # who reads and goes does not stop it
+        other = connect(server, option)
+        other.execute("Release")  # it has nothing to release
+        other.close()
+        time.sleep(0.3)
+        assert device.state().a_velocity == 100.0
         motor.execute("Release")
         until(lambda: at_rest(device))
         with connect(server, option) as third:
@@ -216,8 +241,66 @@ def test_a_silent_client_loses_the_motor(server, device, option):
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
         until(lambda: at_rest(device))
+        error = refused(hresult.E_ABORT, setattr, motor.variable("COMMAND"), "value", [50.0, 50.0])
+        assert "silent for 0.4 s" in motor.error_description(error.code)
+        assert motor.variable("COMMAND").value == [0.0, 0.0]
+        turn(motor)  # once is enough
+        until(lambda: device.state().a_velocity == 100.0)
+        until(lambda: at_rest(device))
         until(lambda: _stops(other))
         turn(other, 5.0, 5.0)
+        until(lambda: device.state().a_velocity == 5.0)
+        motor.client.close()  # what it had asked for is over, and is not sent once more
+        time.sleep(0.3)
+        assert device.state().a_velocity == 5.0
+
+
+@pytest.mark.parametrize("reading", ["INPUTS", "COMMAND", "MAIN_VOLTAGE", "parameter"])
+def test_a_client_that_reads_is_not_silent(server, device, option, reading):
+    with connect(server, f"{option}, Idle=0.5") as motor:
+        turn(motor)
+        until(lambda: device.state().a_velocity == 100.0)
+        end = time.monotonic() + 1.5
+        while time.monotonic() < end:
+            motor.execute("ReadParameter", 0x4102) if reading == "parameter" else motor.variable(reading).value
+            time.sleep(0.05)
+        assert device.state().a_velocity == 100.0
+
+
+@pytest.mark.parametrize(
+    "spelled", ["Bus=can://virtual/{}", "Bus=can:virtual/{}", "Bus=CAN://virtual/{}", "Bus=can://virtual/%{}"]
+)
+def test_one_motor_has_one_commander_however_the_bus_is_spelled(server, option, channel, spelled):
+    name = channel if "%" not in spelled else f"{ord(channel[0]):02x}{channel[1:]}"
+    with connect(server, f"{option}, Idle=0") as motor, connect(server, spelled.format(name)) as other:
+        turn(motor)
+        refused(hresult.E_ACCESSDENIED, other.execute, "Command", [1.0, 1.0])
+
+
+def test_a_provider_is_for_one_server(device, option):
+    provider = ABH3Provider()
+    with orinkit.serve(provider, "tcp://127.0.0.1:0") as first, orinkit.serve(provider, "tcp://127.0.0.1:0") as second:
+        with connect(first, option) as motor:
+            assert motor.execute("Init") == [0.0] * 4
+        refused(hresult.E_FAIL, connect, second, option)
+
+
+def test_a_bus_that_does_not_open_keeps_nobody_waiting(device, option, monkeypatch):
+    monkeypatch.setattr("orinkit.gateway.abh3_buses.PATIENCE", 1.0)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        host, port = silent.getsockname()
+        provider = load(NAME)
+        monkeypatch.setattr("orinkit.gateway.abh3_options._ALLOWED", ("host", "port"))
+        monkeypatch.setattr("orinkit.gateway.abh3_options._is_number", lambda _: True)
+        with orinkit.serve(provider, "tcp://127.0.0.1:0") as server:
+            wanted = f"Bus=can://socketcand/x?host={host}&port={port}"
+            with ThreadPoolExecutor() as threads:
+                hanging = threads.submit(connect, server, wanted)
+                with connect(server, option) as motor:
+                    assert motor.execute("Init") == [0.0] * 4
+                assert isinstance(hanging.exception(), CallError)
 
 
 def _stops(client):
@@ -229,10 +312,10 @@ def _stops(client):
 
 
 def test_the_motor_goes_on_while_the_client_asks(server, device, option):
-    with connect(server, f"{option}, Idle=0.6") as motor:
+    with connect(server, f"{option}, Idle=1") as motor:
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
-        end = time.monotonic() + 2
+        end = time.monotonic() + 2.5
         while time.monotonic() < end:
             assert motor.variable("AY_VELOCITY").value == 100.0
             time.sleep(0.1)

@@ -99,7 +99,7 @@ def check(arm: Arm, monitor: Monitor, seconds: float) -> None:
 
 def test_random_targets_over_the_wire() -> None:
     with served() as arm:
-        check(arm, stream(arm, 10.0, 1.0), 10.0)
+        check(arm, stream(arm, 4.0, 1.0), 4.0)
         assert arm.mode == 0
 
 

@@ -313,7 +313,7 @@ def test_nothing_is_left_of_five_hundred(arm: Arm) -> None:
 @pytest.mark.parametrize("threads", [1, 4])
 def test_busy_threads_do_not_starve_the_arm(arm: Arm, threads: int) -> None:
     """The short form of what ``make bench`` does for ten minutes."""
-    seconds = 6.0
+    seconds = 2.0
     code = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[2] / 'bench')!r}); import stream\n"
     code += f"with stream.busy({threads}):\n    print(stream.ours(sys.argv[1], {seconds}, 2).underflows)\n"
     done = subprocess.run(

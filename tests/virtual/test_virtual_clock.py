@@ -22,10 +22,18 @@ def test_a_scaled_clock_runs_by_its_scale():
     assert clock.wall() - datetime.now() > timedelta(seconds=900)
 
 
-@pytest.mark.parametrize("scale", [0, -1, float("nan"), float("inf")])
-def test_a_scale_is_positive(scale):
-    with pytest.raises(ValueError, match="scale"):
+@pytest.mark.parametrize("scale", [0, -1, float("nan"), float("inf"), 1e308, 1.1e6, 0.9e-6, 5e-324])
+def test_a_scale_is_positive_and_sensible(scale):
+    with pytest.raises(ValueError, match=r"scale must be positive, from 0\.000001 to 1000000, not "):
         Clock(scale)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_the_least_and_the_most_scale(scale):
+    clock = Clock(scale)
+    assert clock.scale == scale
+    assert clock.now() >= 0
+    assert clock.patience > 0
 
 
 def test_a_manual_clock_moves_only_by_hand():

@@ -30,7 +30,7 @@ from orinkit.abh3.records import (
     Flags,
 )
 from orinkit.abh3.signals import DIALECTS, V1, V2, Dialect
-from orinkit.errors import DriverFault, DriverTimeout
+from orinkit.errors import DriverFault, DriverRefused, DriverTimeout
 
 __all__ = [
     "BR0",
@@ -55,6 +55,7 @@ __all__ = [
     "Differential",
     "Driver",
     "DriverFault",
+    "DriverRefused",
     "DriverTimeout",
     "Flags",
     "MotorBus",

@@ -12,6 +12,8 @@ from orinkit.abh3._async_shared import AsyncSharedBus
 from orinkit.abh3._common import BusSettings, HostSettings, Settings, bus_settings, check_names, host_of
 from orinkit.abh3.records import BR1, BR1V2, DP0R, DP0RV2
 from orinkit.abh3.signals import Dialect
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
 
 if TYPE_CHECKING:
     import can
@@ -37,10 +39,19 @@ class AsyncMotorBus(AsyncSharedBus):
             **settings: as of :class:`HostSettings`.
 
         Raises:
-            InvalidValue: a setting is out of its range.
+            InvalidValue: a setting is out of its range, or there is an object for this driver already: two would not know
+                what the other one has commanded.
         """
         check_names(settings, HostSettings)
-        return AsyncDriver(self, host_of(dialect, settings))
+        host = host_of(dialect, settings)
+        if self.has(host):
+            raise InvalidValue(
+                pick(
+                    f"ABH3 {host.address} has a driver object on this bus already. Try: use that one, or close it first",
+                    f"アドレス {host.address} の ABH3 には、このバス上に既にドライバオブジェクトがあります。対処: それを使うか、先に閉じてください",
+                )
+            )
+        return AsyncDriver(self, host)
 
 
 async def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> AsyncMotorBus:

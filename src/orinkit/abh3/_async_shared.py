@@ -9,8 +9,8 @@ import asyncio
 from collections.abc import AsyncIterator, Iterable
 from time import monotonic
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self, TypeVar, Unpack
-from weakref import WeakSet
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TypeVar, Unpack
+from weakref import WeakSet, finalize
 
 from orinkit.abh3 import ids
 from orinkit.abh3._common import BusSettings, bus_address, check_seconds, given_bus
@@ -20,7 +20,7 @@ from orinkit.abh3.host import Host, broadcasts_of_all
 from orinkit.abh3.records import AnyRecord
 from orinkit.abh3.signals import Dialect, dialect_of
 from orinkit.can_frame import CanFrame, CanOperation
-from orinkit.errors import TransportError
+from orinkit.errors import ConnectFailed, ConnectionClosed, ConnectionLost
 from orinkit.transport.aio_can_line import AsyncCanLine, AsyncCanPort, arun_can
 from orinkit.transport.can_bus import Bus
 
@@ -31,6 +31,19 @@ R = TypeVar("R")
 _HEARD: Final = 4096
 """Frames that a listener may be behind."""
 _SLICE: Final = 3600.0
+
+
+class AsyncMember(Protocol):
+    """A driver, as far as its bus is concerned."""
+
+    host: Host[Any]
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed."""
+
+    async def part(self) -> None:
+        """Have the driver come to rest, if it was asked to move."""
 
 
 class AsyncSharedBus:
@@ -46,7 +59,7 @@ class AsyncSharedBus:
     def __init__(self, line: AsyncCanLine) -> None:
         self._line = line
         self._lock = asyncio.Lock()
-        self._hosts: WeakSet[Host[Any]] = WeakSet()
+        self._members: WeakSet[AsyncMember] = WeakSet()
         self.url = str(line)
 
     @classmethod
@@ -141,15 +154,33 @@ class AsyncSharedBus:
             port.close()
 
     async def close(self) -> None:
-        """Close the bus; one that was given stays open. May be called again."""
-        await self._line.close()
+        """Have every driver come to rest that was asked to move, and close the bus; one that was given stays open.
+
+        May be called again.
+        """
+        try:
+            for member in list(self._members):
+                await member.part()
+        finally:
+            await self._line.close()
 
     # --- for drivers --------------------------------------------------------------------------------------------------
 
+    def enter(self, member: AsyncMember) -> AsyncCanPort:
+        """Return a port for a driver, which is told what happens to the bus; it is closed when the driver's object goes."""
+        self._members.add(member)
+        port = self.port_for(member.host)
+        finalize(member, port.close).atexit = False
+        return port
+
     def port_for(self, host: Host[Any]) -> AsyncCanPort:
         """Return a port that gets the frames of one driver."""
-        self._hosts.add(host)
         return self._line.port(host.accepts)
+
+    def has(self, host: Host[Any]) -> bool:
+        """Whether there is an object already for the same driver and host."""
+        wanted = host.address, host.host
+        return any((member.host.address, member.host.host) == wanted and not member.closed for member in self._members)
 
     async def run(self, operation: CanOperation[R], port: AsyncCanPort, *, revive: bool = True) -> R:
         """Carry out an operation over a port.
@@ -160,7 +191,9 @@ class AsyncSharedBus:
             revive: a bus that is broken and was opened here is opened again.
 
         Raises:
-            TransportError: the bus is broken, or closed; the commands of all its drivers are 0 from then on.
+            TransportError: a frame was not taken.
+            ConnectionLost, ConnectionClosed, ConnectFailed: the bus is broken, or closed; the commands of all its drivers are
+                0 from then on.
         """
         try:
             if revive and self._line.broken:
@@ -169,15 +202,18 @@ class AsyncSharedBus:
                         self._forget()  # who found out may have been a listener, or nobody at all
                         await self._line.reopen()
             return await arun_can(operation, port)
-        except TransportError:
+        except (ConnectionLost, ConnectionClosed, ConnectFailed):
             operation.close()
             self._forget()
+            raise
+        except BaseException:
+            operation.close()
             raise
 
     def _forget(self) -> None:
         """Take the commands of all drivers back."""
-        for host in self._hosts:
-            host.forget()
+        for member in list(self._members):
+            member.host.forget()
 
 
 def _is_any(frame: CanFrame) -> bool:  # noqa: ARG001 - as every predicate

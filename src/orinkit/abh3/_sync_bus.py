@@ -12,6 +12,8 @@ from orinkit.abh3._sync_driver import Driver
 from orinkit.abh3._sync_shared import SharedBus
 from orinkit.abh3.records import BR1, BR1V2, DP0R, DP0RV2
 from orinkit.abh3.signals import Dialect
+from orinkit.errors import InvalidValue
+from orinkit.language import pick
 
 if TYPE_CHECKING:
     import can
@@ -37,10 +39,19 @@ class MotorBus(SharedBus):
             **settings: as of :class:`HostSettings`.
 
         Raises:
-            InvalidValue: a setting is out of its range.
+            InvalidValue: a setting is out of its range, or there is an object for this driver already: two would not know
+                what the other one has commanded.
         """
         check_names(settings, HostSettings)
-        return Driver(self, host_of(dialect, settings))
+        host = host_of(dialect, settings)
+        if self.has(host):
+            raise InvalidValue(
+                pick(
+                    f"ABH3 {host.address} has a driver object on this bus already. Try: use that one, or close it first",
+                    f"アドレス {host.address} の ABH3 には、このバス上に既にドライバオブジェクトがあります。対処: それを使うか、先に閉じてください",
+                )
+            )
+        return Driver(self, host)
 
 
 def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> MotorBus:

@@ -9,9 +9,10 @@ import threading
 from collections.abc import Iterator
 from time import monotonic
 from types import TracebackType
-from typing import Final, Generic, Self, TypeVar, cast
+from typing import Any, Final, Generic, Literal, Self, TypeVar, overload
 
 from orinkit.abh3 import reading, telabh3
+from orinkit.abh3._common import check_seconds
 from orinkit.abh3._sync_shared import SharedBus
 from orinkit.abh3.decoder import Decoded
 from orinkit.abh3.heart import End, Heart
@@ -23,6 +24,7 @@ from orinkit.abh3.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, 
 from orinkit.can_frame import CanOperation
 from orinkit.errors import DriverTimeout, OrinError
 from orinkit.transport.can_line import CanPort
+from orinkit.transport.link_errors import closed
 
 F = TypeVar("F", bound=Feedback)
 S = TypeVar("S", bound=States)
@@ -48,13 +50,14 @@ class Driver(Generic[F, S]):
 
     Attributes:
         bus: that it is on.
+        host: what is known of it.
     """
 
     def __init__(self, bus: SharedBus, host: Host[F], *, owner: bool = False) -> None:
         self.bus = bus
-        self._host = host
+        self.host = host
         self._owner = owner
-        self._port: CanPort = bus.port_for(host)
+        self._port: CanPort = bus.enter(self)
         self._lock = threading.RLock()
         self._message_lock = threading.RLock()
         self._heart: Heart | None = None
@@ -77,17 +80,17 @@ class Driver(Generic[F, S]):
     @property
     def address(self) -> int:
         """Address of the driver."""
-        return self._host.address
+        return self.host.address
 
     @property
     def inputs(self) -> Flags:
         """The inputs as they were sent last."""
-        return Flags(self._host.inputs, self._host.dialect.inputs)
+        return Flags(self.host.inputs, self.host.dialect.inputs)
 
     @property
     def commands(self) -> tuple[float, float]:
         """The A/Y and the B/X command as they were sent last, in min^-1, or % of an axis whose inputs say torque."""
-        return self._host.commands
+        return self.host.commands
 
     # --- commands and inputs (4.1 to 4.5) -----------------------------------------------------------------------------
 
@@ -98,7 +101,7 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.init())
+        return self._run(self.host.init(), calming=True)
 
     def command(self, ay: float | None = None, bx: float | None = None) -> F:
         """Send commands and return the feedback (4.2, 4.3, abh3_can_cmdAY, cmdBX, cmd).
@@ -113,7 +116,7 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer; whether the driver took the command is not known. Both are 0 from now on.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.command(ay, bx))
+        return self._run(self.host.command(ay, bx))
 
     def set_inputs(self, data: int, mask: int = 0xFFFFFFFF) -> F:
         """Send the inputs whose mask is 1, and return the feedback (4.4, abh3_can_inSet).
@@ -123,7 +126,7 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.set_inputs(data, mask))
+        return self._run(self.host.set_inputs(data, mask))
 
     def set_input(self, bit: int | str, value: int) -> F:
         """Send one input, by number or name, and return the feedback (4.5, abh3_can_inBitSet).
@@ -138,7 +141,7 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.set_input(bit, value))
+        return self._run(self.host.set_input(bit, value))
 
     def stop(self) -> F:
         """Send commands 0 and start off, and return the feedback: the driver decelerates, its servo stays on.
@@ -147,7 +150,20 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.stop())
+        return self._run(self.host.stop(), calming=True)
+
+    def rest(self, seconds: float = 5.0) -> F:
+        """Send commands 0 and start off until both motors stand, and return the feedback; the servo stays on.
+
+        Args:
+            seconds: that it may take.
+
+        Raises:
+            InvalidValue: there are no such seconds.
+            DriverTimeout: no answer, or the motors still turn.
+            TransportError: the bus is broken, or closed.
+        """
+        return self._run(self.host.rest(check_seconds("seconds", seconds)), calming=True)
 
     def reset_errors(self, tries: int = 5) -> BR0:
         """Clear errors and warnings; commands are 0, servo and start off after it.
@@ -163,11 +179,35 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.reset_errors(tries))
+        return self._run(self.host.reset_errors(tries), calming=True)
 
     # --- requests (4.6, 4.7) ------------------------------------------------------------------------------------------
 
-    def request_broadcast(self, number: int, *, everyone: bool = False) -> AnyRecord:
+    @overload
+    def request_broadcast(self, number: Literal[0], *, everyone: bool = False) -> BR0: ...
+
+    @overload
+    def request_broadcast(self, number: Literal[1], *, everyone: bool = False) -> S: ...
+
+    @overload
+    def request_broadcast(self, number: Literal[2], *, everyone: bool = False) -> BR2: ...
+
+    @overload
+    def request_broadcast(self, number: Literal[3], *, everyone: bool = False) -> BR3: ...
+
+    @overload
+    def request_broadcast(self, number: Literal[4], *, everyone: bool = False) -> BR4: ...
+
+    @overload
+    def request_broadcast(self, number: Literal[5], *, everyone: bool = False) -> BR5: ...
+
+    @overload
+    def request_broadcast(self, number: Literal[6], *, everyone: bool = False) -> BR6: ...
+
+    @overload
+    def request_broadcast(self, number: int, *, everyone: bool = False) -> AnyRecord: ...
+
+    def request_broadcast(self, number: int, *, everyone: bool = False) -> Any:
         """Request a broadcast and return it (4.7, abh3_can_reqBRD; with ``everyone`` abh3_can_reqBRDBRD).
 
         Args:
@@ -179,9 +219,15 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.request(number, everyone=everyone))
+        return self._run(self.host.request(number, everyone=everyone))
 
-    def request_single(self, dp: int = 0) -> Feedback | DP1R:
+    @overload
+    def request_single(self, dp: Literal[0] = 0) -> F: ...
+
+    @overload
+    def request_single(self, dp: int) -> F | DP1R: ...
+
+    def request_single(self, dp: int = 0) -> Any:
         """Request a single packet without commanding anything (abh3_can_reqSNG).
 
         It does not keep a driver from stopping by itself: commands only do.
@@ -194,35 +240,35 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self._host.request_single(dp))
+        return self._run(self.host.request_single(dp))
 
     def errors(self) -> BR0:
         """Request errors and warnings (2.3), as :meth:`request_broadcast`."""
-        return cast(BR0, self.request_broadcast(0))
+        return self.request_broadcast(0)
 
     def states(self) -> S:
         """Request control and I/O flags (2.4), as :meth:`request_broadcast`."""
-        return cast(S, self.request_broadcast(1))
+        return self.request_broadcast(1)
 
     def velocities(self) -> BR2:
         """Request velocities in min^-1 (2.5), as :meth:`request_broadcast`."""
-        return cast(BR2, self.request_broadcast(2))
+        return self.request_broadcast(2)
 
     def currents(self) -> BR3:
         """Request currents and loads in % (2.6), as :meth:`request_broadcast`."""
-        return cast(BR3, self.request_broadcast(3))
+        return self.request_broadcast(3)
 
     def pulses(self) -> BR4:
         """Request the pulse counts (2.7), as :meth:`request_broadcast`."""
-        return cast(BR4, self.request_broadcast(4))
+        return self.request_broadcast(4)
 
     def analog(self) -> BR5:
         """Request analog inputs and supplies in V (2.8), as :meth:`request_broadcast`."""
-        return cast(BR5, self.request_broadcast(5))
+        return self.request_broadcast(5)
 
     def monitors(self) -> BR6:
         """Request what the driver monitors (2.9), as :meth:`request_broadcast`."""
-        return cast(BR6, self.request_broadcast(6))
+        return self.request_broadcast(6)
 
     # --- parameters (TelABH3 over multi-packet messages) --------------------------------------------------------------
 
@@ -238,10 +284,12 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
+        self._check_open()
         with self._message_lock:
-            port = self.bus.port_for(self._host)
+            self.touch()
+            port = self.bus.port_for(self.host)
             try:
-                operation = exchange(message, host=self._host.host, driver=self.address, priority=self._host.priority)
+                operation = exchange(message, host=self.host.host, driver=self.address, priority=self.host.priority)
                 return self.bus.run(operation, port)
             finally:
                 port.close()
@@ -254,7 +302,7 @@ class Driver(Generic[F, S]):
 
         Raises:
             InvalidValue: there is no such address.
-            CallError: the driver refuses it.
+            DriverRefused: the driver refuses it.
             ProtocolError: the driver has broken it off, or answers something else.
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
@@ -272,7 +320,7 @@ class Driver(Generic[F, S]):
 
         Raises:
             InvalidValue: value or address cannot be; nothing was sent.
-            CallError, ProtocolError, DriverTimeout, TransportError: as of :meth:`read_parameter`.
+            DriverRefused, ProtocolError, DriverTimeout, TransportError: as of :meth:`read_parameter`.
         """
         request = telabh3.write_parameter(address, reading.word_of(address, value, raw=raw))
         telabh3.parse_reply(self.exchange_message(request)).confirmed()
@@ -308,15 +356,29 @@ class Driver(Generic[F, S]):
             InvalidValue: a number is not positive.
         """
         heart = Heart(period, patience, idle, monotonic())
+        self._check_open()
         self.end_keep_alive()
         self._heart = heart
-        self._keeper = Keeper(self._beat, f"orinkit-abh3-{self.address}")
+        self._keeper = Keeper(self._beat, self._left, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
-        """End it; the driver stops by itself if no commands come."""
+        """End it; the driver stops by itself if no commands come. One that has ended by itself is told of no more."""
+        self._ended = None
+        keeper = self._take_keeper()
+        if keeper is not None:
+            keeper.join()
+
+    def _take_keeper(self) -> Keeper | None:
         keeper, self._keeper, self._heart = self._keeper, None, None
         if keeper is not None:
             keeper.stop()
+        return keeper
+
+    def _left(self) -> None:
+        """The keep-alive has ended with whoever began it, or by an exception."""
+        if self._heart is not None:
+            self._heart = None
+            self.host.forget()
 
     @property
     def kept_alive(self) -> bool:
@@ -340,56 +402,88 @@ class Driver(Generic[F, S]):
             return max(0.0, heart.due - monotonic())
 
     def _send_again(self, heart: Heart) -> None:
+        began = monotonic()
         try:
-            answered = self.bus.run(self._host.repeat(heart.period), self._port, revive=False)
+            answered = self.bus.run(self.host.repeat(heart.period), self._port, revive=False)
         except OrinError:
             answered = False
-        heart.sent(monotonic(), answered=answered)
+        heart.sent(began, answered=answered)
 
     def _end(self, end: End, heart: Heart) -> None:
         self._heart = None
         if end is End.SILENT:
-            self._host.forget()
             self._ended = DriverTimeout("keep_alive", heart.patience, self.address)
-            return
-        try:
-            self.bus.run(self._host.stop(), self._port, revive=False)
-        except OrinError:
-            self._host.forget()
+        self._part()
 
     # --- the bus ------------------------------------------------------------------------------------------------------
 
     def listen(self, seconds: float | None = None) -> Iterator[Decoded]:
         """Yield every frame on the bus, decoded, those of others too; as :meth:`MotorBus.listen`."""
-        return self.bus.listen(seconds, dialect=self._host.dialect, hosts=(self._host.host,))
+        return self.bus.listen(seconds, dialect=self.host.dialect, hosts=(self.host.host,))
 
     def close(self) -> None:
         """Have the driver come to rest, end the keep-alive, and close the bus if it was opened for this driver (4.8).
 
         A driver that was asked for nothing is left alone. May be called again.
         """
-        self.end_keep_alive()
-        with self._lock:
-            if not self._port.closed:
-                try:
-                    self.bus.run(self._host.part(_GOODBYE), self._port, revive=False)
-                except OrinError:
-                    pass
-                self._port.close()
-        if self._owner:
-            self.bus.close()
+        keeper = self._take_keeper()
+        try:
+            self.part()
+        finally:
+            self._port.close()
+            if keeper is not None:
+                keeper.join()
+            if self._owner:
+                self.bus.close()
 
-    def _run(self, operation: CanOperation[R]) -> R:
+    def part(self) -> None:
+        """Have the driver come to rest if it was asked to move; for its bus."""
+        with self._lock:
+            self._part()
+
+    def _part(self) -> None:
+        if self._port.closed:
+            return
+        try:
+            self.bus.run(self.host.part(_GOODBYE), self._port, revive=False)
+        except OrinError:
+            self.host.forget()
+
+    def abandon(self) -> None:
+        """Forget commands and inputs, and end the keep-alive; nothing is sent. For one whose driver has another host now."""
+        self._take_keeper()
+        self.host.abandon()
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed."""
+        return self._port.closed
+
+    def _check_open(self) -> None:
+        if self._port.closed:
+            raise closed()
+
+    def touch(self) -> None:
+        """Tell the keep-alive that the program is there, as every call does."""
+        heart = self._heart
+        if heart is not None:
+            heart.called(monotonic())
+
+    def _run(self, operation: CanOperation[R], *, calming: bool = False) -> R:
+        """Carry out an operation.
+
+        Args:
+            operation: what to do.
+            calming: it moves nothing, so that it is carried out even if a keep-alive has ended that nobody was told of.
+        """
         with self._lock:
             ended, self._ended = self._ended, None
-            if ended is not None:
+            if ended is not None and not calming:
                 operation.close()
                 raise ended
-            heart = self._heart
-            if heart is not None:
-                heart.called(monotonic())
-            before = self._host.commanded
+            self.touch()
+            heart, before, began = self._heart, self.host.commanded, monotonic()
             result = self.bus.run(operation, self._port)
-            if heart is not None and self._host.commanded != before:
-                heart.sent(monotonic(), answered=True)
+            if heart is not None and self.host.commanded != before:
+                heart.sent(began, answered=True)
             return result

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from orinkit.abh3._async_bus import AsyncMotorBus
 from orinkit.abh3._async_driver import AsyncDriver
-from orinkit.abh3._common import BusSettings, HostSettings, Settings
+from orinkit.abh3._common import BusSettings, HostSettings, Settings, host_of
 from orinkit.abh3._sync_bus import MotorBus, connect, open_bus
 from orinkit.abh3._sync_driver import Driver
 
@@ -27,5 +27,6 @@ __all__ = [
     "MotorBus",
     "Settings",
     "connect",
+    "host_of",
     "open_bus",
 ]

@@ -15,6 +15,7 @@ from orinkit.abh3.signals import real
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
+_LONGEST: Final = 3600.0
 _LATE: Final = 1.5
 """Periods after which a command was too late, where these are longer than the patience."""
 
@@ -39,7 +40,7 @@ class Heart:
         now: when it begins.
 
     Raises:
-        InvalidValue: a number is not positive and finite.
+        InvalidValue: a number is not positive and finite, or the period not below the patience.
     """
 
     period: float
@@ -48,15 +49,19 @@ class Heart:
     now: float
 
     def __post_init__(self) -> None:
-        given = {"period": self.period, "patience": self.patience, "idle": self.idle}
-        for name, seconds in given.items():
-            if seconds is not None and not (real(seconds) or 0.0) > 0:
-                raise InvalidValue(
-                    pick(
-                        f"{name} is a number of seconds above 0, not {shown(seconds)}",
-                        f"{name} は 0 より大きい秒数です: {shown(seconds)}",
-                    )
+        self.period = _seconds("period", self.period)
+        self.patience = _seconds("patience", self.patience)
+        if self.idle is not None:
+            self.idle = _seconds("idle", self.idle)
+        if self.period >= self.patience:
+            raise InvalidValue(
+                pick(
+                    f"the period of {self.period:g} s is not below the patience of {self.patience:g} s: a driver stops by itself "
+                    "when no command has come for 0.5 s (its parameter). Try: a period of 0.1 s",
+                    f"周期 {self.period:g} 秒は patience {self.patience:g} 秒より短くする必要があります。指令が 0.5 秒 (ドライバのパラメータ) "
+                    "届かないとドライバは停止します。対処: 周期を 0.1 秒程度にしてください",
                 )
+            )
         self._sent = self._answered = self._called = self.now
 
     _sent: float = 0.0
@@ -73,7 +78,12 @@ class Heart:
         self._called = now
 
     def sent(self, now: float, *, answered: bool) -> None:
-        """A command was sent, by the program or by the keep-alive; ``now`` is when it was answered, or given up."""
+        """A command was sent, by the program or by the keep-alive.
+
+        Args:
+            now: when it was sent; not when its answer was read, which may be much later where the program stood still.
+            answered: whether an answer came.
+        """
         self._sent = now
         if answered:
             self._answered = now
@@ -89,3 +99,20 @@ class Heart:
         if self.idle is not None and now - self._called > self.idle:
             return End.IDLE
         return None
+
+
+def _seconds(name: str, seconds: float) -> float:
+    """Return a number of seconds.
+
+    Raises:
+        InvalidValue: it is none above 0, or more than an hour.
+    """
+    number = real(seconds)
+    if number is None or not 0 < number <= _LONGEST:
+        raise InvalidValue(
+            pick(
+                f"{name} is a number of seconds above 0 and up to {_LONGEST:g}, not {shown(seconds)}",
+                f"{name} は 0 より大きく {_LONGEST:g} 以下の秒数です: {shown(seconds)}",
+            )
+        )
+    return number

@@ -7,6 +7,8 @@ no answers to it.
 
 from __future__ import annotations
 
+import math
+from dataclasses import fields
 from typing import Final, Generic, TypeVar, cast
 
 from orinkit.abh3 import ids
@@ -25,6 +27,12 @@ _ALL_BITS: Final = 0xFFFFFFFF
 _SETTLING: Final = 0.005
 """Seconds that a driver gets to clear its errors before it is asked; doubled at each try (it takes about 1 ms)."""
 _LONGEST_SETTLING: Final = 0.2
+_BEHIND: Final = 0.02
+"""Seconds within which two answers follow each other: a driver takes less than 1 ms for one."""
+_LOOKING: Final = 0.05
+"""Seconds between two looks at whether the motors stand; no driver stops by itself meanwhile."""
+_STANDING: Final = 1.0
+"""min^-1: what is slower stands, as far as anybody can tell."""
 
 
 class Host(Generic[F]):
@@ -73,6 +81,7 @@ class Host(Generic[F]):
         self._codes = [0, 0]
         self.inputs = 0
         self.commanded = 0
+        self._owed = False  # an answer may still come, to a command that nobody waits for any more
         masks = dialect.inputs.masks
         self._torque = (masks["ay_torque"], masks["bx_torque"])
         self._pack = dialect.layouts["DP0S"].struct.pack
@@ -99,6 +108,11 @@ class Host(Generic[F]):
         """Whether what was sent last asks for anything but rest."""
         return self._codes != [0, 0] or bool(self.inputs & self._starting)
 
+    def abandon(self) -> None:
+        """Forget commands and inputs: somebody else is the driver's host now."""
+        self.forget()
+        self.inputs = 0
+
     def forget(self) -> None:
         """Take both commands back: they are 0 in what is sent next, until others are given."""
         self._codes = [0, 0]
@@ -118,10 +132,12 @@ class Host(Generic[F]):
             InvalidValue: a command is out of its range; nothing has changed.
         """
         codes = self._codes.copy()
-        if ay is not None:
-            codes[0] = self._quantity(0).encode(ay)
-        if bx is not None:
-            codes[1] = self._quantity(1).encode(bx)
+        for axis, (name, value) in enumerate((("ay", ay), ("bx", bx))):
+            if value is not None:
+                try:
+                    codes[axis] = self._quantity(axis).encode(value)
+                except InvalidValue as error:
+                    raise InvalidValue(f"{name}: {error}") from None
         self._codes = codes
         alone = "abh3_can_cmdAY" if bx is None else "abh3_can_cmdBX"
         name = "abh3_can_cmd" if (ay is None) == (bx is None) else alone
@@ -133,7 +149,7 @@ class Host(Generic[F]):
         The command of an axis that changes between speed and torque is 0 from then on: its number would mean another thing.
 
         Raises:
-            InvalidValue: data or mask is no word of 32 bits; nothing has changed.
+            InvalidValue: data or mask is no word of 32 bits, unsigned; nothing has changed.
         """
         data, mask = _word("data", data), _word("mask", mask)
         self._change((self.inputs & ~mask) | (data & mask))
@@ -158,15 +174,36 @@ class Host(Generic[F]):
         self._rest()
         return (yield from self.exchange("abh3_can_cmd"))
 
+    def rest(self, seconds: float) -> CanOperation[F]:
+        """Commands 0 and start off, again and again until the motors stand; returns the feedback.
+
+        Args:
+            seconds: that it may take, about.
+
+        Raises:
+            DriverTimeout: no answer, or they still turn.
+        """
+        for _ in range(max(1, math.ceil(seconds / _LOOKING))):
+            record = yield from self.stop()
+            velocities = [value for value in _values(record) if isinstance(value, float)]
+            if max(map(abs, velocities)) < _STANDING:
+                return record
+            yield from _wait(_LOOKING)
+        raise DriverTimeout("rest", seconds, self.address)
+
     def exchange(self, function: str = "abh3_can_cmd") -> CanOperation[F]:
         """Send commands and inputs once more (DP0) and return the feedback.
 
         Raises:
             DriverTimeout: no answer; both commands are 0 from then on, as after a wait that is broken off.
         """
+        owed, self._owed = self._owed, True
         try:
             record = yield from self._ask(function, self._command_frame(), "DP0R", self._feedback_id)
-        except (DriverTimeout, GeneratorExit):  # the latter: broken off while it waits, by Ctrl-C or a lost bus
+            if owed:
+                record = yield from self._next_one(record)
+            self._owed = False
+        except BaseException:  # an answer that does not come; it is broken off, by Ctrl-C or a lost bus
             self.forget()
             raise
         return cast(F, record)
@@ -199,8 +236,7 @@ class Host(Generic[F]):
             InvalidValue: another page.
             DriverTimeout: no answer.
         """
-        if dp not in (0, 1):
-            raise InvalidValue(pick(f"dp is 0 or 1, not {shown(dp)}", f"dp は 0 または 1 です: {shown(dp)}"))
+        dp = ids.checked("dp", dp, 1)
         sent = self._request_frame(self.address, ids.pgn(ids.SINGLE, 0, dp=dp))
         wanted = ids.single(self.host, self.address, dp=dp)
         record = yield from self._ask("abh3_can_reqSNG", sent, f"DP{dp}R", wanted)
@@ -242,9 +278,11 @@ class Host(Generic[F]):
         Args:
             seconds: to wait for it.
         """
+        self._owed = True
         received = yield Turn((self._command_frame(),), seconds, fresh=True)
         while received is not None:
             if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
+                self._owed = False
                 return True
             received = yield Turn()
         return False
@@ -266,6 +304,15 @@ class Host(Generic[F]):
                 return self.codec.decode(name, received.data) if name else BUF(received.data)
             received = yield Turn()
         raise DriverTimeout(function, self.timeout, self.address)
+
+    def _next_one(self, record: Record) -> CanOperation[Record]:
+        """Return the feedback that follows at once, if one does: the first was the answer to a command before."""
+        received = yield Turn((), _BEHIND)
+        while received is not None:
+            if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
+                return self.codec.decode("DP0R", received.data)
+            received = yield Turn()
+        return record
 
     def _command_frame(self) -> CanFrame:
         self.commanded += 1
@@ -334,6 +381,10 @@ def broadcasts_of_all(
     return found
 
 
+def _values(record: Feedback) -> list[object]:
+    return [getattr(record, each.name) for each in fields(record)]
+
+
 def _wait(seconds: float) -> CanOperation[None]:
     received = yield Turn((), seconds)
     while received is not None:
@@ -341,13 +392,17 @@ def _wait(seconds: float) -> CanOperation[None]:
 
 
 def _word(name: str, value: object) -> int:
-    """Return 32 bits; a signed number, a C ``long``, is taken too.
+    """Return 32 bits.
 
     Raises:
-        InvalidValue: it is neither.
+        InvalidValue: it is no whole number of 0 to 0xFFFFFFFF.
     """
-    if isinstance(value, int) and not isinstance(value, bool) and -0x80000000 <= value <= _ALL_BITS:
-        return value & _ALL_BITS
+    number = ids.whole(value)
+    if number is not None and 0 <= number <= _ALL_BITS:
+        return number
     raise InvalidValue(
-        pick(f"{name} is a word of 32 bits, not {shown(value)}", f"{name} は 32 ビットの整数です: {shown(value)}")
+        pick(
+            f"{name} is a word of 32 bits, 0 to 0xFFFFFFFF, not {shown(value)}. Try: {name} & 0xFFFFFFFF",
+            f"{name} は 0 から 0xFFFFFFFF の整数です: {shown(value)}。対処: {name} & 0xFFFFFFFF",
+        )
     )

@@ -6,7 +6,8 @@ attention to the priority.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from operator import index
+from typing import Final, NamedTuple, SupportsIndex
 
 from orinkit.abh3._shown import shown
 from orinkit.errors import InvalidValue
@@ -112,14 +113,27 @@ def check_priority(priority: object) -> int:
     return checked("priority", priority, 7)
 
 
+def whole(value: object) -> int | None:
+    """Return a whole number of whatever kind as an ``int``; ``None`` of anything else, of bool too."""
+    if type(value) is int:  # nearly always; the next question takes long
+        return value
+    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
+        return None
+    try:
+        return index(value)
+    except TypeError:  # a bool of numpy
+        return None
+
+
 def checked(name: str, number: object, highest: int) -> int:
     """Return a whole number of 0 to ``highest``.
 
     Raises:
         InvalidValue: it is none.
     """
-    if isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= highest:
-        return number
+    found = whole(number)
+    if found is not None and 0 <= found <= highest:
+        return found
     raise InvalidValue(
         pick(
             f"{name} must be 0 to {highest}, not {shown(number)}",
@@ -132,7 +146,7 @@ def broadcast_number(number: object, group: int) -> int:
     """Return PS of a broadcast: group * 8 + number.
 
     Args:
-        number: 0 to 7 of the group; or, from 8 on, PS itself as the document has it (4.7).
+        number: 0 to 7 of the group; or, from 8 on, PS itself as the document has it (4.7), of the same group.
         group: of the drivers.
 
     Raises:
@@ -141,5 +155,14 @@ def broadcast_number(number: object, group: int) -> int:
     name = pick(
         "broadcast (0 to 6, or group * 8 + number)", "ブロードキャスト番号 (0 から 6、またはグループ番号×8 + 番号)"
     )
-    ps = checked(name, number, 0xFF)
-    return ps if ps >= BROADCASTS else group * BROADCASTS + ps
+    given = checked(name, number, 0xFF)
+    ps = given if given >= BROADCASTS else group * BROADCASTS + given
+    if ps // BROADCASTS != group:
+        other, place = divmod(ps, BROADCASTS)
+        raise InvalidValue(
+            pick(
+                f"0x{ps:02X} is broadcast {place} of group {other}; the group is {group} here (group=)",
+                f"0x{ps:02X} はグループ {other} のブロードキャスト {place} です。ここでのグループは {group} です (group=)",
+            )
+        )
+    return ps

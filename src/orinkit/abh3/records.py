@@ -14,7 +14,7 @@ from orinkit.abh3.signals import Bit, Word
 from orinkit.language import pick
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Flags:
     """A word of 32 flags: ``"servo_on" in flags``, ``flags["ay_start"]``, ``list(flags)``, ``int(flags)``.
 
@@ -26,7 +26,7 @@ class Flags:
     """
 
     value: int
-    word: Word = field(repr=False, compare=False)
+    word: Word = field(compare=False)
 
     def __int__(self) -> int:
         return self.value
@@ -36,9 +36,13 @@ class Flags:
     def __bool__(self) -> bool:
         return self.value != 0
 
-    def __contains__(self, name: object) -> bool:
-        mask = self.word.masks.get(name, 0) if isinstance(name, str) else 0
-        return mask != 0 and self.value & mask == mask
+    def __contains__(self, name: str) -> bool:
+        """Whether a flag is set, by its name.
+
+        Raises:
+            InvalidValue: there is none: a mistyped name is never in any flags.
+        """
+        return self[name]
 
     def __getitem__(self, name: str | int) -> bool:
         """Return whether a flag is set, by its name or its number.
@@ -68,6 +72,9 @@ class Flags:
 
     def __str__(self) -> str:
         return f"0x{self.value:08X}" + (f" ({', '.join(self)})" if self.value else "")
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
 
 
 Raw: TypeAlias = Mapping[str, int | float]

@@ -17,6 +17,7 @@ from orinkit.abh3 import _bits
 from orinkit.abh3._bits import Bit as Bit
 from orinkit.abh3._bits import Logic as Logic
 from orinkit.abh3._shown import shown
+from orinkit.abh3.ids import whole
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
@@ -161,16 +162,17 @@ class Word:
                 masks[rest] = masks.get(rest, 0) | mask
         return masks
 
-    def mask(self, name: str | int) -> int:
+    def mask(self, name: object) -> int:
         """Return the mask of a bit by its number, or by a name of :attr:`masks`.
 
         Raises:
             InvalidValue: there is none.
         """
-        if isinstance(name, int):
-            if not isinstance(name, bool) and 0 <= name <= _LAST_BIT:
-                return 1 << name
-        elif name in self.masks:
+        number = None if isinstance(name, str) else whole(name)
+        if number is not None:
+            if 0 <= number <= _LAST_BIT:
+                return 1 << number
+        elif isinstance(name, str) and name in self.masks:
             return self.masks[name]
         names = ", ".join(self.masks)
         raise InvalidValue(
@@ -232,7 +234,7 @@ class Layout:
     from_host: bool = False
     withheld: bool = False
 
-    @cached_property
+    @property
     def struct(self) -> Struct:
         """How the bytes are laid out."""
         return Struct("<" + "".join(field.code for field in self.fields))
@@ -391,7 +393,7 @@ V2: Final = _dialect(
 DIALECTS: Final[Mapping[str, Dialect]] = {dialect.name: dialect for dialect in (V1, V2)}
 
 
-def dialect_of(name: str | Dialect) -> Dialect:
+def dialect_of(name: object) -> Dialect:
     """Return a dialect by its name.
 
     Raises:
@@ -399,7 +401,7 @@ def dialect_of(name: str | Dialect) -> Dialect:
     """
     if isinstance(name, Dialect):
         return name
-    if name not in DIALECTS:
+    if not isinstance(name, str) or name not in DIALECTS:
         raise InvalidValue(
             pick(f"there is no dialect {shown(name)}; v1 and v2 are there", f"方言 {shown(name)} はありません (v1, v2)")
         )

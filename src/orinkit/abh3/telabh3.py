@@ -21,10 +21,9 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, Literal, NamedTuple, TypeAlias
 
-from orinkit import hresult
 from orinkit.abh3 import packfloat
 from orinkit.abh3._shown import shown
-from orinkit.errors import InvalidValue, ProtocolError, error_for
+from orinkit.errors import DriverRefused, InvalidValue, ProtocolError
 from orinkit.language import pick
 
 Kind: TypeAlias = Literal["pack", "int", "bits"]
@@ -156,15 +155,15 @@ class Reply(NamedTuple):
         """Return the data.
 
         Raises:
-            CallError: E_FAIL: the driver has refused the request.
+            DriverRefused: the driver has refused the request.
         """
         if self.refused:
-            raise error_for(
-                hresult.E_FAIL,
+            code = f" ({self.data})" if self.data else ""
+            raise DriverRefused(
                 pick(
-                    f"the driver refused the request (NAK {self.data}). Try: is there such an address, may it be written?",
-                    f"ABH3 が要求を拒否しました (NAK {self.data})。対処: アドレスと、書き込みの可否を確認してください",
-                ),
+                    f"the driver refuses it{code}. Try: is there such an address, may it be written, is the value in its range?",
+                    f"ABH3 が拒否しました{code}。対処: アドレスの有無、書き込みの可否、値の範囲を確認してください",
+                )
             )
         return self.data
 
@@ -173,7 +172,7 @@ class Reply(NamedTuple):
         """The value that was read, a word of 32 bits.
 
         Raises:
-            CallError: E_FAIL: the driver has refused the request.
+            DriverRefused: the driver has refused the request.
             ProtocolError: the data is no value.
         """
         digits = self.confirmed()[-8:]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
@@ -39,8 +40,8 @@ Url: TypeAlias = Annotated[
         help=pick(
             "The bus as a URL, instead of --interface and --channel: can://socketcan/can0, can://slcan//dev/ttyACM0?bitrate=500000, "
             "can://udp_multicast/239.74.163.2.",
-            "バスの URL (--interface と --channel の代わり): can://socketcan/can0、can://slcan//dev/ttyACM0?bitrate=500000、"
-            "can://udp_multicast/239.74.163.2。",
+            "バスの URL (--interface と --channel の代わり): can://socketcan/can0, can://slcan//dev/ttyACM0?bitrate=500000, "
+            "can://udp_multicast/239.74.163.2",
         )
     ),
 ]
@@ -127,10 +128,33 @@ class BusOptions:
 
 
 def _can_address(url: str) -> CanAddress:
+    meant = _meant(url)
+    if meant:
+        raise unusable(
+            f"{url} is no URL of a CAN bus. Try: {meant}", f"{url} は CAN バスの URL ではありません。対処: {meant}"
+        )
     address = parse_address(url)
     if not isinstance(address, CanAddress):
         raise unusable(f"{url} is no CAN bus. Example: {_EXAMPLE}", f"{url} は CAN バスではありません。例: {_EXAMPLE}")
     return address
+
+
+def _meant(text: str) -> str:
+    """Return the URL of what seems to be a channel alone, ``""`` where it is something else."""
+    if "://" in text:
+        return ""
+    for pattern, before, behind in _CHANNELS:
+        if pattern.fullmatch(text):
+            return f"can://{before}/{text}{behind}"
+    return ""
+
+
+_CHANNELS: Final = (
+    (re.compile(r"[a-z]*can\d+", re.ASCII), "socketcan", ""),
+    (re.compile(r"/dev/.+|COM\d+", re.ASCII | re.IGNORECASE), "slcan", "?bitrate=500000"),
+    (re.compile(r"PCAN_.+", re.ASCII), "pcan", "?bitrate=500000"),
+    (re.compile(r"2(2[4-9]|3\d)(\.\d{1,3}){3}", re.ASCII), INTERFACE, ""),
+)
 
 
 @Parameter(name="*", group=FRAMES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Annotated, Any, Final, Self
@@ -237,12 +236,12 @@ def drive(
     from orinkit.abh3.driver import connect
 
     with (
+        Shown(as_json=json) as shown,  # the last to end: signals end its waiting then, the motors are at rest
         Signals() as signals,
         connect(
             str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,
             load_unit=options.load_unit,
         ) as driver,
-        Shown(as_json=json) as shown,
     ):  # fmt: skip
         return _drive(driver, plan, signals, shown)
 
@@ -311,7 +310,7 @@ def _drive(driver: Driver[Any, Any], plan: Plan, signals: Signals, shown: Shown)
         signals.resting = True
         notes = _rest(driver, keep_servo=plan.keep_servo)
         for note in notes:
-            print(f"orinkit: {' '.join(note.split())}", file=sys.stderr)
+            shown.note(note)
     if notes:
         return 1
     shown.show(_read(driver, driver.command, monotonic() - began))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import IO, TYPE_CHECKING, Any, Final, Self, cast
 
+from orinkit.cli._abh3_outlet import Outlet
 from orinkit.language import pick
 
 if TYPE_CHECKING:
@@ -85,7 +86,9 @@ class Feedback:
 
 
 class Shown:
-    """Shows what a driver says on stdout, and new warnings on stderr, while the ``with`` statement lasts.
+    """Shows what a driver says on stdout, and notes on stderr, while the ``with`` statement lasts.
+
+    Nothing of it waits for a reader but the end of the ``with`` statement, and that for a second without progress at most.
 
     Args:
         as_json: as lines of JSON.
@@ -95,33 +98,58 @@ class Shown:
         self._json = as_json
         self._live: Any = None
         self._warnings = 0
-        if not as_json and sys.stdout.isatty():
+        self._out = Outlet(sys.stdout)
+        self._notes = Outlet(sys.stderr)
+        if not as_json and self._out.isatty():
+            from rich.console import Console
             from rich.live import Live
 
-            self._live = Live("", auto_refresh=False)
+            console = Console(file=cast("IO[str]", self._out))
+            self._live = Live("", console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
 
     def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._live is not None:
             self._live.stop()
+        try:
+            self._out.close()
+            if self._out.dropped and self._out.error is None:
+                number = self._out.dropped
+                self.note(pick(f"nobody has read {number} lines of stdout: they are lost",
+                               f"標準出力が読み取られず、{number} 行が失われました"))  # fmt: skip
+        finally:
+            self._notes.close()
+        if kind is None:
+            self._out.check()
 
     def show(self, feedback: Feedback) -> None:
-        """Show it."""
+        """Show it.
+
+        Raises:
+            OSError: nothing more can be written.
+        """
+        self._out.check()
         if self._live is not None:
             from rich.text import Text
 
+            self._live.start()
             self._live.update(Text(feedback.line), refresh=True)
         else:
-            print(feedback.json if self._json else feedback.line, flush=True)
+            self._out.write(f"{feedback.json if self._json else feedback.line}\n")
         warnings = feedback.faults.warnings
         if warnings.value & ~self._warnings:
             told = words(warnings)
-            print(
-                pick(f"orinkit: warning: the driver warns: {told}", f"orinkit: 警告: ドライバの警告: {told}"),
-                file=sys.stderr,
-            )
+            self.note(pick(f"warning: the driver warns: {told}", f"警告: ドライバの警告: {told}"))
         self._warnings = warnings.value
+
+    def note(self, text: str) -> None:
+        """Say something on stderr; above the live line where there is one."""
+        line = f"orinkit: {' '.join(text.split())}"
+        if self._live is not None and self._live.is_started:
+            from rich.text import Text
+
+            self._live.console.print(Text(line))
+        else:
+            self._notes.write(f"{line}\n")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Final, TypeAlias
 
@@ -16,11 +18,16 @@ from orinkit.cli._errors import unusable
 from orinkit.cli._files import read_token
 from orinkit.cli._transcript import Packet, Transcript
 from orinkit.client._common import RC8, dialect_of
-from orinkit.language import pick
+from orinkit.errors import CallError, OrinError
+from orinkit.hresult import signed
+from orinkit.language import pick, printable
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
 
 LOCALHOST: Final = "localhost"
+_OF_DENSO: Final = ("caoprov.denso.", "ve026a")
+_ASKING: Final = 1.0  # s
+_MOST_WORDS: Final = 1000  # characters
 CONNECTION = Group(pick("Connection", "接続"), sort_key=8)
 OBJECT = Group(pick("Object", "オブジェクト"), sort_key=7)
 
@@ -109,6 +116,17 @@ class Connection:
             )
         ),
     ] = LOCALHOST
+    option: Annotated[
+        str | None,
+        Parameter(
+            help=pick(
+                "Option of Controller_Connect, as the provider wants it: "
+                '"Interface=socketcan, Channel=can0, Address=1" with CaoProv.Waco.ABH3.',
+                "Controller_Connect のオプション。書式はプロバイダごとに異なる。CaoProv.Waco.ABH3 の例: "
+                '"Interface=socketcan, Channel=can0, Address=1"',
+            ),
+        ),
+    ] = None
 
     @property
     def known_dialect(self) -> Dialect:
@@ -121,6 +139,7 @@ class Connection:
             url,
             provider=self.provider,
             machine=self.machine,
+            option=self.option or "",
             timeout=self.timeout,
             tries=self.tries,
             trace=self._transcript(),
@@ -128,6 +147,23 @@ class Connection:
             token=self._token(),
             cafile=self.cafile or "",
         )
+
+    @contextmanager
+    def opened(self, url: str) -> Iterator[orinkit.Controller]:
+        """Connect to the controller for a ``with`` statement; an error of it is told in its own words, where it has any."""
+        with self.open(url) as controller:
+            try:
+                yield controller
+            except CallError as error:
+                if not error.detail and not self._denso:
+                    error.detail = _words(controller, error)
+                raise
+
+    @property
+    def _denso(self) -> bool:
+        """Whether the provider is one of DENSO's, whose codes are known here."""
+        provider = self.provider.strip().casefold()
+        return not provider or any(name in provider for name in _OF_DENSO)
 
     def open_client(self, url: str) -> orinkit.Client:
         """Open the connection only."""
@@ -145,6 +181,19 @@ class Connection:
 
     def _transcript(self) -> Transcript | None:
         return Transcript(_to_stderr) if self.trace else None
+
+
+def _words(controller: orinkit.Controller, error: CallError) -> str:
+    """Return what a controller says of an error when it is asked for it; ``""`` where it says no more than the code does."""
+    client = controller.client
+    client.timeout, client.tries = min(client.timeout, _ASKING), 1  # for what is left, too: the error is to be told now
+    try:
+        words = controller.execute("GetErrorDescription", signed(error.code))
+    except (OrinError, KeyboardInterrupt):  # the error is more than its words
+        return ""
+    if not isinstance(words, str) or words.strip() in ("", error.info.en, error.info.ja):
+        return ""
+    return printable(" ".join(words.split()))[:_MOST_WORDS]
 
 
 def _to_stderr(packet: Packet) -> None:

@@ -52,12 +52,16 @@ def monitor(
 
     opened = Bus.open(address)
     try:
-        _show(opened, decoder, (count, seconds), as_json=json, as_table=sys.stdout.isatty() and not (plain or json))
+        _show(opened, decoder, (count, seconds), as_json=json, as_table=not (plain or json) and _on_terminal())
     except KeyboardInterrupt:
         pass
     finally:
         opened.close()
     return 0
+
+
+def _on_terminal() -> bool:
+    return sys.stdout is not None and sys.stdout.isatty()  # None: a shell was told to close it
 
 
 def _show(bus: Bus, decoder: Decoder, most: tuple[int | None, float | None], *, as_json: bool, as_table: bool) -> None:
@@ -97,8 +101,10 @@ def decode(
         str,
         Parameter(
             allow_leading_hyphen=True,
-            help=pick("A log: what candump prints (.log, .txt), or .asc, .blf, .csv, .trc; - reads what candump prints from stdin.",
-                      "ログファイル: candump の出力 (.log、.txt)、または .asc、.blf、.csv、.trc。- で標準入力から candump の出力を読みます。"),
+            help=pick("A log: what candump or python -m can.logger print (.log, .txt), or .asc, .blf, .csv, .trc; - reads what they "
+                      "print from stdin.",
+                      "ログファイル: candump や python -m can.logger の出力 (.log、.txt)、または .asc、.blf、.csv、.trc。"
+                      "- でそれらの出力を標準入力から読みます。"),
         ),
     ],
     /,

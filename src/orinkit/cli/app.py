@@ -6,6 +6,7 @@ import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final
 
 from cyclopts import App, CycloptsError, Group, Parameter
@@ -71,6 +72,7 @@ def build() -> App:
     serve.command(
         "orinkit.cli.serve_abh3:serve_abh3",
         name="abh3",
+        usage="orinkit serve abh3 [URL] [OPTIONS]",
         help=pick("Serve virtual ABH3 motor drivers on a CAN bus.", "仮想 ABH3 モータドライバを CAN バスで提供する。"),
     )
     serve.command(
@@ -115,15 +117,15 @@ def build() -> App:
 
 def _abh3() -> App:
     app = App(name="abh3", sort_key=14, help=pick(
-        "Listen to ABH3 motor drivers on a CAN bus, read logs of it.",
-        "CAN バス上の ABH3 モータドライバの通信を見る、ログを解読する。"))  # fmt: skip
-    app.command("orinkit.cli.abh3:monitor", name="monitor", sort_key=1, help=pick(
+        "ABH3 motor drivers on a CAN bus: listen, decode logs, turn motors, make a DBC file.",
+        "CAN バス上の ABH3 モータドライバ: 通信の表示、ログの解読、モータの駆動、DBC ファイルの出力。"))  # fmt: skip
+    app.command("orinkit.cli.abh3:monitor", name="monitor", sort_key=1, usage="orinkit abh3 monitor [URL] [OPTIONS]", help=pick(
         "Show the frames on a bus and what they say.", "バス上のフレームとその意味を表示する。"))  # fmt: skip
     app.command("orinkit.cli.abh3:decode", name="decode", sort_key=2, help=pick(
         "Tell what the frames of a log say.", "ログのフレームを解読する。"))  # fmt: skip
     app.command("orinkit.cli.abh3:dbc", name="dbc", sort_key=3, help=pick(
         "Print a DBC file of all frames: orinkit abh3 dbc > abh3.dbc", "全フレームの DBC ファイルを出力する: orinkit abh3 dbc > abh3.dbc"))  # fmt: skip
-    app.command("orinkit.cli._abh3_drive:drive", name="drive", sort_key=4, help=pick(
+    app.command("orinkit.cli._abh3_drive:drive", name="drive", sort_key=4, usage="orinkit abh3 drive [URL] --seconds S [--ay N] [--bx N] [OPTIONS]", help=pick(
         "Turn the motors of a driver for some seconds.", "ドライバのモータを指定した秒数だけ動かす。"))  # fmt: skip
     return app
 
@@ -164,11 +166,14 @@ def _guarded(run: Callable[[], int | None]) -> int:
     except KeyboardInterrupt:
         return _say(pick("interrupted", "中断しました"), INTERRUPTED)
     except BrokenPipeError:  # the reader has seen enough, as in "orinkit functions | head"
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _leave_stdout()
         return FAILED
     except Exception as error:
         if os.environ.get("ORINKIT_TRACEBACK"):
             raise
+        if isinstance(error, OSError):
+            _leave_stdout()  # what is left in its buffer would be tried again at the end, and complained about
+            return _say(_refused(error), FAILED)
         kind, hint = type(error).__name__, "ORINKIT_TRACEBACK=1"
         text = pick(
             f"unexpected {kind}: {error} ({hint} shows where)", f"予期しない {kind}: {error} ({hint} で詳細表示)"
@@ -178,8 +183,29 @@ def _guarded(run: Callable[[], int | None]) -> int:
 
 
 def _say(text: str, code: int) -> int:
-    print(f"orinkit: {' '.join(text.split())}", file=sys.stderr)
+    if sys.stderr is not None:  # print would take stdout for it
+        with suppress(OSError):
+            print(f"orinkit: {' '.join(text.split())}", file=sys.stderr)
     return code
+
+
+def _refused(error: OSError) -> str:
+    """Return what the system says, and of which file: a full disk, no permission."""
+    reason = error.strerror or str(error) or type(error).__name__
+    of = f"{error.filename}: " if error.filename is not None else ""
+    return pick(f"reading or writing failed: {of}{reason}", f"読み書きに失敗しました: {of}{reason}")
+
+
+def _leave_stdout() -> None:
+    """Write no more to stdout if it takes nothing more."""
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):  # ValueError: somebody has closed it
+        with suppress(OSError, ValueError):  # it may be no file at all
+            number = sys.stdout.fileno()
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 
 
 def _show_what_cannot_be_encoded() -> None:

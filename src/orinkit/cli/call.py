@@ -80,7 +80,7 @@ def call(
         arguments, reply = _call_service(entry, args, url, connection)
     else:
         sent = read_arguments(entry, entry.arguments[1:], args)
-        with connection.open(url) as controller:
+        with connection.opened(url) as controller:
             # the object is kept: one that is dropped is released
             target = controller if other.handle is not None else _target(entry, controller, owning, other)
             arguments = (target.handle if other.handle is None else other.handle, *sent)
@@ -136,7 +136,7 @@ def _call_service(
     entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: Connection
 ) -> tuple[tuple[Any, ...], Any]:
     if entry is functions.controller_connect and not texts:
-        texts = ("", connection.provider, connection.machine, "")
+        texts = ("", connection.provider, connection.machine, connection.option or "")
     arguments = read_arguments(entry, entry.arguments, texts)
     with connection.open_client(url) as client:
         if entry is not functions.service_start:

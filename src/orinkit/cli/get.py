@@ -22,7 +22,7 @@ def get(
     from orinkit import functions
     from orinkit.cli._output import print_json, text, typed
 
-    with connection.open(url) as controller:
+    with connection.opened(url) as controller:
         variable = owning.of(controller).variable(name)
         value = controller.client.request(functions.variable_get_value, variable.handle, exact=True).value
     if json:

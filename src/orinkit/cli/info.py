@@ -20,7 +20,7 @@ def info(url: Url, /, *, connection: Connection = _CONNECTION, json: Json = Fals
     """Print type, version, mode, errors, counts and names; what a controller does not tell is left out."""
     from orinkit.cli._output import plain, print_json
 
-    with connection.open(url) as controller:
+    with connection.opened(url) as controller:
         facts = {key: _ask(question, controller) for key, question in _QUESTIONS.items()}
         facts["variables"] = {name: _ask(_reader(f"@VAR_{name}_LEN"), controller) for name in _CLASSES}
         facts["names"] = {key: _ask(question, controller) for key, question in _NAMES.items()}
@@ -103,7 +103,7 @@ def lines(url: str, facts: dict[str, Any]) -> list[str]:
 
 
 def _fact(key: str, value: Any) -> str:
-    if key == "mode" and value in _MODES:
+    if key == "mode" and isinstance(value, int) and value in _MODES:
         return f"{value} {pick(*_MODES[value])}"
     if key == "emergency_stop":
         return pick("pressed", "ON") if value else pick("released", "OFF")

@@ -38,6 +38,7 @@ def put(
     url: Url, name: Name, /, *value: Text, owning: Owning = _OWNING, connection: Connection = _CONNECTION, json: Json = False
 ) -> None:  # fmt: skip
     """Write a variable; the controller converts the value to the variable's type where it can."""
+    from orinkit import functions
     from orinkit.cli._output import print_json, text, typed
 
     new = read_values(value)
@@ -47,13 +48,13 @@ def put(
             f"{value[0]} は VARIANT 表記です: {type_name(new.type)}",
         )
         print(f"orinkit: {note} {text(new)}", file=sys.stderr)
-    with connection.open(url) as controller:
-        try:
+    try:
+        with connection.opened(url) as controller:
             owning.of(controller).variable(name).put_value(new)
-        except InvalidArgument as error:
-            if error.code != DISP_E_TYPEMISMATCH:
-                raise
-            raise Failure(f"{error} {_cure()}") from None
+    except InvalidArgument as error:
+        if error.code != DISP_E_TYPEMISMATCH or error.function != functions.variable_put_value.name:
+            raise
+        raise Failure(f"{error} {_cure()}") from None
     if json:
         print_json({"name": name, **typed(new)})
     else:

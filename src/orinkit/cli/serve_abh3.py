@@ -8,13 +8,15 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from cyclopts import Group, Parameter
 
 from orinkit.cli._abh3_bus import BusOptions, Url, joined, whole_numbers
 from orinkit.cli._errors import Failure, unusable, whole_number
-from orinkit.cli._serving import Listening, begin_log, check, run
+from orinkit.cli._serving import LISTENING, Listening, begin_log, check, run
+from orinkit.cli._web import Web
 from orinkit.language import pick
 from orinkit.transport.address import CanAddress
 
@@ -22,11 +24,35 @@ if TYPE_CHECKING:
     from orinkit.virtual.abh3 import VirtualABH3
 
 _DRIVER: Final = Group(pick("Driver", "ドライバ"), sort_key=7)
-_BUS: Final = BusOptions()
-_LISTENING: Final = Listening()
 _MODE: Final = re.compile(r"([0-7])=(\d{1,4})", re.ASCII)
 _BROADCASTS: Final = 8
 _LOOK: Final = 0.5  # s: Windows tells of Ctrl-C only where something returns now and then
+
+
+_WEB: Final = Web()
+
+
+@Parameter(name="*", group=LISTENING)
+@dataclass(frozen=True)
+class Admitting(Listening):
+    """Where CAO clients are let in, if anywhere."""
+
+    tcp: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=pick(
+                "HOST:PORT to let CAO clients in at, or PORT alone for 127.0.0.1; may be given again. Port 0 takes a free one. "
+                "Without these options nobody is let in.",
+                "CAO クライアントを待ち受ける HOST:PORT。PORT のみなら 127.0.0.1。複数指定可。ポート 0 は空きポート。"
+                "これらのオプションがなければ待ち受けない。",
+            )
+        ),
+    ] = ()
+    web: Web = _WEB  # said again: the annotation is looked up in this module
+
+
+_BUS: Final = BusOptions()
+_ADMITTING: Final = Admitting()
 
 
 def serve_abh3(
@@ -111,7 +137,7 @@ def serve_abh3(
         ),
     ] = 1.0,
     bus: BusOptions = _BUS,
-    listening: Listening = _LISTENING,
+    listening: Admitting = _ADMITTING,
 ) -> int:  # fmt: skip
     """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT and SIGTERM.
 

@@ -8,10 +8,11 @@ for them or not. Everything is to be called in the event loop that the line was 
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from time import monotonic
-from typing import Final, Protocol, Self, TypeVar
+from typing import Final, Protocol, Self, TypeVar, cast
 
 from orinkit.can_frame import CanFrame, CanOperation, checked
 from orinkit.errors import ConnectionLost, OrinError
@@ -70,7 +71,7 @@ class AsyncCanLine:
         Raises:
             InvalidAddress, ConnectFailed, MissingExtra: as :func:`orinkit.transport.can_bus.open_bus`.
         """
-        opening = asyncio.get_running_loop().run_in_executor(None, Bus.open, address)
+        opening = _in_thread(lambda: Bus.open(address))
         try:
             return cls(await asyncio.shield(opening))
         except asyncio.CancelledError:
@@ -257,7 +258,7 @@ class AsyncCanLine:
             raise closed()
 
     async def _open_again(self) -> None:
-        opening = self._loop.run_in_executor(None, self._bus.reopen)
+        opening = _in_thread(self._bus.reopen)
         try:
             await asyncio.shield(opening)
         except asyncio.CancelledError:
@@ -404,6 +405,39 @@ async def arun_can(operation: CanOperation[T], port: AsyncPort) -> T:
 def _finish(waiter: asyncio.Future[None]) -> None:
     if not waiter.done():
         waiter.set_result(None)
+
+
+def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
+    """Return what will be the result of a function that may block for good, as opening a bus may: in a daemon thread.
+
+    A thread of the loop's executor would keep the program from ending.
+    """
+    loop = asyncio.get_running_loop()
+    result: asyncio.Future[T] = loop.create_future()
+
+    def settle(value: T | None, error: BaseException | None) -> None:
+        if result.done():
+            return
+        if error is not None:
+            result.set_exception(error)
+        else:
+            result.set_result(cast(T, value))
+
+    def run() -> None:
+        value: T | None = None
+        raised: BaseException | None = None
+        try:
+            value = function()
+        except Exception as error:  # noqa: BLE001 - it is raised where the result is awaited
+            raised = error
+        try:
+            loop.call_soon_threadsafe(settle, value, raised)
+        except RuntimeError:  # the loop has ended
+            if isinstance(value, Bus):
+                value.close()
+
+    threading.Thread(target=run, name="orinkit can opening", daemon=True).start()
+    return result
 
 
 def _close_unused(opening: asyncio.Future[Bus]) -> None:

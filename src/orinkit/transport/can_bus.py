@@ -195,15 +195,14 @@ class Bus:
             try:
                 message = self._get(left)
                 came = message is not None
+                frame = None if message is None else to_frame(message)
             except Exception as error:
                 if not self._is_noise(error):
                     raise self._gone(error) from error
-                message, came = None, True
-            if message is not None:
-                frame = to_frame(message)
-                if frame is not None:
-                    return frame
-            else:
+                message, frame, came = None, None, True
+            if frame is not None:
+                return frame
+            if message is None:
                 fruitless += 1
             passed += 1
             left = end - monotonic()

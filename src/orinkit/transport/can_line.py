@@ -66,8 +66,8 @@ class CanLine:
         self._closed = False
         self._broken: str | None = None  # why
         self._unusable = False  # closed or broken
-        self._sending = threading.Lock()
-        self._reopening = threading.Lock()
+        self._sending = threading.RLock()
+        self._reopening = threading.RLock()
 
     @classmethod
     def open(cls, address: CanAddress) -> Self:
@@ -127,14 +127,14 @@ class CanLine:
         if len(frames) > 1:
             for frame in frames:
                 checked(frame)
-        if not (self._sending.acquire(blocking=False) or self._sending.acquire(timeout=max(0.0, seconds) + _SLICE)):
-            raise TransportError(
-                pick(
-                    f"{self}: others are sending all the time. Try: a longer timeout",
-                    f"{self}: 他の送信が続いています。対処: timeout を長くしてください",
-                )
-            )
         try:
+            if not self._sending.acquire(timeout=max(0.0, seconds) + _SLICE):
+                raise TransportError(
+                    pick(
+                        f"{self}: others are sending all the time. Try: a longer timeout",
+                        f"{self}: 他の送信が続いています。対処: timeout を長くしてください",
+                    )
+                )
             if self._unusable:
                 self._check()
             for frame in frames:
@@ -143,7 +143,7 @@ class CanLine:
             self._break(error)
             raise
         finally:
-            self._sending.release()
+            _release(self._sending)
 
     # --- receiving ----------------------------------------------------------------------------------------------------
 
@@ -158,7 +158,7 @@ class CanLine:
                         self._check(port)
                     if port.frames:
                         return port.frames.popleft()
-                    if self._reader is None:
+                    if self._reader is None or self._reader == threading.get_ident():  # in a signal handler
                         reads = True
                         self._reader = threading.get_ident()
                         break
@@ -169,9 +169,10 @@ class CanLine:
                     seconds = end - monotonic()
             return self._read(port, seconds, end)
         finally:
-            if reads:
-                self._leave()
-            elif self._waiting:
+            if reads:  # before any call: Ctrl-C may come in each of them
+                self._reader = None
+                self._quiet = False
+            if self._waiting:
                 self._pass_on()
 
     def _wait(self, port: CanPort, seconds: float) -> None:
@@ -182,13 +183,6 @@ class CanLine:
                 port.woken.wait(seconds)
         finally:
             self._waiting.remove(port)
-
-    def _leave(self) -> None:
-        """Read the bus no longer; another thread that waits does."""
-        self._quiet = False
-        self._reader = None
-        if self._waiting:
-            self._pass_on()
 
     def _pass_on(self) -> None:
         """Wake a thread that waits if nobody reads the bus."""
@@ -249,7 +243,7 @@ class CanLine:
             while True:
                 with self._lock:
                     self._check(port)
-                    if self._reader is None:
+                    if self._reader is None or self._reader == threading.get_ident():
                         reads = True
                         self._reader = threading.get_ident()
                 if reads:
@@ -261,7 +255,10 @@ class CanLine:
                 sleep(_GLANCE)
         finally:
             if reads:
-                self._leave()
+                self._reader = None
+                self._quiet = False
+            if reads and self._waiting:
+                self._pass_on()
         if port.frames:
             with self._lock:
                 port.frames.clear()
@@ -308,10 +305,11 @@ class CanLine:
                 broken.
             ConnectionClosed: the line was closed.
         """
-        first = self._reopening.acquire(blocking=False)
-        if not first:
-            self._reopening.acquire()
+        first = False
         try:
+            first = self._reopening.acquire(blocking=False)
+            if not first:
+                self._reopening.acquire()
             self._check_open()
             if self._broken is None and not (force and first):
                 return
@@ -332,7 +330,7 @@ class CanLine:
                 self._bus.close()
             self._check_open()
         finally:
-            self._reopening.release()
+            _release(self._reopening)
 
     def _check_open(self) -> None:
         if self._closed:
@@ -443,3 +441,11 @@ def run_can(operation: CanOperation[T], port: Port) -> T:
         return result
     finally:
         operation.close()
+
+
+def _release(lock: threading.RLock) -> None:
+    """Release a lock if this thread has it: whether it was acquired cannot be told where Ctrl-C may come in between."""
+    try:
+        lock.release()
+    except RuntimeError:  # it has not
+        pass

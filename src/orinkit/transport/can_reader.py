@@ -11,6 +11,7 @@ from typing import Final
 from orinkit.can_frame import CanFrame
 from orinkit.errors import OrinError
 from orinkit.transport.can_bus import Bus
+from orinkit.transport.link_errors import lost
 
 _SLICE: Final = 0.25  # s after which it finds that it is to end
 _BACKLOG: Final = 10_000  # frames that are kept for a loop that is not running
@@ -57,6 +58,9 @@ class Reader(threading.Thread):
                         self._post(self._came)
         except OrinError as error:
             self.error = error
+            self._post(self._came)
+        except Exception as error:  # noqa: BLE001 - of an adapter's driver; who waits is to know
+            self.error = lost(f"{self._bus}: {error!r}")
             self._post(self._came)
         self._post(self._ended.set)
 

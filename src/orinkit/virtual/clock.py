@@ -16,7 +16,7 @@ from typing import Final
 from orinkit.language import pick
 
 _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
-
+_SCALES: Final = (1e-6, 1e6)  # beyond, a device's times are no numbers that a clock can count
 
 _PATIENCE: Final = 0.25
 _LEAST_PATIENCE: Final = 0.05  # more than any device's own cycle, so that a slow clock's device goes on at all
@@ -41,7 +41,8 @@ class Clock:
     """Real time, or a multiple of it.
 
     Args:
-        scale: seconds of the device per real second; 1 is real time, 10 makes a motion ten times as fast.
+        scale: seconds of the device per real second, 0.000001 to 1000000; 1 is real time, 10 makes a motion ten times as
+            fast.
 
     Attributes:
         scale: as given.
@@ -49,12 +50,18 @@ class Clock:
             goes on late.
 
     Raises:
-        ValueError: the scale is not positive.
+        ValueError: the scale is out of its range.
     """
 
     def __init__(self, scale: float = 1.0) -> None:
-        if not 0 < scale < float("inf"):
-            raise ValueError(pick(f"the time scale must be positive, not {scale}", f"時間倍率は正の数です: {scale}"))
+        low, high = _SCALES
+        if not low <= scale <= high:
+            raise ValueError(
+                pick(
+                    f"the time scale must be positive, from {low:f} to {high:.0f}, not {scale:g}",
+                    f"時間倍率は {low:f}～{high:.0f} の正の数です: {scale:g}",
+                )
+            )
         self.scale = scale
         self.patience = min(max(_PATIENCE * scale, _LEAST_PATIENCE), _MOST_PATIENCE)
         self._began = time.monotonic()
