@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from orinkit.abh3 import ids
 from orinkit.abh3.dbc import dbc
 from orinkit.abh3.frames import Codec
 from orinkit.abh3.records import Flags
-from orinkit.abh3.signals import DIALECTS, Layout
+from orinkit.abh3.signals import DIALECTS, V1, Field, Layout
 from orinkit.errors import InvalidValue
 
 cantools = pytest.importorskip("cantools")
@@ -189,3 +190,11 @@ def test_what_it_cannot_be_made_of(options, lang):
     language.use(lang)
     with pytest.raises(InvalidValue):
         dbc(**options)
+
+
+def test_a_field_that_means_nothing_is_no_signal():
+    """A dialect of somebody's own may have bytes that are spare."""
+    spare = replace(V1.layouts["BR4"], fields=(Field("spare", ("spare", "予備"), "I"), V1.layouts["BR4"].fields[1]))
+    database = cantools.database.load_string(dbc(replace(V1, layouts={**V1.layouts, "BR4": spare})), "dbc", strict=True)
+    (signal,) = database.get_message_by_name("BR4").signals
+    assert (signal.name, signal.start) == (spare.fields[1].name, 32)

@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from decimal import Decimal
 from typing import Any
 
 import can
@@ -129,9 +130,8 @@ def test_it_is_ended(both: Both, device: VirtualABH3, driver: Any) -> None:
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-@pytest.mark.parametrize(
-    "wrong",
-    [
+def test_numbers_that_cannot_be(both: Both, driver: Any) -> None:
+    wrong: list[dict[str, Any]] = [
         {"period": 0},
         {"patience": -1.0},
         {"idle": float("nan")},
@@ -140,13 +140,15 @@ def test_it_is_ended(both: Both, device: VirtualABH3, driver: Any) -> None:
         {"idle": 3601},
         {"period": 0.5},  # a driver would stop before the second beat
         {"patience": 0.1},
-    ],
-    ids=repr,
-)
-def test_numbers_that_cannot_be(both: Both, driver: Any, wrong: dict[str, float]) -> None:
-    with pytest.raises(InvalidValue, match=next(iter(wrong))):
-        both.run(driver.keep_alive(**wrong))
-    assert not driver.kept_alive
+    ]
+    for each in wrong:
+        with pytest.raises(InvalidValue, match=next(iter(each))):
+            both.run(driver.keep_alive(**each))
+        assert not driver.kept_alive
+    both.run(driver.keep_alive(Decimal("0.1"), **HOLDING))
+    with pytest.raises(InvalidValue):
+        both.run(driver.keep_alive(-1))
+    assert driver.kept_alive  # the one before goes on
 
 
 @only_on("udp_multicast", "slcan", because="the bus has no part in it")
@@ -209,13 +211,13 @@ def test_a_beat_whose_answer_is_read_late(both: Both, hosts: Hosts, bare: Place,
     peer.script = slowly
     driver = hosts.connect(bare.near, **PATIENT)
     both.run(driver.set_inputs(GO))
-    both.run(driver.keep_alive(0.3, patience=1.0))
+    both.run(driver.keep_alive(0.2, patience=0.6))
     both.run(driver.command(100.0))
     real = driver._port.receive
 
     def late(seconds: float) -> Any:
         if beats.acquire(blocking=False):
-            time.sleep(1.2)  # all of the program, as when it is stopped
+            time.sleep(0.7)  # all of the program, as when it is stopped
         return real(seconds)
 
     driver._port.receive = late
@@ -271,14 +273,14 @@ def test_calls_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> No
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-@pytest.mark.parametrize("name", ["read_monitor", "read_parameter"])
-def test_messages_count_as_life(both: Both, device: VirtualABH3, driver: Any, name: str) -> None:
+def test_messages_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> None:
     """They command nothing, but somebody is there who wants to know."""
     both.run(driver.keep_alive(0.05, idle=1.0, **HOLDING))
     both.run(driver.command(100.0))
-    for _ in range(7):
-        rest(both, 0.2)
-        both.run(getattr(driver, name)(0x4102 if name == "read_parameter" else 0x1004))
+    for call, address in [(driver.read_monitor, 0x1004), (driver.read_parameter, 0x4102)]:
+        for _ in range(6):
+            rest(both, 0.2)
+            both.run(call(address))
     assert driver.kept_alive
     assert driver.commands == (100.0, 0.0)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -106,8 +108,9 @@ def lines(both: Both) -> Iterator[Lines]:
     opened = Lines(both)
     yield opened
     opened.close()
-    if both.loop is not None:
-        both.run(both.loop.shutdown_default_executor())
+    end = monotonic() + 20
+    while threading.active_count() > before and monotonic() < end:  # one that has opened a bus may be about to end
+        sleep(0.01)
     assert threading.active_count() <= before
 
 
@@ -455,9 +458,9 @@ def test_a_line_that_never_ends_is_bounded(lines: Lines) -> None:
 
 
 class BadBus(can.BusABC):
-    """A bus that does in turn what it is told: gives a message, raises something, or has nothing."""
+    """A bus that does in turn what it is told: gives something, raises something, calls something, or has nothing."""
 
-    def __init__(self, *script: can.Message | BaseException | type[BaseException]) -> None:
+    def __init__(self, *script: Any) -> None:
         self.script = list(script)
         self.for_ever: BaseException | None = None
         self.sending: BaseException | None = None
@@ -471,9 +474,9 @@ class BadBus(can.BusABC):
         self.calls += 1
         if self.script:
             turn = self.script.pop(0)
-            if isinstance(turn, can.Message):
-                return turn, True
-            raise turn
+            if isinstance(turn, BaseException):
+                raise turn
+            return turn() if callable(turn) else turn, True
         if self.for_ever is not None:
             raise self.for_ever
         assert timeout is not None  # nothing may wait without end
@@ -518,6 +521,70 @@ def test_noise_is_passed_over(lines: Lines, error: Exception) -> None:
     bus = BadBus(*[error] * 300, to_message(frame()))
     port = lines.do(lines.line(bus).port, everything)
     assert lines.do(port.receive, 10.0) is not None
+
+
+def odd(**wrong: Any) -> can.Message:
+    """A message as a driver of an adapter with a fault may give it."""
+    message = to_message(frame())
+    for name, value in wrong.items():
+        setattr(message, name, value)
+    return message
+
+
+class Raising:
+    """A thing of which nothing can be asked."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise ZeroDivisionError(name)
+
+
+GARBAGE = {
+    "text": "garbage",
+    "a tuple": (None, False),
+    "a number": 7,
+    "what raises": Raising(),
+    "no identifier": odd(arbitration_id=None),
+    "no data": odd(data=None),
+    "data that is a number": odd(data=5),
+    "data of 1 GB": odd(data=10**9),
+    "data of text": odd(data="text"),
+    "no length": odd(dlc=None),
+    "no time": odd(timestamp=None),
+    "no flag": odd(is_extended_id=None, is_fd=None),
+    **{
+        type(error).__name__: error
+        for error in (
+            MemoryError(),
+            AttributeError("x"),
+            AssertionError(),
+            OverflowError("x"),
+            StopIteration(),
+            KeyError(1),
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("name", GARBAGE)
+def test_what_an_adapter_must_not_return(lines: Lines, name: str) -> None:
+    """It is passed over, or the bus counts as lost: no other exception comes out, nobody waits for ever."""
+    bus = BadBus()
+    line = lines.line(bus)
+    port = lines.do(line.port, everything)
+    begin = monotonic()
+    bus.script = [GARBAGE[name], to_message(frame(data=b"good"))]
+    try:
+        got = lines.do(port.receive, 10.0)
+        while got is not None and got.data != b"good":
+            got = lines.do(port.receive, 10.0)
+        assert got is not None
+        assert not line.broken
+    except ConnectionLost as error:
+        assert "a bad bus" in str(error)  # noqa: PT017 - it need not come
+        assert line.broken
+        with pytest.raises(ConnectionLost):
+            lines.do(port.clear)
+    assert monotonic() - begin < 8
 
 
 @pytest.mark.parametrize("error", NOISE, ids=repr)
@@ -784,7 +851,180 @@ def test_opening_again_ends_every_wait(lines: Lines) -> None:
     assert all("opened again" in outcome for outcome in outcomes[:2])
 
 
+# --- buses that take long to open -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[BadBus, threading.Event, threading.Event]]:
+    """A bus, whether it is being opened, and what lets that go on."""
+    bus, begun, go_on = BadBus(), threading.Event(), threading.Event()
+
+    def opening(_address: CanAddress) -> can.BusABC:
+        begun.set()
+        assert go_on.wait(60)
+        return bus
+
+    monkeypatch.setattr("orinkit.transport.can_bus.open_bus", opening)
+    yield bus, begun, go_on
+    go_on.set()
+    end = monotonic() + 20
+    while any("opening" in thread.name for thread in threading.enumerate()) and monotonic() < end:
+        sleep(0.01)
+    bus.shutdown()
+
+
+def test_a_bus_that_opens_after_its_loop_is_closed(slow: tuple[BadBus, threading.Event, threading.Event]) -> None:
+    """Opening hangs; the loop does not wait for that when it ends, and what opens then is not left open."""
+    bus, begun, go_on = slow
+
+    async def body() -> None:
+        opening = asyncio.create_task(AsyncCanLine.open(CanAddress("virtual")))
+        while not begun.is_set():  # noqa: ASYNC110 - a thread tells
+            await asyncio.sleep(0.001)
+        assert [thread.daemon for thread in threading.enumerate() if "opening" in thread.name] == [True]
+        assert not opening.done()
+
+    begin = monotonic()
+    asyncio.run(body())
+    assert monotonic() - begin < 20
+    go_on.set()
+    end = monotonic() + 20
+    while not bus.shut and monotonic() < end:
+        sleep(0.01)
+    assert bus.shut
+
+
+def test_a_loop_goes_on_while_a_bus_opens(slow: tuple[BadBus, threading.Event, threading.Event]) -> None:
+    bus, begun, go_on = slow
+
+    async def body() -> None:
+        opening = asyncio.create_task(AsyncCanLine.open(CanAddress("virtual")))
+        while not begun.is_set():  # noqa: ASYNC110 - a thread tells
+            await asyncio.sleep(0.001)
+        go_on.set()
+        line = await opening
+        assert not bus.shut
+        await line.close()
+
+    asyncio.run(body())
+    assert bus.shut
+
+
+PROGRAM = """
+import asyncio, sys, time
+from orinkit.transport import can_bus
+from orinkit.transport.address import CanAddress
+from orinkit.transport.aio_can_line import AsyncCanLine
+
+can_bus.open_bus = lambda _address: time.sleep(1000)
+
+async def main():
+    try:
+        async with asyncio.timeout(0.2):
+            await AsyncCanLine.open(CanAddress("virtual"))
+    except TimeoutError:
+        print("given up", flush=True)
+
+asyncio.run(main())
+"""
+
+
+def test_a_program_ends_though_a_bus_does_not_open() -> None:
+    done = subprocess.run([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, text=True, timeout=60, check=True)
+    assert done.stdout == "given up\n"
+
+
 # --- interruptions ----------------------------------------------------------------------------------------------------
+
+
+def test_a_call_within_a_call_of_the_same_thread() -> None:
+    """As in a signal handler, which comes while the thread reads the bus, sends, or clears."""
+    bus = BadBus()
+    line = CanLine(Bus(bus))
+    port, within = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
+    answers: list[CanFrame | None] = []
+
+    def handler() -> None:
+        bus.script[:0] = [None, to_message(frame(data=b"within"))]  # clearing finds nothing
+        answers.append(run_can(ask(seconds=20.0), within))
+
+    begin = monotonic()
+    bus.script = [handler, to_message(frame(OTHER))]
+    got = port.receive(20.0)
+    assert got is not None
+    assert got.id == OTHER
+    bus.script = [handler]
+    port.clear()
+    sending = bus.send
+
+    def sends(msg: can.Message, timeout: float | None = None) -> None:
+        vars(bus)["send"] = sending
+        handler()
+        sending(msg, timeout)
+
+    vars(bus)["send"] = sends
+    port.send([frame(OTHER)], 1.0)
+    assert [each.data for each in answers if each is not None] == [b"within"] * 3
+    assert [message.arbitration_id for message in bus.sent] == [REQUEST] * 3 + [OTHER]
+    assert monotonic() - begin < 15
+    beside = threading.Thread(target=lambda: answers.append(run_can(ask(seconds=20.0), within)))
+    bus.script = [None, to_message(frame(data=b"beside"))]
+    beside.start()  # no lock is held by now
+    beside.join(20)
+    assert answers[-1] is not None
+    assert answers[-1].data == b"beside"
+    line.close()
+
+
+def test_ctrl_c_at_every_point_of_a_call() -> None:
+    """Where Python looks for signals: where a function begins, and behind each of those in C."""
+    ours = ("can_line.py", "can_bus.py", "threading.py")
+
+    def interrupted(point: int, call: Callable[[], object]) -> bool:
+        passed = 0
+
+        def look(running: Any, event: str, _argument: object) -> None:
+            nonlocal passed
+            if event in ("call", "c_return") and running.f_code.co_filename.endswith(ours):
+                passed += 1
+                if passed == point:
+                    sys.setprofile(None)
+                    raise KeyboardInterrupt
+
+        sys.setprofile(look)
+        try:
+            call()
+        except KeyboardInterrupt:
+            return True
+        finally:
+            sys.setprofile(None)
+        return False
+
+    bus = BadBus()
+    line = CanLine(Bus(bus))
+    port, beside = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
+    calls: list[Callable[[], object]] = [
+        lambda: port.receive(0.01),
+        lambda: port.send([frame(OTHER), frame(OTHER)], 0.2),
+        port.clear,
+        lambda: line.reopen(),
+        lambda: run_can(ask(seconds=0.01), port),
+    ]
+    got: list[CanFrame | None] = []
+    for call in calls:
+        points = 0
+        while interrupted(points + 1, call):
+            points += 1
+            assert points < 500
+            assert (line._reader, line._waiting) == (None, [])
+            bus.script = [None, to_message(frame())]
+            other = threading.Thread(target=lambda: got.append(run_can(ask(seconds=5.0), beside)))
+            other.start()
+            other.join(10)
+            assert not other.is_alive()
+            assert got.pop() is not None
+        assert points
+    line.close()
 
 
 def test_an_interrupted_reader_leaves_the_bus_to_others() -> None:

@@ -431,13 +431,16 @@ class Driver(Generic[F, S]):
             self.part()
         finally:
             self._port.close()
-            if keeper is not None:
-                keeper.join()
-            if self._owner:
-                self.bus.close()
+            try:
+                if self._owner:
+                    self.bus.close()
+            finally:
+                if keeper is not None:
+                    keeper.join()
 
     def part(self) -> None:
-        """Have the driver come to rest if it was asked to move; for its bus."""
+        """End the keep-alive, and have the driver come to rest if it was asked to move; for its bus."""
+        self._take_keeper()
         with self._lock:
             self._part()
 

@@ -58,7 +58,8 @@ class CanLine:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._lock = threading.Lock()  # of what follows; never held while the bus is read
+        # of what follows; never held while the bus is read. A port may be closed by the garbage collector, while it is held
+        self._lock = threading.RLock()
         self._ports: tuple[CanPort, ...] = ()  # replaced as a whole: who reads goes through it without the lock
         self._waiting: list[CanPort] = []  # those with a thread that waits for another one that reads
         self._reader: int | None = None  # the thread that reads the bus
@@ -142,8 +143,11 @@ class CanLine:
         except ConnectionLost as error:
             self._break(error)
             raise
-        finally:
-            _release(self._sending)
+        finally:  # whether it was acquired cannot be told where Ctrl-C comes in between; nor may it come before a call of ours
+            try:
+                self._sending.release()
+            except RuntimeError:  # it was not
+                pass
 
     # --- receiving ----------------------------------------------------------------------------------------------------
 
@@ -329,8 +333,11 @@ class CanLine:
             if self._closed:  # meanwhile
                 self._bus.close()
             self._check_open()
-        finally:
-            _release(self._reopening)
+        finally:  # whether it was acquired cannot be told where Ctrl-C comes in between; nor may it come before a call of ours
+            try:
+                self._reopening.release()
+            except RuntimeError:  # it was not
+                pass
 
     def _check_open(self) -> None:
         if self._closed:
@@ -369,7 +376,7 @@ class CanPort:
         closed: whether it was closed.
     """
 
-    def __init__(self, line: CanLine, accepts: Accepts, size: int, lock: threading.Lock) -> None:
+    def __init__(self, line: CanLine, accepts: Accepts, size: int, lock: threading.RLock) -> None:
         self.line = line
         self.accepts = accepts
         self.frames: deque[CanFrame] = deque(maxlen=size)
@@ -441,11 +448,3 @@ def run_can(operation: CanOperation[T], port: Port) -> T:
         return result
     finally:
         operation.close()
-
-
-def _release(lock: threading.RLock) -> None:
-    """Release a lock if this thread has it: whether it was acquired cannot be told where Ctrl-C may come in between."""
-    try:
-        lock.release()
-    except RuntimeError:  # it has not
-        pass
