@@ -373,7 +373,7 @@ def test_ctrl_c_at_every_point_of_closing(both: Both, hosts: Hosts, bare: Place)
 @only_on("virtual", "serial", because="it takes a time-out")
 def test_closing_a_driver_while_a_call_waits(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     """The call comes to its end first; then the driver is stopped, and closed."""
-    driver = hosts.connect(bare.near, init=False, timeout=0.5)
+    driver = hosts.connect(bare.near, init=False, timeout=0.2)
 
     async def calls() -> object:
         try:
