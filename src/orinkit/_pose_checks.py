@@ -36,6 +36,7 @@ FIG_WITHIN_LIMITS: Final = -3
 
 _SURELY_FINITE: Final = 1e300
 _DECIMALS: Final = 6  # of a number that people see: a millionth of a mm or degree
+_GREAT: Final = 10_000  # bits of a whole number whose decimal digits Python may refuse to write
 _SHOWN: Final = 40  # characters of a value that an error message quotes
 
 
@@ -192,8 +193,8 @@ def named(kind: str) -> str:
 def brief(value: object) -> str:
     """Return a value for a message: short, and whatever the value is."""
     try:
-        text = repr(value)
-    except Exception:  # noqa: BLE001 - an int of 4300 digits, somebody's __repr__
+        text = f"{value:#x}" if isinstance(value, int) and value.bit_length() > _GREAT else repr(value)
+    except Exception:  # noqa: BLE001 - somebody's __repr__
         return f"<{type(value).__name__}>"
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
 

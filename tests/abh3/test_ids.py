@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from orinkit import language
 from orinkit.abh3 import ids
+from orinkit.abh3._checks import whole
 from orinkit.abh3.ids import Id
 from orinkit.errors import InvalidValue
 
@@ -130,8 +131,8 @@ class Counted(IntEnum):
 
 def test_whole_numbers_of_every_kind() -> None:
     for value in (1, Counted.ONE, np.int8(1), np.uint64(1), np.array(1)):
-        found = ids.whole(value)
+        found = whole(value)
         assert (found, type(found)) == (1, int)
         assert type(ids.check_address("host", value)) is int
     for value in (True, np.True_, np.array(True), 1.0, np.float64(1), np.array([1, 2]), "1", None, int):
-        assert ids.whole(value) is None
+        assert whole(value) is None

@@ -13,7 +13,7 @@ from typing import Any, Final, Generic, Literal, Self, TypeVar, overload
 
 from orinkit.abh3 import reading, telabh3
 from orinkit.abh3._async_shared import AsyncSharedBus
-from orinkit.abh3._common import check_seconds
+from orinkit.abh3._checks import check_seconds
 from orinkit.abh3.decoder import Decoded
 from orinkit.abh3.heart import End, Heart
 from orinkit.abh3.host import Host

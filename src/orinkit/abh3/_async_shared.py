@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TypeVar, Unpack
 from weakref import WeakSet, finalize
 
 from orinkit.abh3 import ids
-from orinkit.abh3._common import BusSettings, bus_address, check_seconds, given_bus
+from orinkit.abh3._checks import check_seconds
+from orinkit.abh3._common import BusSettings, bus_address, given_bus
 from orinkit.abh3.decoder import Decoded, Decoder
 from orinkit.abh3.frames import Codec
 from orinkit.abh3.host import Host, broadcasts_of_all

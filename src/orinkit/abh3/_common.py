@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final, TypedDict
 from urllib.parse import quote
 
-from orinkit.abh3._shown import shown
+from orinkit._pose_checks import brief
+from orinkit.abh3._checks import check_seconds
 from orinkit.abh3.host import Host
-from orinkit.abh3.signals import Dialect, dialect_of, real
-from orinkit.errors import InvalidAddress, InvalidValue
+from orinkit.abh3.signals import Dialect, dialect_of
+from orinkit.errors import InvalidAddress
 from orinkit.language import pick
 from orinkit.transport.address import CanAddress, parse_address
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     import can
 
 EXAMPLE: Final = "can://socketcan/can0"
-
-_LONGEST: Final = 3600.0
 
 
 class BusSettings(TypedDict, total=False):
@@ -119,7 +118,7 @@ def given_bus(at: object) -> can.BusABC | None:
 
 
 def _needed(at: object) -> InvalidAddress:
-    text = f"{at!r:.200}" if isinstance(at, str) else shown(at)
+    text = f"{at!r:.200}" if isinstance(at, str) else brief(at)
     given = f": {text}" if at is not None else ""
     return InvalidAddress(
         pick(
@@ -129,23 +128,6 @@ def _needed(at: object) -> InvalidAddress:
             "または python-can のバスのいずれか 1 つを指定してください",
         )
     )
-
-
-def check_seconds(name: str, seconds: float) -> float:
-    """Return a number of seconds.
-
-    Raises:
-        InvalidValue: it is none above 0, or more than an hour.
-    """
-    number = real(seconds)
-    if number is None or not 0 < number <= _LONGEST:
-        raise InvalidValue(
-            pick(
-                f"{name} is a number of seconds above 0 and up to {_LONGEST:g}, not {shown(seconds)}",
-                f"{name} は 0 より大きく {_LONGEST:g} 以下の秒数です: {shown(seconds)}",
-            )
-        )
-    return number
 
 
 def host_of(dialect: str | Dialect, settings: HostSettings) -> Host[Any]:

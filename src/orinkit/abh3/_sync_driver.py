@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Final, Generic, Literal, Self, TypeVar, overload
 
 from orinkit.abh3 import reading, telabh3
-from orinkit.abh3._common import check_seconds
+from orinkit.abh3._checks import check_seconds
 from orinkit.abh3._sync_shared import SharedBus
 from orinkit.abh3.decoder import Decoded
 from orinkit.abh3.heart import End, Heart

@@ -7,8 +7,8 @@ limited nor does it wrap around. A code becomes the number nearest to its decima
 
 from __future__ import annotations
 
+from orinkit._pose_checks import brief
 from orinkit.abh3 import packfloat
-from orinkit.abh3._shown import shown
 from orinkit.abh3.packfloat import Rounding
 from orinkit.abh3.signals import ANALOG, CURRENT, LOAD, LOAD_TENTHS, VELOCITY, VOLTAGE
 from orinkit.errors import InvalidValue
@@ -64,7 +64,7 @@ def cnvCAN2Load(load: int, unit: float = 1.0) -> float:  # noqa: N802 - the docu
     if unit not in (1.0, 0.1):
         raise InvalidValue(
             pick(
-                f"the unit of a load is 1 or 0.1 %, not {shown(unit)}", f"負荷率の単位は 1 か 0.1 % です: {shown(unit)}"
+                f"the unit of a load is 1 or 0.1 %, not {brief(unit)}", f"負荷率の単位は 1 か 0.1 % です: {brief(unit)}"
             )
         )
     return (LOAD if unit == 1.0 else LOAD_TENTHS).decode(_unsigned(load))

@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orinkit.abh3._shown import shown
+from orinkit._pose_checks import brief
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
@@ -152,7 +152,7 @@ def _positive(name: str, value: float) -> float:
     if number > 0:
         return number
     raise InvalidValue(
-        pick(f"{name} must be greater than 0, not {shown(value)}", f"{name} は 0 より大きい値です: {shown(value)}")
+        pick(f"{name} must be greater than 0, not {brief(value)}", f"{name} は 0 より大きい値です: {brief(value)}")
     )
 
 
@@ -164,5 +164,5 @@ def _finite(name: str, value: float) -> float:
     if math.isfinite(number):
         return number
     raise InvalidValue(
-        pick(f"{name} must be a finite number, not {shown(value)}", f"{name} は有限の数値です: {shown(value)}")
+        pick(f"{name} must be a finite number, not {brief(value)}", f"{name} は有限の数値です: {brief(value)}")
     )

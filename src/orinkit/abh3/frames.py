@@ -8,7 +8,7 @@ from collections.abc import Callable
 from operator import truediv
 from typing import Any, Final, NamedTuple, TypeVar
 
-from orinkit.abh3._shown import shown
+from orinkit._pose_checks import brief
 from orinkit.abh3.records import BUF, RECORDS, Flags, Record
 from orinkit.abh3.signals import CURRENT, V1, Dialect, Field, Layout, Quantity, Texts, Word
 from orinkit.errors import InvalidValue, ProtocolError
@@ -171,8 +171,8 @@ def _word(text: Texts, value: object) -> int:
         return number
     raise InvalidValue(
         pick(
-            f"{pick(*text)}: a word of 32 bits is needed, not {shown(number)}",
-            f"{pick(*text)}: 32 ビットの整数が必要です: {shown(number)}",
+            f"{pick(*text)}: a word of 32 bits is needed, not {brief(number)}",
+            f"{pick(*text)}: 32 ビットの整数が必要です: {brief(number)}",
         )
     )
 
@@ -188,8 +188,8 @@ def _single(field: Field, value: float) -> float:
     except (OverflowError, ValueError, struct.error):  # ValueError of a signalling NaN of decimal
         raise InvalidValue(
             pick(
-                f"{pick(*field.text)}: {shown(value)} is no single float",
-                f"{pick(*field.text)}: {shown(value)} は単精度実数にできません",
+                f"{pick(*field.text)}: {brief(value)} is no single float",
+                f"{pick(*field.text)}: {brief(value)} は単精度実数にできません",
             )
         ) from None
     return number if not math.isnan(number) else value

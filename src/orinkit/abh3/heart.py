@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from orinkit.abh3._shown import shown
-from orinkit.abh3.signals import real
+from orinkit.abh3._checks import check_seconds
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
-_LONGEST: Final = 3600.0
 _LATE: Final = 1.5
 """Periods after which a command was too late, where these are longer than the patience."""
 
@@ -49,10 +47,10 @@ class Heart:
     now: float
 
     def __post_init__(self) -> None:
-        self.period = _seconds("period", self.period)
-        self.patience = _seconds("patience", self.patience)
+        self.period = check_seconds("period", self.period)
+        self.patience = check_seconds("patience", self.patience)
         if self.idle is not None:
-            self.idle = _seconds("idle", self.idle)
+            self.idle = check_seconds("idle", self.idle)
         if self.period >= self.patience:
             raise InvalidValue(
                 pick(
@@ -99,20 +97,3 @@ class Heart:
         if self.idle is not None and now - self._called > self.idle:
             return End.IDLE
         return None
-
-
-def _seconds(name: str, seconds: float) -> float:
-    """Return a number of seconds.
-
-    Raises:
-        InvalidValue: it is none above 0, or more than an hour.
-    """
-    number = real(seconds)
-    if number is None or not 0 < number <= _LONGEST:
-        raise InvalidValue(
-            pick(
-                f"{name} is a number of seconds above 0 and up to {_LONGEST:g}, not {shown(seconds)}",
-                f"{name} は 0 より大きく {_LONGEST:g} 以下の秒数です: {shown(seconds)}",
-            )
-        )
-    return number

@@ -11,8 +11,9 @@ import math
 from dataclasses import fields
 from typing import Final, Generic, TypeVar, cast
 
+from orinkit._pose_checks import brief
 from orinkit.abh3 import ids
-from orinkit.abh3._shown import shown
+from orinkit.abh3._checks import checked, whole
 from orinkit.abh3.frames import Codec
 from orinkit.abh3.ids import Id
 from orinkit.abh3.records import BR0, BUF, DP1R, AnyRecord, Feedback, Record
@@ -164,7 +165,7 @@ class Host(Generic[F]):
         mask = self.dialect.inputs.mask(bit)
         if value not in (0, 1):
             raise InvalidValue(
-                pick(f"an input is 0 or 1, not {shown(value)}", f"入力の値は 0 または 1 です: {shown(value)}")
+                pick(f"an input is 0 or 1, not {brief(value)}", f"入力の値は 0 または 1 です: {brief(value)}")
             )
         self._change(self.inputs | mask if value else self.inputs & ~mask)
         return (yield from self.exchange("abh3_can_inBitSet"))
@@ -236,7 +237,7 @@ class Host(Generic[F]):
             InvalidValue: another page.
             DriverTimeout: no answer.
         """
-        dp = ids.checked("dp", dp, 1)
+        dp = checked("dp", dp, 1)
         sent = self._request_frame(self.address, ids.pgn(ids.SINGLE, 0, dp=dp))
         wanted = ids.single(self.host, self.address, dp=dp)
         record = yield from self._ask("abh3_can_reqSNG", sent, f"DP{dp}R", wanted)
@@ -397,12 +398,12 @@ def _word(name: str, value: object) -> int:
     Raises:
         InvalidValue: it is no whole number of 0 to 0xFFFFFFFF.
     """
-    number = ids.whole(value)
+    number = whole(value)
     if number is not None and 0 <= number <= _ALL_BITS:
         return number
     raise InvalidValue(
         pick(
-            f"{name} is a word of 32 bits, 0 to 0xFFFFFFFF, not {shown(value)}. Try: {name} & 0xFFFFFFFF",
-            f"{name} は 0 から 0xFFFFFFFF の整数です: {shown(value)}。対処: {name} & 0xFFFFFFFF",
+            f"{name} is a word of 32 bits, 0 to 0xFFFFFFFF, not {brief(value)}. Try: {name} & 0xFFFFFFFF",
+            f"{name} は 0 から 0xFFFFFFFF の整数です: {brief(value)}。対処: {name} & 0xFFFFFFFF",
         )
     )

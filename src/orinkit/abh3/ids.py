@@ -6,10 +6,9 @@ attention to the priority.
 
 from __future__ import annotations
 
-from operator import index
-from typing import Final, NamedTuple, SupportsIndex
+from typing import Final, NamedTuple
 
-from orinkit.abh3._shown import shown
+from orinkit.abh3._checks import checked
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
@@ -111,35 +110,6 @@ def check_priority(priority: object) -> int:
         InvalidValue: it is no whole number of 0 to 7.
     """
     return checked("priority", priority, 7)
-
-
-def whole(value: object) -> int | None:
-    """Return a whole number of whatever kind as an ``int``; ``None`` of anything else, of bool too."""
-    if type(value) is int:  # nearly always; the next question takes long
-        return value
-    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
-        return None
-    try:
-        return index(value)
-    except TypeError:  # a bool of numpy
-        return None
-
-
-def checked(name: str, number: object, highest: int) -> int:
-    """Return a whole number of 0 to ``highest``.
-
-    Raises:
-        InvalidValue: it is none.
-    """
-    found = whole(number)
-    if found is not None and 0 <= found <= highest:
-        return found
-    raise InvalidValue(
-        pick(
-            f"{name} must be 0 to {highest}, not {shown(number)}",
-            f"{name} は 0 から {highest} の整数です: {shown(number)}",
-        )
-    )
 
 
 def broadcast_number(number: object, group: int) -> int:

@@ -14,7 +14,7 @@ import re
 import struct
 from typing import Final, Literal, NamedTuple
 
-from orinkit.abh3._shown import shown
+from orinkit._pose_checks import brief
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
@@ -67,8 +67,8 @@ def make(mantissa: int, point: int, exponent: int) -> int:
     if not _MINUS <= mantissa <= _PLUS:
         raise InvalidValue(
             pick(
-                f"the mantissa of a PACK_FLOAT is {_MINUS} to {_PLUS}, not {shown(mantissa)}",
-                f"PACK_FLOAT の仮数は {_MINUS}～{_PLUS} です ({shown(mantissa)} は指定できません)",
+                f"the mantissa of a PACK_FLOAT is {_MINUS} to {_PLUS}, not {brief(mantissa)}",
+                f"PACK_FLOAT の仮数は {_MINUS}～{_PLUS} です ({brief(mantissa)} は指定できません)",
             )
         )
     if point not in _POINTS:
@@ -90,8 +90,8 @@ def parts(word: int) -> PackFloat:
     if not 0 <= word <= 0xFFFF_FFFF:
         raise InvalidValue(
             pick(
-                f"a PACK_FLOAT is a word of 32 bits, 0 to 0xFFFFFFFF, not {shown(word)}",
-                f"PACK_FLOAT は 32 ビット (0～0xFFFFFFFF) です ({shown(word)} は指定できません)",
+                f"a PACK_FLOAT is a word of 32 bits, 0 to 0xFFFFFFFF, not {brief(word)}",
+                f"PACK_FLOAT は 32 ビット (0～0xFFFFFFFF) です ({brief(word)} は指定できません)",
             )
         )
     return PackFloat(_signed(word, 21), _signed(word >> 21, 4), _signed(word >> 25, 7))
@@ -111,8 +111,8 @@ def from_text(text: str) -> int:
     if found is None:
         raise InvalidValue(
             pick(
-                f"no number that PACK_FLOAT can hold: {shown(text)}. Try: 12.5 or -1.25e+3, without blanks",
-                f"PACK_FLOAT に変換できない文字列です: {shown(text)}。対処: 12.5、-1.25e+3 のように空白なしで指定してください",
+                f"no number that PACK_FLOAT can hold: {brief(text)}. Try: 12.5 or -1.25e+3, without blanks",
+                f"PACK_FLOAT に変換できない文字列です: {brief(text)}。対処: 12.5、-1.25e+3 のように空白なしで指定してください",
             )
         )
     sign, whole, decimals, exponent_sign, exponent = found.groups("")
@@ -182,8 +182,8 @@ def from_float(value: float, *, rounding: Rounding = "round") -> int:
     if rounding not in _LIMITS:
         raise InvalidValue(
             pick(
-                f'rounding is "round" or "trunc", not {shown(rounding)}',
-                f'rounding は "round" か "trunc" です: {shown(rounding)}',
+                f'rounding is "round" or "trunc", not {brief(rounding)}',
+                f'rounding は "round" か "trunc" です: {brief(rounding)}',
             )
         )
     value = _single(value)

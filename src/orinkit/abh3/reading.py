@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orinkit.abh3._shown import shown
+from orinkit._pose_checks import brief
 from orinkit.abh3.telabh3 import MONITORS, PARAMETERS, Item
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
@@ -67,12 +67,12 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
     if not raw:
         raise InvalidValue(
             pick(
-                f"what parameter {shown(address)} holds is not known. Try: raw=True, and the 32 bits as they are",
-                f"パラメータ {shown(address)} の形式は不明です。対処: raw=True として 32 ビットの値を指定してください",
+                f"what parameter {brief(address)} holds is not known. Try: raw=True, and the 32 bits as they are",
+                f"パラメータ {brief(address)} の形式は不明です。対処: raw=True として 32 ビットの値を指定してください",
             )
         )
     if not isinstance(value, int):
         raise InvalidValue(
-            pick(f"a word is a whole number, not {shown(value)}", f"32 ビットの整数を指定してください: {shown(value)}")
+            pick(f"a word is a whole number, not {brief(value)}", f"32 ビットの整数を指定してください: {brief(value)}")
         )
     return value

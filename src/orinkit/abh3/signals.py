@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from struct import Struct
-from typing import Final, SupportsFloat, TypeAlias
+from typing import Final, TypeAlias
 
+from orinkit._pose_checks import brief
 from orinkit.abh3 import _bits
 from orinkit.abh3._bits import Bit as Bit
 from orinkit.abh3._bits import Logic as Logic
-from orinkit.abh3._shown import shown
-from orinkit.abh3.ids import whole
+from orinkit.abh3._checks import real, whole
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
@@ -64,8 +64,8 @@ class Quantity:
         if not self.low <= code <= self.high:
             raise InvalidValue(
                 pick(
-                    f"{pick(*self.text)}: {shown(code)} is no code; there are {self.low} to {self.high}",
-                    f"{pick(*self.text)}: コード {shown(code)} は範囲外です ({self.low} から {self.high})",
+                    f"{pick(*self.text)}: {brief(code)} is no code; there are {self.low} to {self.high}",
+                    f"{pick(*self.text)}: コード {brief(code)} は範囲外です ({self.low} から {self.high})",
                 )
             )
         return int(code) if self.whole else code / self.steps
@@ -93,23 +93,10 @@ class Quantity:
         unit = f" {self.unit}" if self.unit else ""
         return InvalidValue(
             pick(
-                f"{pick(*self.text)}: {shown(value)}{unit} cannot be sent; {low:.{self.digits}f} to {high:.{self.digits}f}{unit} can",
-                f"{pick(*self.text)}: {shown(value)}{unit} は送れません。範囲は {low:.{self.digits}f} から {high:.{self.digits}f}{unit} です",
+                f"{pick(*self.text)}: {brief(value)}{unit} cannot be sent; {low:.{self.digits}f} to {high:.{self.digits}f}{unit} can",
+                f"{pick(*self.text)}: {brief(value)}{unit} は送れません。範囲は {low:.{self.digits}f} から {high:.{self.digits}f}{unit} です",
             )
         )
-
-
-def real(value: object) -> float | None:
-    """Return a finite number of whatever kind as a float; ``None`` of anything else."""
-    if type(value) is float:  # to ask whether it is any other kind takes longer than all the rest of a command
-        return value if math.isfinite(value) else None
-    if isinstance(value, bool | str | bytes) or not isinstance(value, SupportsFloat):
-        return None
-    try:
-        number = float(value)
-    except (OverflowError, TypeError, ValueError):
-        return None
-    return number if math.isfinite(number) else None
 
 
 _HALF: Final = 0.5
@@ -177,8 +164,8 @@ class Word:
         names = ", ".join(self.masks)
         raise InvalidValue(
             pick(
-                f"{shown(name)} is no bit of the {self.text[0]}; there are 0 to 31 and {names}",
-                f"{shown(name)} は{self.text[1]}のビットではありません。0 から 31、または {names} を指定してください",
+                f"{brief(name)} is no bit of the {self.text[0]}; there are 0 to 31 and {names}",
+                f"{brief(name)} は{self.text[1]}のビットではありません。0 から 31、または {names} を指定してください",
             )
         )
 
@@ -403,6 +390,6 @@ def dialect_of(name: object) -> Dialect:
         return name
     if not isinstance(name, str) or name not in DIALECTS:
         raise InvalidValue(
-            pick(f"there is no dialect {shown(name)}; v1 and v2 are there", f"方言 {shown(name)} はありません (v1, v2)")
+            pick(f"there is no dialect {brief(name)}; v1 and v2 are there", f"方言 {brief(name)} はありません (v1, v2)")
         )
     return DIALECTS[name]

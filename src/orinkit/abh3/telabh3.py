@@ -21,8 +21,8 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, Literal, NamedTuple, TypeAlias
 
+from orinkit._pose_checks import brief
 from orinkit.abh3 import packfloat
-from orinkit.abh3._shown import shown
 from orinkit.errors import DriverRefused, InvalidValue, ProtocolError
 from orinkit.language import pick
 
@@ -194,8 +194,8 @@ def reply(value: int | str = "") -> bytes:
     if _PRINTABLE.fullmatch(text) is None:
         raise InvalidValue(
             pick(
-                f"a text of printable ASCII is needed: {shown(text)}",
-                f"印字可能な ASCII 文字列が必要です: {shown(text)}",
+                f"a text of printable ASCII is needed: {brief(text)}",
+                f"印字可能な ASCII 文字列が必要です: {brief(text)}",
             )
         )
     return _answer(ACK, text)
@@ -267,8 +267,8 @@ def _in(allowed: range, number: object) -> int:
         return number
     raise InvalidValue(
         pick(
-            f"a whole number of 0 to 0x{allowed.stop - 1:X} is needed, not {shown(number)}",
-            f"0～0x{allowed.stop - 1:X} の整数が必要です: {shown(number)}",
+            f"a whole number of 0 to 0x{allowed.stop - 1:X} is needed, not {brief(number)}",
+            f"0～0x{allowed.stop - 1:X} の整数が必要です: {brief(number)}",
         )
     )
 
@@ -320,8 +320,8 @@ class Item(NamedTuple):
             if not math.isfinite(packfloat.to_float(word)):
                 raise InvalidValue(
                     pick(
-                        f"{self.text}: {shown(value)} cannot be written",
-                        f"{self.text}: {shown(value)} は書き込めません",
+                        f"{self.text}: {brief(value)} cannot be written",
+                        f"{self.text}: {brief(value)} は書き込めません",
                     )
                 )
             return word
@@ -329,8 +329,8 @@ class Item(NamedTuple):
         if not isinstance(value, int) or not low <= value <= high:
             raise InvalidValue(
                 pick(
-                    f"{self.text}: a whole number of {low} to {high} is needed, not {shown(value)}",
-                    f"{self.text}: {low}～{high} の整数が必要です: {shown(value)}",
+                    f"{self.text}: a whole number of {low} to {high} is needed, not {brief(value)}",
+                    f"{self.text}: {low}～{high} の整数が必要です: {brief(value)}",
                 )
             )
         return value & 0xFFFFFFFF
