@@ -364,16 +364,16 @@ def test_a_beat_that_raises_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 PROGRAM = """
-import sys, threading
+import os, sys, threading
 from orinkit.abh3.keeping import Keeper
 
 class Heart:
     def beat(self):
-        print("beat", flush=True)
+        os.write(1, b"beat\\n")
         return 0.005
 
     def left(self):
-        print("left", flush=True)
+        os.write(1, b"left\\n")
 
 heart = Heart()
 keeper = Keeper(heart.beat, heart.left, "x")
@@ -381,7 +381,7 @@ if "other" in sys.argv:  # a thread that is none of ours keeps the process alive
 
     def other():
         threading.main_thread().join()
-        print("over", flush=True)
+        os.write(1, b"over\\n")  # print writes a line in two pieces, and others come in between
         sys.stdin.read()
 
     threading.Thread(target=other).start()
