@@ -3,6 +3,8 @@
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint types bench soak coverage sync clean setup-all setup-dev
 export PYTHON
+# The tests start hundreds of programs: none of them is to compile all modules again.
+unexport PYTHONDONTWRITEBYTECODE
 
 RUN := .venv/bin/python -m
 
@@ -13,19 +15,19 @@ demo: setup-all ## a client and a virtual RC8 talk, every packet explained / ク
 	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
 
 # The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others: four files
-# at a time, for many of them wait; those that stream in real time alone.
+# at a time, for many of them wait; those that stream in real time by themselves.
 CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \
 	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py tests/test_can_frame.py) tests/cao tests/bcap tests/ecap tests/abh3 tests/properties
 
 # These wait for minutes in real time: they begin first.
 LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot.py tests/cli/test_demo_ve026a.py
 
-# These stream in real time: alone.
+# These stream in real time: by themselves.
 REAL_TIME := $(patsubst %,tests/slave/test_%.py,slave_hour slave_live slave_lossy slave_mishaps slave_stream slave_wires streamer)
 
 test: lint types coverage ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
 	$(RUN) pytest -m "not soak" -n 4 --dist loadfile $(CORE_TESTS:%=--ignore=%) $(REAL_TIME:%=--ignore=%) $(LONGEST) tests
-	$(RUN) pytest -m "not soak" $(REAL_TIME)
+	$(RUN) pytest -m "not soak" -n 2 --dist loadfile $(REAL_TIME)
 
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査
 	$(RUN) ruff check .

@@ -430,20 +430,6 @@ def test_length_at_the_limit():
     assert len(parse("8," + "x" * (MAX_LENGTH - 2)).value) == MAX_LENGTH - 2
 
 
-@pytest.mark.parametrize(
-    "piece", ["(", ")", "()", '"', '""', ",", "(8,", "(8,(", "(8,)", "(3,1),", "8204,(", "(8200,\"", "9", "0x", " ", "1e", "1 "]
-)  # fmt: skip
-@pytest.mark.parametrize("start", ["", "3,", "5,", "6,", "7,", "8200,", "8204,", "8204,(8,", "8204,(8200,", "8197,"])
-def test_long_repetitions_are_read_in_one_pass(start, piece):
-    # Would run into the test time-out if anything were quadratic.
-    text = start + piece * (200_000 // len(piece))
-    for read in (parse, parse_elements, parse_lenient):
-        try:
-            read(text)
-        except NotationError as error:
-            assert len(str(error)) < 250  # noqa: PT017
-
-
 def test_large_arrays():
     numbers = Variant(VarType.R8 | ARRAY, [index / 8 for index in range(100_000)])
     assert same(parse(format_variant(numbers)), numbers)

@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abh3_frames import FRAMES, FRAMES_ALIKE, QUANTITIES, TENTHS
 from orinkit import language
 from orinkit.abh3 import records
 from orinkit.abh3.frames import Codec
@@ -34,8 +35,6 @@ from orinkit.abh3.signals import (
     VOLTAGE,
     Bit,
     Dialect,
-    Field,
-    Layout,
     Logic,
     Quantity,
     Word,
@@ -45,61 +44,6 @@ from orinkit.abh3.signals import (
 from orinkit.errors import InvalidValue
 
 BOTH = [pytest.param(V1, id="v1"), pytest.param(V2, id="v2")]
-TENTHS = {"v1": V1.with_load_unit(0.1), "v2": V2.with_load_unit(0.1)}
-
-# --- the frames: section 2 of the document, and what 2023 has changed -------------------------------------------------
-
-# frame: section, data page, number of the broadcast, and for each field: name, the document's words, first byte, bytes,
-# kind; "h" and "i" have a sign, "H" and "I" have none
-FRAMES_ALIKE = {
-    "DP0S": ("2.1", 0, None, [
-        ("ay_command", "A/Y 指令", 1, 2, "h"), ("bx_command", "B/X 指令", 3, 2, "h")]),
-    "DP1R": ("2.2", 1, None, [
-        ("a_pulses", "Aパルス積算値", 1, 4, "i"), ("b_pulses", "Bパルス積算値", 5, 4, "i")]),
-    "BR0": ("2.3", 0, 0, [("errors", "異常フラグ", 1, 4, "I"), ("warnings", "警告フラグ", 5, 4, "I")]),
-    "BR2": ("2.5", 0, 2, [
-        ("ay_velocity_command", "A/Y 速度指令", 1, 2, "h"), ("bx_velocity_command", "B/X 速度指令", 3, 2, "h"),
-        ("ay_velocity", "A/Y 速度帰還", 5, 2, "h"), ("bx_velocity", "B/X 速度帰還", 7, 2, "h")]),
-    "BR3": ("2.6", 0, 3, [
-        ("ay_current_command", "A/Y 電流指令", 1, 2, "h"), ("bx_current_command", "B/X 電流指令", 3, 2, "h"),
-        ("a_load", "A 負荷率", 5, 2, "H"), ("b_load", "B 負荷率", 7, 2, "H")]),
-    "BR4": ("2.7", 0, 4, [
-        ("a_pulses", "A パルス積算値", 1, 4, "i"), ("b_pulses", "B パルス積算値", 5, 4, "i")]),
-    "BR5": ("2.8", 0, 5, [
-        ("analog_0", "アナログ入力 0", 1, 2, "h"), ("analog_1", "アナログ入力 1", 3, 2, "h"),
-        ("main_voltage", "主電源電圧", 5, 2, "H"), ("control_voltage", "制御電源電圧", 7, 2, "H")]),
-    "BR6": ("2.9", 0, 6, [("monitor_0", "モニタ 0 データ", 1, 4, "f"), ("monitor_1", "モニタ 1 データ", 5, 4, "f")]),
-}  # fmt: skip
-FRAMES = {
-    "v1": {
-        **FRAMES_ALIKE,
-        "DP0S": (*FRAMES_ALIKE["DP0S"][:3], [*FRAMES_ALIKE["DP0S"][3], ("inputs", "入力", 5, 4, "I")]),
-        "DP0R": ("2.1", 0, None, [
-            ("a_velocity", "A 速度帰還", 1, 2, "h"), ("b_velocity", "B 速度帰還", 3, 2, "h"),
-            ("y_velocity", "Y 速度帰還", 5, 2, "h"), ("x_velocity", "X 速度帰還", 7, 2, "h")]),
-        "BR1": ("2.4", 0, 1, [("control", "制御フラグ", 1, 4, "I"), ("io", "I/O フラグ", 5, 4, "I")]),
-    },
-    "v2": {
-        **FRAMES_ALIKE,
-        "DP0S": (*FRAMES_ALIKE["DP0S"][:3], [*FRAMES_ALIKE["DP0S"][3], ("inputs", "操作フラグ", 5, 4, "I")]),
-        "DP0R": ("2.1", 0, None, [
-            ("ay_velocity", "A/Y 速度帰還", 1, 2, "h"), ("bx_velocity", "B/X 速度帰還", 3, 2, "h"),
-            ("control", "制御フラグ", 5, 4, "I")]),
-        "BR1": ("2.4", 0, 1, [("io", "I/O フラグ", 1, 4, "I"), ("external", "入力フラグ", 5, 4, "I")]),
-    },
-}  # fmt: skip
-
-# name of a field: unit, codes per unit (section 3)
-QUANTITIES = {
-    **dict.fromkeys(("ay_command", "bx_command", "a_velocity", "b_velocity", "y_velocity", "x_velocity"), ("min^-1", 5)),
-    **dict.fromkeys(("ay_velocity", "bx_velocity", "ay_velocity_command", "bx_velocity_command"), ("min^-1", 5)),
-    **dict.fromkeys(("ay_current_command", "bx_current_command"), ("%", 100)),
-    **dict.fromkeys(("a_load", "b_load"), ("%", 1)),
-    **dict.fromkeys(("a_pulses", "b_pulses"), ("pulse", 1)),
-    **dict.fromkeys(("analog_0", "analog_1"), ("V", 100)),
-    **dict.fromkeys(("main_voltage", "control_voltage"), ("V", 10)),
-    **dict.fromkeys(("monitor_0", "monitor_1"), ("", 0)),
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("dialect", BOTH)
@@ -591,53 +535,7 @@ def test_words_of_the_vendors_samples() -> None:
     assert V2.inputs.mask("error_reset") == 0x00400000
 
 
-# --- every code there and back ----------------------------------------------------------------------------------------
-
-
-def _distinct() -> Iterator[Any]:
-    """Each frame with 16-bit fields, in each dialect and load unit, unless it was there already."""
-    seen: list[Layout] = []
-    for dialect in (V1, V2, TENTHS["v1"]):
-        for name, layout in dialect.layouts.items():
-            if layout not in seen and any(field.code in "hH" for field in layout.fields):
-                seen.append(layout)
-                unit = " 0.1 %" if dialect is TENTHS["v1"] else ""
-                yield pytest.param(dialect, name, 0, id=f"{dialect.name} {name}{unit}")
-    for dialect in (V1, V2):
-        mask = dialect.inputs.mask("torque")
-        yield pytest.param(dialect, "DP0S", mask, id=f"{dialect.name} DP0S torque")
-
-
-def _steps(field: Field, dialect: Dialect, inputs: int) -> int:
-    if field.torque and inputs:
-        return 100
-    if field.name.endswith("_load"):
-        return 10 if dialect is TENTHS["v1"] else 1
-    return QUANTITIES[field.name][1]
-
-
-@pytest.mark.parametrize(("dialect", "name", "inputs"), list(_distinct()))
-def test_every_code_of_16_bits_survives(dialect: Dialect, name: str, inputs: int) -> None:
-    """All 65,536 codes in every field, each field with other ones than its neighbours."""
-    codec = Codec(dialect)
-    fields = FRAMES[dialect.name][name][3]
-    table = [
-        (place, field, 0x8000 if code == "h" else 0, _steps(dialect.layouts[name].fields[place], dialect, inputs))
-        for place, (field, _, _, size, code) in enumerate(fields)
-        if size == 2
-    ]
-    pack = struct.Struct("<" + "H" * len(table) + "I" * (len(table) == 2)).pack
-    rest = (inputs,) if len(table) == 2 else ()
-    for number in range(0x10000):
-        unsigned = [(number * (2 * place + 1) + 0x1234 * place) & 0xFFFF for place, *_ in table]
-        data = pack(*unsigned, *rest)
-        record = codec.decode(name, data)
-        for code, (_, field, sign, steps) in zip(unsigned, table, strict=True):
-            signed = code - 0x10000 if code & sign else code
-            if getattr(record, field) != signed / steps or record.raw[field] != signed:
-                pytest.fail(f"{field}: {signed} becomes {record}")
-        if codec.encode(record) != data:
-            pytest.fail(f"{record} becomes {codec.encode(record).hex()}")
+# --- there and back --------------------------------------------------------------------------------------------------
 
 
 @given(st.binary(min_size=8, max_size=8), st.sampled_from(list(DIALECTS)), st.data())

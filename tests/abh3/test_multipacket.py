@@ -363,10 +363,10 @@ def test_the_driver_takes_too_long() -> None:
 REASONS = {
     1: "busy",
     2: "resources",
-    3: "too long for a frame",
+    3: "time-out",
     5: "too often",
     9: "too long",
-    77: "no reason that is known",
+    77: "unknown",
 }
 
 

@@ -1,20 +1,34 @@
-"""What is in the control frames of multi-packet messages, as data, for those who show them (J1939-21)."""
+"""What is in the control frames of multi-packet messages, as data (J1939-21)."""
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from orinkit.abh3._transfers import ABORT, BUSY, CTS, END, LATE, RESOURCES, RTS
 from orinkit.abh3.signals import Texts
 
+RTS: Final = 0x10
+CTS: Final = 0x11
+END: Final = 0x13
+ABORT: Final = 0xFF
 BAM: Final = 0x20
 """An announcement to everybody; no driver sends it."""
 KINDS: Final = {RTS: "RTS", CTS: "CTS", END: "EndOfMsgACK", BAM: "BAM", ABORT: "Abort"}
 """The control bytes that have a meaning."""
+BUSY: Final = 1
+RESOURCES: Final = 2
+LATE: Final = 3
+RESENT: Final = 5
+SEQUENCE: Final = 7
 REASONS: Final[dict[int, Texts]] = {
     BUSY: ("busy with another message", "別のメッセージを処理中"),
     RESOURCES: ("out of resources", "リソース不足"),
-    LATE: ("time-out", "タイムアウト"),
+    LATE: ("time-out", "フレーム待ちタイムアウト"),
+    4: ("packets were asked for while some were sent", "データ転送中に CTS を受信"),
+    RESENT: ("packets were asked for again too often", "再送要求の回数超過"),
+    6: ("unexpected packet", "予期しないデータパケット"),
+    SEQUENCE: ("wrong packet number", "パケット番号の誤り"),
+    8: ("a packet came twice", "パケット番号の重複"),
+    9: ("message too long", "メッセージが長すぎる"),
 }
 """Why a side gives up."""
 PGN_AT: Final = 5

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from orinkit.abh3._transfer_parts import ABORT, BUSY, CTS, END, LATE, REASONS, RESENT, RESOURCES, RTS, SEQUENCE
 from orinkit.abh3.ids import CONTROL, TRANSFER, Id
 from orinkit.can_frame import CanFrame
 from orinkit.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
@@ -17,17 +18,6 @@ SHORTEST: Final = 9
 LONGEST: Final = 1785
 SYN: Final = b"\x16"
 
-RTS: Final = 0x10
-CTS: Final = 0x11
-END: Final = 0x13
-ABORT: Final = 0xFF
-
-BUSY: Final = 1
-RESOURCES: Final = 2
-LATE: Final = 3
-RESENT: Final = 5
-SEQUENCE: Final = 7
-
 _PGN: Final = b"\x00\xef\x00"
 _SIZE: Final = 8
 _CARRIED: Final = 7  # bytes of the message in one packet
@@ -35,17 +25,6 @@ _BURST: Final = 16  # packets that are asked for with one CTS, at most
 _REPEATS: Final = 16  # packets may be asked for again so often in one message
 _SPARE_GRANTS: Final = 32
 _PATIENCE: Final = 0.6  # of the time-out; then missing packets are asked for again. 0.75 s of 1.25 s, as in J1939-21
-_REASONS: Final = {
-    BUSY: ("it is busy with another message", "別のメッセージを処理中"),
-    RESOURCES: ("it lacks resources", "リソース不足"),
-    LATE: ("it waited too long for a frame", "フレーム待ちタイムアウト"),
-    4: ("it was asked for packets while it sent some", "データ転送中に CTS を受信"),
-    RESENT: ("packets were asked for again too often", "再送要求の回数超過"),
-    6: ("it received a packet that it did not expect", "予期しないデータパケット"),
-    SEQUENCE: ("a packet number is wrong", "パケット番号の誤り"),
-    8: ("a packet came twice", "パケット番号の重複"),
-    9: ("the message is too long", "メッセージが長すぎる"),
-}
 
 
 class Step(NamedTuple):
@@ -348,7 +327,7 @@ def _packets(size: int) -> int:
 
 def _aborted(packet: Packet) -> Step:
     reason = packet.data[1]
-    text = pick(*_REASONS.get(reason, ("no reason that is known", "不明な理由")))
+    text = pick(*REASONS.get(reason, ("unknown", "不明な理由")))
     return Step(
         ended=True,
         error=ProtocolError(

@@ -13,10 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from orinkit.abh3._transfers import ABORT, BUSY, RTS, Incoming, Outgoing, Packet, Route, Step, packet_of
+from orinkit.abh3._transfer_parts import ABORT, BUSY, RTS
 from orinkit.abh3._transfers import LONGEST as LONGEST
 from orinkit.abh3._transfers import SHORTEST as SHORTEST
 from orinkit.abh3._transfers import SYN as SYN
+from orinkit.abh3._transfers import Incoming, Outgoing, Packet, Route, Step, packet_of
 from orinkit.abh3.ids import EVERYONE, check_address, check_priority
 from orinkit.can_frame import CanFrame, CanOperation, Turn
 from orinkit.errors import InvalidValue

@@ -23,6 +23,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from orinkit._pose_checks import brief
 from orinkit.abh3 import packfloat
+from orinkit.abh3._checks import whole
 from orinkit.errors import DriverRefused, InvalidValue, ProtocolError
 from orinkit.language import pick
 
@@ -263,8 +264,9 @@ def _unreadable(message: bytes) -> ProtocolError:
 
 
 def _in(allowed: range, number: object) -> int:
-    if isinstance(number, int) and number in allowed:
-        return number
+    found = whole(number)
+    if found is not None and found in allowed:
+        return found
     raise InvalidValue(
         pick(
             f"a whole number of 0 to 0x{allowed.stop - 1:X} is needed, not {brief(number)}",
@@ -326,14 +328,15 @@ class Item(NamedTuple):
                 )
             return word
         low, high = (-(1 << 31), (1 << 31) - 1) if self.kind == "int" else (0, (1 << 32) - 1)
-        if not isinstance(value, int) or not low <= value <= high:
+        number = whole(value)
+        if number is None or not low <= number <= high:
             raise InvalidValue(
                 pick(
                     f"{self.text}: a whole number of {low} to {high} is needed, not {brief(value)}",
                     f"{self.text}: {low}～{high} の整数が必要です: {brief(value)}",
                 )
             )
-        return value & 0xFFFFFFFF
+        return number & 0xFFFFFFFF
 
 
 _SETS: Final = range(8)
