@@ -14,7 +14,7 @@ help: ## this list
 demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
 	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
 
-# The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others: four files
+# The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others: five files
 # at a time, for many of them wait; those that stream in real time by themselves.
 CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \
 	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py tests/test_can_frame.py) tests/cao tests/bcap tests/ecap tests/abh3 tests/properties
@@ -26,7 +26,7 @@ LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot
 REAL_TIME := $(patsubst %,tests/slave/test_%.py,slave_hour slave_live slave_lossy slave_mishaps slave_stream slave_wires streamer)
 
 test: lint types coverage ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
-	$(RUN) pytest -m "not soak" -n 4 --dist loadfile $(CORE_TESTS:%=--ignore=%) $(REAL_TIME:%=--ignore=%) $(LONGEST) tests
+	$(RUN) pytest -m "not soak" -n 5 --dist loadfile $(CORE_TESTS:%=--ignore=%) $(REAL_TIME:%=--ignore=%) $(LONGEST) tests
 	$(RUN) pytest -m "not soak" -n 2 --dist loadfile $(REAL_TIME)
 
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査

@@ -1,4 +1,4 @@
-"""100,000 mutated packets against a running server, while another client goes on undisturbed.
+"""Mutated packets (100,000 by ``make soak``) against a running server, while another client goes on undisturbed.
 
 Every connection sends a few mutants after packets that give it live handles, ends its sending side, and reads to the
 end of the stream. What it reads is judged: one answer for every packet that a reader of the stream finds in it, in
@@ -291,11 +291,12 @@ def fuzz(server: Server, seed: int, mutants: int) -> Counter[int]:
 
 
 @pytest.mark.timeout(900)
-def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize("count", [30_000, pytest.param(MUTANTS, marks=pytest.mark.soak)])
+def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count: int) -> None:
     caplog.set_level(logging.ERROR)
     before = alive()
     with Neighbour(server.url) as neighbour:
-        codes = fuzz(server, 2024, MUTANTS)
+        codes = fuzz(server, 2024, count)
     assert neighbour.error is None
     assert neighbour.turns > 100
     assert [record.getMessage() for record in caplog.records] == []

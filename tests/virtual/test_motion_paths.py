@@ -377,9 +377,13 @@ def distance_from_line(positions: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("plan", [any_ptp, any_line, any_arc, any_curve, any_rotation])
-@pytest.mark.parametrize(("arm", "count"), [(VS050, 1000), (COBOTTA, 30)], ids=["VS-050", "COBOTTA"])
+@pytest.mark.parametrize(
+    ("arm", "count"),
+    [(VS050, 200), (COBOTTA, 10), pytest.param(VS050, 1000, marks=pytest.mark.soak)],
+    ids=["VS-050", "COBOTTA", "VS-050-many"],
+)
 def test_every_joint_stays_within_its_limits(plan, arm, count):
-    """1,000 random moves of each interpolation: velocity and acceleration by the differences of what is commanded."""
+    """Random moves of each interpolation (1,000 by ``make soak``): velocity and acceleration by the differences of what is commanded."""
     for motion in some_motions(plan, count, arm, seed=7):
         check_limits(motion, arm)
         joints = commands(motion)

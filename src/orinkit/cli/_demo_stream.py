@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Final
 
 import orinkit
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 _NEAR: Final = 1.0  # deg that the encoders, a few cycles late, may be off at the end
 _TRIES: Final = 3
+_GOING_OFF: Final = 5.0  # s that the motor may take to go off
+_LOOK: Final = 0.05  # s
 _LINES: Final = 25  # set-points between two lines
 _ANSWERS: Final = (hresult.S_OK, hresult.S_BUF_FULL)
 
@@ -71,8 +74,22 @@ def carry_out(
             )
         )
         controller.clear_error()
-        robot.execute("Motor", [1, 0])
+        _motor_on(robot)
         robot.move(orinkit.J.of(points[0]), "@E")
+
+
+def _motor_on(robot: orinkit.Robot) -> None:
+    """Switch the motor on, which cannot be while it goes off: the error has the arm brought to rest before."""
+    end = monotonic() + _GOING_OFF
+    while True:
+        try:
+            robot.execute("Motor", [1, 0])
+        except CallError as error:
+            if error.code != hresult.MOTOR_SWITCHING_OFF or monotonic() > end:
+                raise
+        else:
+            return
+        sleep(_LOOK)
 
 
 def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str], None]) -> StreamResult:
