@@ -578,6 +578,20 @@ def test_conversions_that_cannot_be(cell, name, parameter, code):
     assert not cell.rc8.state.faults.code
 
 
+@pytest.mark.parametrize(
+    ("name", "parameter"),
+    [
+        ("SetToolDef", [1, "(1, 2, 3)"]),
+        ("SetWorkDef", [1, [1.0] * 5]),
+        ("Dev", ["P7", "(1, 2, 3)"]),
+        ("DevH", ["P7", "(1, 2)"]),
+    ],
+)
+def test_numbers_that_are_too_few_for_a_position(cell, name, parameter):
+    assert cell.code_of(lambda: cell.execute(name, parameter)) == hresult.E_INVALIDARG
+    assert not cell.rc8.state.faults.code
+
+
 def test_conversions_are_of_tool_and_work(cell):
     cell.execute("SetToolDef", [1, "P(0, 0, 100, 0, 0, 90)"])
     cell.execute("SetWorkDef", [1, "P(100, 50, 20, 0, 0, 90)"])

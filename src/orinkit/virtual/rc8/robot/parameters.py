@@ -9,7 +9,7 @@ from typing import Final
 
 from orinkit import hresult
 from orinkit.cao.pose_arguments import read_targets
-from orinkit.errors import NotationError, error_for
+from orinkit.errors import InvalidValue, NotationError, error_for
 from orinkit.language import pick
 from orinkit.poses import PassMark, Target
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
@@ -100,8 +100,15 @@ def pose(parameter: Variant) -> Target:
 
 
 def position(target: Target) -> Target:
-    """Return a pose whose numbers nobody told the kind of as a position, where it can be nothing else."""
-    return replace(target, kind="P") if not target.kind else target
+    """Return a pose whose numbers nobody told the kind of as a position, where it can be nothing else.
+
+    Raises:
+        CallError: E_INVALIDARG, it has not as many numbers as a position.
+    """
+    try:
+        return replace(target, kind="P") if not target.kind else target
+    except InvalidValue as error:
+        raise error_for(hresult.E_INVALIDARG, str(error)) from None
 
 
 def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]:
