@@ -58,13 +58,6 @@ FAST = {"acceleration_time": 0.05, "deceleration_time": 0.05}
 """A motor that a test need not wait for."""
 
 
-def until(condition: Callable[[], object], seconds: float = PATIENCE) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.005)
-
-
 def rest(both: Both, seconds: float) -> None:
     """Let time pass; an event loop goes on meanwhile."""
     if both.loop is None:

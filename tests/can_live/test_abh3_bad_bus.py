@@ -26,13 +26,13 @@ from abh3_wires import (
     obliging,
     only_on,
     raw_bus,
-    until,
     wait,
 )
 
 from both import Both
 from orinkit.errors import DriverFault, DriverTimeout, ProtocolError
 from orinkit.transport.can_line import SIZE
+from waiting import until
 
 SHORT = 0.15
 """Time-out of calls that are not to be answered."""

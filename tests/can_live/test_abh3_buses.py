@@ -9,26 +9,14 @@ from typing import Any
 
 import can
 import pytest
-from abh3_wires import (
-    FAST,
-    PATIENCE,
-    Hosts,
-    Peer,
-    Place,
-    message,
-    obliging,
-    only_on,
-    rest,
-    turn,
-    until,
-    wait,
-)
+from abh3_wires import FAST, PATIENCE, Hosts, Peer, Place, message, obliging, only_on, rest, turn, wait
 
 from both import Both
 from orinkit import language
 from orinkit.errors import ConnectFailed, ConnectionLost, DriverTimeout, InvalidValue, OrinError
 from orinkit.server.can_server import serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
+from waiting import until
 
 PATIENT = {"timeout": PATIENCE}
 

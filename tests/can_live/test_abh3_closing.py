@@ -5,33 +5,20 @@ from __future__ import annotations
 import asyncio
 import gc
 import signal
-import sys
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from abh3_wires import (
-    COMMAND,
-    FAST,
-    PATIENCE,
-    Echo,
-    Hosts,
-    Peer,
-    Place,
-    arrived,
-    obliging,
-    only_on,
-    turn,
-    until,
-)
+from abh3_wires import COMMAND, FAST, PATIENCE, Echo, Hosts, Peer, Place, arrived, obliging, only_on, turn
 
 from both import Both
 from orinkit import language
 from orinkit.errors import ConnectFailed, ConnectionClosed, DriverTimeout, InvalidValue, OrinError
 from orinkit.server.can_server import serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
+from waiting import interrupted_at, until
 
 PATIENT = {"timeout": PATIENCE}
 STOP = "00EF0102#00 00 00 00 01 10 00 00"
@@ -299,29 +286,6 @@ def test_an_object_may_go_at_any_moment(both: Both, hosts: Hosts, bare: Place) -
 # --- Ctrl-C at every point --------------------------------------------------------------------------------------------
 
 
-def interrupt_at(point: int, call: Any) -> bool:
-    """Raise KeyboardInterrupt where Python looks for signals for the n-th time; returns whether it came to that."""
-    passed = 0
-
-    def look(frame: Any, event: str, _argument: object) -> None:
-        nonlocal passed
-        if event not in ("call", "c_return") or not frame.f_code.co_filename.endswith(OURS):
-            return
-        passed += 1
-        if passed == point:
-            sys.setprofile(None)
-            raise KeyboardInterrupt
-
-    sys.setprofile(look)
-    try:
-        call()
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.setprofile(None)
-    return False
-
-
 OURS = ("_sync_driver.py", "_sync_shared.py", "host.py", "can_line.py", "can_bus.py", "frames.py", "threading.py")
 
 
@@ -335,7 +299,7 @@ def test_ctrl_c_at_every_point(both: Both, hosts: Hosts, bare: Place, name: str)
         line = driver.bus._line
         call = {"command": lambda: driver.command(100.0, 50.0), "pulses": driver.pulses, "stop": driver.stop}[name]
         points = 0
-        while interrupt_at(points + 1, call):
+        while interrupted_at(points + 1, call, OURS):
             points += 1
             assert points < 1000
             assert (line._reader, line._waiting) == (None, []), points
@@ -358,7 +322,7 @@ def test_ctrl_c_at_every_point_of_closing(both: Both, hosts: Hosts, bare: Place)
         while True:
             driver = hosts.connect(bare.near, timeout=PATIENCE)
             driver.command(100.0)
-            interrupted = interrupt_at(points + 1, driver.close)
+            interrupted = interrupted_at(points + 1, driver.close, OURS)
             driver.close()
             driver.bus.close()
             with pytest.raises(ConnectionClosed):

@@ -26,7 +26,6 @@ from abh3_wires import (
     only_on,
     process,
     rest,
-    until,
     wait,
 )
 
@@ -35,6 +34,7 @@ from orinkit.can_frame import CanFrame
 from orinkit.errors import ConnectionClosed, DriverTimeout, InvalidValue
 from orinkit.server.can_server import CanServer, serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
+from waiting import until
 
 PATIENT = {"timeout": PATIENCE}
 HOLDING = {"patience": PATIENCE}

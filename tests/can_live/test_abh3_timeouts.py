@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from abh3_wires import FAST, PATIENCE, Hosts, Place, only_on, until
+from abh3_wires import FAST, PATIENCE, Hosts, Place, only_on
 
 from both import Both
 from orinkit.errors import DriverFault
 from orinkit.server.can_server import serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from orinkit.virtual.clock import ManualClock
+from waiting import until
 
 PATIENT = {"timeout": PATIENCE}
 COMMUNICATION = 1 << 22

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import orinkit
 from devices import Recorder
 from orinkit.cli.app import main
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 
 class Done(NamedTuple):
@@ -85,3 +87,21 @@ def recorder_url(recorder) -> Iterator[str]:
 def program() -> list[str]:
     """How the program is started in a process of its own."""
     return [sys.executable, "-m", "orinkit"]
+
+
+@pytest.fixture
+def when() -> Iterator[Callable[[Callable[[], object], Callable[[], object]], None]]:
+    """Do something in another thread as soon as something is so."""
+    threads: list[threading.Thread] = []
+
+    def when(condition: Callable[[], object], act: Callable[[], object]) -> None:
+        def wait() -> None:
+            until(condition)
+            act()
+
+        threads.append(threading.Thread(target=wait))
+        threads[-1].start()
+
+    yield when
+    for thread in threads:
+        thread.join()

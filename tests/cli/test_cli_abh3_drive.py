@@ -11,7 +11,6 @@ import re
 import select
 import signal
 import subprocess
-import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -21,6 +20,7 @@ import pytest
 from orinkit import language
 from orinkit.server.can_server import CanServer, serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
+from waiting import until
 
 URL = "can://udp_multicast/239.74.163.2?port=43397"
 DRIVE = ("abh3", "drive", URL)
@@ -58,31 +58,6 @@ def serve() -> Iterator[Callable[..., Bench]]:
 @pytest.fixture
 def bench(serve) -> Bench:
     return serve()
-
-
-def until(condition: Callable[[], object], seconds: float = 30) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
-
-
-@pytest.fixture
-def when() -> Iterator[Callable[[Callable[[], object], Callable[[], object]], None]]:
-    """Do something in another thread as soon as something is so."""
-    threads: list[threading.Thread] = []
-
-    def when(condition: Callable[[], object], act: Callable[[], object]) -> None:
-        def wait() -> None:
-            until(condition)
-            act()
-
-        threads.append(threading.Thread(target=wait))
-        threads[-1].start()
-
-    yield when
-    for thread in threads:
-        thread.join()
 
 
 def turning(bench: Bench, least: float = 50) -> Callable[[], bool]:

@@ -6,12 +6,13 @@ import io
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TextIO
 
 import pytest
 
 from orinkit.cli._abh3_outlet import Outlet
+from waiting import until
 
 
 @pytest.fixture
@@ -21,13 +22,6 @@ def pipe() -> Iterator[tuple[int, TextIO]]:
     with os.fdopen(theirs, "w", encoding="utf-8") as stream:
         yield ours, stream
     os.close(ours)
-
-
-def until(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
 
 
 def everything(pipe: int) -> bytes:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import signal
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 import pytest
@@ -17,11 +15,16 @@ from orinkit import language
 from orinkit.cli.app import main
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 HOME = [0, 45, 90, 0, 45, 0]
 THERE = [45, 30, 120, 0, -60, 0]
 POSE = "J(45,30,120,0,-60,0)"
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = tuple(
+    number
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    if signal.getsignal(number) is not signal.SIG_IGN  # as under nohup
+)
 
 
 @pytest.fixture
@@ -40,31 +43,6 @@ def joints(rc8: VirtualRC8) -> list[float]:
     found = rc8.pendant.status()["joints"]
     assert isinstance(found, list)
     return found
-
-
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.001)
-
-
-@pytest.fixture
-def when(rc8) -> Iterator[Callable[[Callable[[], bool], Callable[[], object]], None]]:
-    """Do something in another thread as soon as something is so."""
-    threads: list[threading.Thread] = []
-
-    def when(condition: Callable[[], bool], act: Callable[[], object]) -> None:
-        def wait() -> None:
-            until(condition)
-            act()
-
-        threads.append(threading.Thread(target=wait))
-        threads[-1].start()
-
-    yield when
-    for thread in threads:
-        thread.join()
 
 
 def test_it_moves_and_gives_everything_back(run, rc8, url):

@@ -6,8 +6,7 @@ import math
 import os
 import signal
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import pytest
 import orinkit
 from orinkit import language
 from orinkit.virtual.ve026a import VirtualVE026A
+from waiting import until
 
 HOME = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 0.0)
 
@@ -38,13 +38,6 @@ def wave(path: Path, first: float, count: int = 60) -> str:
     rows = [(first + 1 - math.cos(2 * math.pi * k / count), *HOME[1:]) for k in range(count + 1)]
     path.write_text("\n".join(["j1,j2,j3,j4,j5,j6,j7", *(",".join(f"{value:.6f}" for value in row) for row in rows)]))
     return str(path)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.001)
 
 
 @pytest.mark.parametrize("lang", ["en", "ja"])

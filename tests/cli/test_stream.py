@@ -8,9 +8,7 @@ import math
 import os
 import signal
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -25,10 +23,15 @@ from orinkit.slave.record import open_recorder
 from orinkit.slave.samples import Sample
 from orinkit.streaming import Timing
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 PERIOD = 0.008
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = tuple(
+    number
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    if signal.getsignal(number) is not signal.SIG_IGN  # as under nohup
+)
 
 
 @pytest.fixture
@@ -64,31 +67,6 @@ def joints(rc8: VirtualRC8) -> list[float]:
     found = rc8.pendant.status()["joints"]
     assert isinstance(found, list)
     return found
-
-
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.001)
-
-
-@pytest.fixture
-def when() -> Iterator[Callable[[Callable[[], bool], Callable[[], object]], None]]:
-    """Do something in another thread as soon as something is so."""
-    threads: list[threading.Thread] = []
-
-    def when(condition: Callable[[], bool], act: Callable[[], object]) -> None:
-        def wait() -> None:
-            until(condition)
-            act()
-
-        threads.append(threading.Thread(target=wait))
-        threads[-1].start()
-
-    yield when
-    for thread in threads:
-        thread.join()
 
 
 # --- streaming --------------------------------------------------------------------------------------------------------

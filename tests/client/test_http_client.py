@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -20,6 +20,7 @@ from orinkit.errors import CallError, CallTimeout, ConnectFailed, ConnectionClos
 from orinkit.server.background import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import Line, reply
+from waiting import until
 
 ANYWHERE = "http://127.0.0.1:0"
 PATIENCE = 8.0  # less than a server takes to forget a client that has not taken leave
@@ -35,13 +36,6 @@ def workshop() -> Workshop:
 def server(workshop: Workshop) -> Iterator[Server]:
     with orinkit.serve(workshop, ANYWHERE) as served:
         yield served
-
-
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 # --- the end of a client ----------------------------------------------------------------------------------------------
@@ -111,7 +105,7 @@ def test_a_client_that_is_closed_while_threads_call_takes_leave(server: Server, 
         for thread in threads:
             thread.join(PATIENCE)
             assert not thread.is_alive()
-        until(lambda turn=turn: len(workshop.released) == 2 * turn)
+        until(lambda turn=turn: len(workshop.released) == 2 * turn, PATIENCE)
 
 
 def test_a_client_that_is_closed_while_tasks_call_takes_leave(server: Server, workshop: Workshop) -> None:
@@ -132,7 +126,7 @@ def test_a_client_that_is_closed_while_tasks_call_takes_leave(server: Server, wo
 
     for turns in range(1, 16):
         asyncio.run(body(turns))
-        until(lambda turns=turns: len(workshop.released) == 2 * turns)
+        until(lambda turns=turns: len(workshop.released) == 2 * turns, PATIENCE)
 
 
 def test_a_client_whose_connection_broke_takes_leave_over_another_one(both: Both) -> None:
@@ -230,7 +224,7 @@ def test_a_stream_of_set_points_needs_b_cap() -> None:
 def test_a_client_that_was_forgotten_is_told_so_whichever_call_hears_of_it(both: Both) -> None:
     with orinkit.serve(Recorder(), ANYWHERE, http=HttpOptions(idle=0.1)) as server:
         controller = both.connect(server.url, provider="Test.Recorder")
-        until(lambda: server.clients == 0)
+        until(lambda: server.clients == 0, PATIENCE)
         with pytest.raises((CallTimeout, ConnectionLost)):
             both.run(controller.client.request(f.controller_get_name, controller.handle, timeout=0.0001))
         if both.loop is not None:

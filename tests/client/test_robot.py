@@ -33,6 +33,7 @@ from orinkit.poses import PassMark, Target, parse_target
 from orinkit.variant import Variant, plain
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 HOME = J(0, 45, 90, 0, 45, 0)
 THERE = J(45, 30, 120, 0, -60, 0)
@@ -275,14 +276,6 @@ def moving(both: Both, robot: Any) -> Any:
     both.run(robot.execute("TakeArm", [0, 0]))
     both.run(robot.execute("Motor", [1, 0]))
     return robot
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for the controller to get somewhere; fails when it does not."""
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 def standing_at(joints: J) -> Any:

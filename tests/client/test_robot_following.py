@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -17,13 +16,13 @@ from orinkit.client._motion_common import Way, same_place
 from orinkit.errors import CallError
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 HOME = J(0, 45, 90, 0, 45, 0)
 LEFT = J(-30, 45, 90, 0, 45, 0)
 RIGHT = J(20, 45, 90, 0, 45, 0)
 PLACE = P(380, 0, 250, 180, 0, 180, 5)
 OTHER = P(364, 20, 290, 180, 0, 180, 5)
-PATIENCE = 20.0
 
 MARKS = ("@P", "@10", "@0", "@E", "")
 FIRST: dict[str, Callable[[Any, str], Any]] = {
@@ -66,13 +65,6 @@ def moving(both: Both, url: str) -> Iterator[Any]:
     both.run(robot.execute("Motor", [1, 0]))
     yield robot
     both.run(controller.close())
-
-
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 def at_rest(both: Both, robot: Any) -> None:

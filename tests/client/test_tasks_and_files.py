@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta
 from typing import Any
@@ -18,6 +17,7 @@ from orinkit.client._common import ErrorInfo, file_text, is_program, logged_mess
 from orinkit.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ObjectReleased, ProtocolError
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 PATIENCE = 20.0
 COUNTING = "Sub Main\n  I[1] = I[1] + 1\nEnd Sub\n"
@@ -48,13 +48,6 @@ def task_of(both: Both, controller: Any, text: str) -> Any:
 
 def integer(both: Both, controller: Any, index: int) -> Any:
     return both.run(both.run(controller.variable(f"I{index}")).get_value())
-
-
-def until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 # --- tasks ----------------------------------------------------------------------------------------------------------

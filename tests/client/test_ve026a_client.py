@@ -17,6 +17,7 @@ from orinkit.errors import CallError, InvalidValue, StreamError
 from orinkit.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.ve026a import VirtualVE026A
+from waiting import until
 
 HOME = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 0.0)
 
@@ -30,13 +31,6 @@ def device() -> VirtualVE026A:
 def urls(device: VirtualVE026A) -> Iterator[list[str]]:
     with orinkit.serve(device, "pty://", "tcp://127.0.0.1:0") as server:
         yield server.urls
-
-
-def until(condition: Any) -> None:
-    end = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 @pytest.mark.parametrize(

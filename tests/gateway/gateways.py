@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
@@ -31,11 +30,3 @@ def gateway(url: str, listen: str = LISTEN, **options: Any) -> Iterator[str]:
     """Serve a gateway to an address; yields its own."""
     with orinkit.serve(RemoteProvider(Upstream(url, **options)), listen) as server:
         yield server.url
-
-
-def until(condition: Callable[[], Any], seconds: float = PATIENCE) -> None:
-    """Wait for something that happens elsewhere."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)

@@ -13,7 +13,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from gateways import until
 
 import orinkit
 from orinkit import hresult, language
@@ -25,6 +24,7 @@ from orinkit.providers import load
 from orinkit.server.can_server import serve_can
 from orinkit.variant import ARRAY, VarType
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
+from waiting import until
 
 pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 NAME = "CaoProv.Waco.ABH3"

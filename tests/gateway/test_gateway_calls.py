@@ -10,7 +10,7 @@ import threading
 from typing import Any
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, chain, gateway, until
+from gateways import HTTP, LISTEN, PATIENCE, chain, gateway
 
 import orinkit
 from devices import Call, Recorder, Workshop
@@ -28,6 +28,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
 from orinkit.virtual.ve026a import VirtualVE026A
 from peers import RawClient
+from waiting import until
 
 RELEASES = {entry.interface: entry for entry in FUNCTIONS.values() if entry.releases}
 SAMPLES = {VarType.I4: -7, VarType.R4: 0.375, VarType.BSTR: "名前", VarType.VARIANT: [1, "two", 3.5]}

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, gateway, until
+from gateways import HTTP, LISTEN, PATIENCE, gateway
 
 import orinkit
 from devices import Call, Recorder, Workshop
@@ -22,6 +22,7 @@ from orinkit.gateway.upstream import Connection, Wanted
 from orinkit.variant_bytes import Limits
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import BadPeer, Line, reply
+from waiting import until
 
 FIRST_HANDLE = 2
 ATTRIBUTE = 19

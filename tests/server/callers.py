@@ -8,7 +8,6 @@ import socket
 import time
 import tty
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any, Self
 
 from devices import Workshop, WorkshopController
@@ -22,14 +21,6 @@ from orinkit.variant_bytes import DEFAULT_LIMITS
 START, STOP, CONNECT, GET_VARIABLE, EXECUTE, GET, PUT = 1, 2, 3, 9, 17, 101, 102
 PATIENCE = 20.0
 NOTHING = 0.15  # s in which an answer would have come long ago
-
-
-def until(condition: Callable[[], Any], seconds: float = PATIENCE) -> None:
-    """Wait for something that happens elsewhere."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
 
 
 class CountingController(WorkshopController):

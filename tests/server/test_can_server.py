@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import count
 
 import can
@@ -16,6 +16,7 @@ from orinkit.can_frame import CanFrame
 from orinkit.errors import ConnectFailed, InvalidAddress, InvalidValue
 from orinkit.server.can_server import CanServer, serve_can
 from orinkit.virtual.clock import Clock, ManualClock
+from waiting import until
 
 CHANNELS = count()
 BY_MULTICAST = "can://udp_multicast/239.74.163.2?port=43391"
@@ -90,13 +91,6 @@ class Broken(can.BusABC):
     def shutdown(self) -> None:
         super().shutdown()
         self.shut += 1
-
-
-def until(condition: Callable[[], object], seconds: float = 30) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
 
 
 def message(number: int, data: bytes = b"") -> can.Message:

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from callers import until
 from test_http_server import EXECUTE, GET_VARIABLE, OK, PATIENCE, Web, certificate, connect, curl, request
 
 import orinkit
@@ -22,6 +21,7 @@ from orinkit.server import http_guard, http_sessions
 from orinkit.server.background import Server
 from orinkit.server.http_guard import HELD, Joining, Stage
 from orinkit.server.http_options import HttpOptions
+from waiting import until
 
 DESCRIPTORS = Path("/proc/self/fd")
 SOON = 0.3  # s

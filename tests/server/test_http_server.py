@@ -16,7 +16,6 @@ from typing import Any, ClassVar, NamedTuple, Self
 from urllib.parse import quote, unquote
 
 import pytest
-from callers import until
 
 import orinkit
 from devices import Recorder, Workshop
@@ -26,6 +25,7 @@ from orinkit.server.background import Server
 from orinkit.server.http_options import HttpOptions
 from orinkit.variant_bytes import Limits
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 PATIENCE = 20.0
 FORM = "application/x-www-form-urlencoded"

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from callers import until
 from test_http_server import EXECUTE, FORM, GET, GET_VARIABLE, OK, PATIENCE, PUT, Web, connect, curl, request
 
 import orinkit
@@ -28,6 +27,7 @@ from orinkit.variant_bytes import DEFAULT_LIMITS
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
+from waiting import until
 
 EXECUTING = {"Orinkit_Executing": "400"}
 STILL = 0.25  # s in which nothing is to happen

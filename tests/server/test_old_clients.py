@@ -21,7 +21,6 @@ from callers import (
     RawCaller,
     SerialRaw,
     UdpRaw,
-    until,
 )  # fmt: skip
 
 import orinkit
@@ -33,6 +32,7 @@ from orinkit.server.background import Server
 from orinkit.variant import ARRAY, Variant, VarType
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
 
 DISCONNECT, GET_ROBOT, ROBOT_EXECUTE, ROBOT_MOVE, ROBOT_RELEASE, RELEASE = 4, 7, 64, 72, 84, 111
 HOME = [0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0]

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from orinkit.variant import variant
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
+from waiting import until
 
 PATIENCE = 30.0
 MOVES: list[tuple[int, Any, str]] = [
@@ -38,14 +38,6 @@ robot.execute("TakeArm", [0, 0])
 print("moving", flush=True)
 rc8.client.call(f.robot_move, robot.handle, 1, "J(150, 45, 90, 0, 45, 0)", "SPEED=30")
 """
-
-
-def until(condition: Any) -> None:
-    """Wait for something that happens in another thread."""
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
 
 
 def moving_samples(device: VirtualRC8, start: tuple[float, ...]) -> list[tuple[float, ...]]:

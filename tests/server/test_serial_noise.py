@@ -13,7 +13,7 @@ from functools import wraps
 from typing import Any
 
 import pytest
-from callers import CONNECT, EXECUTE, Counting, SerialRaw, until
+from callers import CONNECT, EXECUTE, Counting, SerialRaw
 
 import orinkit
 from bad_links import BadSerial, Harm, Ledger, Piece, Script, Spoil, at_random, lose, noise, spoil_bytes
@@ -21,6 +21,7 @@ from both import Both
 from orinkit.bcap import packet
 from orinkit.bcap.wire import SILENCE
 from orinkit.server.background import Server
+from waiting import until
 
 TRY = 0.4  # s
 WAYS = pytest.mark.parametrize("way", ["there", "back"])

@@ -14,19 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from callers import (
-    CONNECT,
-    EXECUTE,
-    GET,
-    GET_VARIABLE,
-    PATIENCE,
-    START,
-    STOP,
-    Counting,
-    SerialRaw,
-    UdpRaw,
-    until,
-)
+from callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, START, STOP, Counting, SerialRaw, UdpRaw
 
 import orinkit
 from devices import Recorder
@@ -38,6 +26,7 @@ from orinkit.server import serial_line
 from orinkit.server.background import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import RawClient
+from waiting import until
 
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 DESCRIPTORS = Path("/proc/self/fd")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from orinkit.server.background import Server
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import RawClient
+from waiting import until
 
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 ROBOT_EXECUTE, ROBOT_MOVE = 64, 72
@@ -90,13 +90,6 @@ def current_error(server: Server) -> int:
 def slave_mode(server: Server) -> Any:
     with orinkit.connect(server.url) as other:
         return other.robot("Arm").execute("slvGetMode")
-
-
-def until(condition: Any) -> None:
-    end = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.005)
 
 
 def test_section_4_6_is_answered_as_printed(raw: RawClient, server: Server) -> None:

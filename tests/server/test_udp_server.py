@@ -15,19 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from callers import (
-    CONNECT,
-    EXECUTE,
-    GET,
-    GET_VARIABLE,
-    PATIENCE,
-    PUT,
-    START,
-    STOP,
-    Counting,
-    UdpRaw,
-    until,
-)
+from callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, PUT, START, STOP, Counting, UdpRaw
 
 import orinkit
 from devices import Call, Recorder, Workshop
@@ -44,6 +32,7 @@ from orinkit.server.peer import Caller, Peer
 from orinkit.variant_bytes import DEFAULT_LIMITS
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import RawClient
+from waiting import until
 
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 DESCRIPTORS = Path("/proc/self/fd")

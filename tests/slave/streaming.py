@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,14 +17,6 @@ from orinkit.virtual.rc8.cycle import PERIOD
 PATIENCE = 30.0
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 ROUNDING = 1e-6
-
-
-def until(condition: Callable[[], Any], seconds: float = PATIENCE) -> None:
-    """Wait for something that happens elsewhere."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.002)
 
 
 def sine(

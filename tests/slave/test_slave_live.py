@@ -17,12 +17,13 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
-from streaming import HOME, PATIENCE, Arm, served, until
+from streaming import HOME, PATIENCE, Arm, served
 
 import orinkit
 from orinkit import hresult
 from orinkit.errors import CallTimeout, ConnectionLost, OrinError, StreamError
 from orinkit.poses import J
+from waiting import until
 
 PROGRAM = """
 import orinkit, os, signal, sys, time
@@ -156,6 +157,18 @@ def test_ctrl_c(arm: Arm, feed: str) -> None:
         assert "ended KeyboardInterrupt" in output
         assert gone(streamer)
     until(arm.free)
+    came_to_rest(arm)
+
+
+@pytest.mark.skipif(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, reason="the tests run under nohup")
+def test_the_terminal_is_closed(arm: Arm) -> None:
+    """Both processes are told; the program ends, and the streaming process brings the arm to rest."""
+    with program(arm.url, "run") as (process, streamer):
+        until(lambda: arm.arm.queue.joints[0] > 5)
+        os.kill(streamer, signal.SIGHUP)
+        process.send_signal(signal.SIGHUP)
+        until(arm.free)
+        until(lambda: gone(streamer))
     came_to_rest(arm)
 
 

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from streaming import HOME, PATIENCE, Arm, served, sine, until
+from streaming import HOME, PATIENCE, Arm, served, sine
 
 import orinkit
 from orinkit import aio
 from orinkit.errors import InvalidValue, OrinError, StreamError
 from orinkit.poses import J
 from orinkit.streaming import Limits
+from waiting import until
 
 
 @pytest.fixture

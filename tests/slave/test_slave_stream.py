@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from streaming import HOME, PERIOD, Arm, served, sine, until
+from streaming import HOME, PERIOD, Arm, served, sine
 
 import orinkit
 from both import Both
@@ -18,6 +18,7 @@ from orinkit.errors import CallError, InvalidValue, MotionError, StreamError
 from orinkit.poses import J, P, T
 from orinkit.slave.limits import Limits
 from orinkit.slave.trajectory import TrajectoryError
+from waiting import until
 
 
 @pytest.fixture

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from streaming import HOME, Arm, served, until
+from streaming import HOME, Arm, served
 from test_slave_live import came_to_rest, gone, program
 
 import orinkit
 from orinkit.errors import CallTimeout, ConnectionLost, OrinError
 from orinkit.poses import J
+from waiting import until
 
 WIRES = ["udp://127.0.0.1:0", "pty://"]
 

@@ -33,6 +33,7 @@ from orinkit.transport.address import CanAddress, parse_address
 from orinkit.transport.aio_can_line import AsyncCanLine, arun_can
 from orinkit.transport.can_bus import Bus, open_bus, to_frame, to_message
 from orinkit.transport.can_line import CanLine, run_can
+from waiting import interrupted_at
 
 pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 KINDS = ["virtual", "udp_multicast", *(["slcan", "serial"] if os.name != "nt" else [])]
@@ -979,27 +980,6 @@ def test_a_call_within_a_call_of_the_same_thread() -> None:
 def test_ctrl_c_at_every_point_of_a_call() -> None:
     """Where Python looks for signals: where a function begins, and behind each of those in C."""
     ours = ("can_line.py", "can_bus.py", "threading.py")
-
-    def interrupted(point: int, call: Callable[[], object]) -> bool:
-        passed = 0
-
-        def look(running: Any, event: str, _argument: object) -> None:
-            nonlocal passed
-            if event in ("call", "c_return") and running.f_code.co_filename.endswith(ours):
-                passed += 1
-                if passed == point:
-                    sys.setprofile(None)
-                    raise KeyboardInterrupt
-
-        sys.setprofile(look)
-        try:
-            call()
-        except KeyboardInterrupt:
-            return True
-        finally:
-            sys.setprofile(None)
-        return False
-
     bus = BadBus()
     line = CanLine(Bus(bus))
     port, beside = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
@@ -1013,7 +993,7 @@ def test_ctrl_c_at_every_point_of_a_call() -> None:
     got: list[CanFrame | None] = []
     for call in calls:
         points = 0
-        while interrupted(points + 1, call):
+        while interrupted_at(points + 1, call, ours):
             points += 1
             assert points < 500
             assert (line._reader, line._waiting) == (None, [])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import dataclass
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Annotated, Any, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from cyclopts import Group, Parameter
 
@@ -13,12 +12,12 @@ from orinkit.abh3.signals import CURRENT, VELOCITY, Quantity
 from orinkit.cli._abh3_bus import BusOptions, Url
 from orinkit.cli._abh3_feedback import Feedback, Shown, velocities_of, words
 from orinkit.cli._errors import Failure, unusable, whole_number
+from orinkit.cli._interrupts import Interrupts
 from orinkit.errors import OrinError
 from orinkit.language import pick
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import FrameType
 
     from orinkit.abh3.differential import Differential
     from orinkit.abh3.driver import Driver
@@ -30,7 +29,6 @@ _HELD_UP: Final = 0.45  # s without a command after which it may have done so
 _RAMP: Final = 5.0  # s that the motors get to come to rest
 _STILL: Final = 1.0  # min^-1
 _LOOK: Final = 0.02  # s
-_NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
 _DRIVER: Final = Group(pick("Driver", "ドライバ"), sort_key=7)
 _VEHICLE: Final = Group(pick("Vehicle with two driven wheels, instead of --ay and --bx", "2 輪駆動の台車 (--ay、--bx の代わり)"),
@@ -237,13 +235,13 @@ def drive(
 
     with (
         Shown(as_json=json) as shown,  # the last to end: signals end its waiting then, the motors are at rest
-        Signals() as signals,
+        Interrupts() as interrupts,
         connect(
             str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,
             load_unit=options.load_unit,
         ) as driver,
     ):  # fmt: skip
-        return _drive(driver, plan, signals, shown)
+        return _drive(driver, plan, interrupts, shown)
 
 
 def _check_together(ay: float | None, bx: float | None, vehicle: Vehicle, *, torque: bool) -> None:
@@ -256,65 +254,25 @@ def _check_together(ay: float | None, bx: float | None, vehicle: Vehicle, *, tor
                        "指令がありません: --ay、--bx (または --velocity、--turn) を指定してください")  # fmt: skip
 
 
-class Signals:
-    """Ctrl-C, SIGTERM and the end of the terminal are noted; the second one breaks a call off.
-
-    Attributes:
-        resting: motors are being brought to rest: nothing breaks that off, it takes a few seconds at most.
-    """
-
-    def __init__(self) -> None:
-        self.resting = False
-        self._noted = False
-        self._before: dict[int, Any] = {}
-
-    def __enter__(self) -> Self:
-        for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
-            if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:  # nohup
-                self._before[number] = signal.signal(number, self._note)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def check(self) -> None:
-        """Raise KeyboardInterrupt if there was one."""
-        if self._noted:
-            raise KeyboardInterrupt
-
-    def wait(self, until: float) -> None:
-        """Wait until a time of the clock; raises KeyboardInterrupt as soon as there was a signal."""
-        self.check()
-        while (left := until - monotonic()) > 0:
-            sleep(min(left, _LOOK))
-            self.check()
-
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
-        if self._noted and not self.resting:
-            raise KeyboardInterrupt
-        self._noted = True
-
-
-def _drive(driver: Driver[Any, Any], plan: Plan, signals: Signals, shown: Shown) -> int:
+def _drive(driver: Driver[Any, Any], plan: Plan, interrupts: Interrupts, shown: Shown) -> int:
     """Do it; returns the exit code."""
-    signals.check()
+    interrupts.check()
     _clear(driver, plan)
     commands = plan.commands(travel=plan.vehicle is not None and _travels(driver))
     try:
-        signals.check()
+        interrupts.check()
         _start(driver, plan)
         began = monotonic()
-        _keep_on(driver, plan, commands, signals, shown, began)
+        _keep_on(driver, plan, commands, interrupts, shown, began)
     finally:
-        signals.resting = True
+        interrupts.resting = True
         notes = _rest(driver, keep_servo=plan.keep_servo)
         for note in notes:
             shown.note(note)
     if notes:
         return 1
     shown.show(_read(driver, driver.command, monotonic() - began))
-    signals.check()
+    interrupts.check()
     return 0
 
 
@@ -352,7 +310,7 @@ def _keep_on(
     driver: Driver[Any, Any],
     plan: Plan,
     commands: tuple[float, float],
-    signals: Signals,
+    interrupts: Interrupts,
     shown: Shown,
     began: float,
 ) -> None:
@@ -373,7 +331,7 @@ def _keep_on(
         shown.show(feedback)
         _complain(feedback.faults)
         due = max(due + plan.period, monotonic())
-        signals.wait(min(due, end))
+        interrupts.wait(min(due, end))
 
 
 def _complain(found: BR0) -> None:

@@ -1,22 +1,20 @@
-"""What commands that move an arm have in common: Ctrl-C and SIGTERM, a bar, and what is said where it goes wrong."""
+"""What commands that move an arm have in common: a bar, and what is said where it goes wrong."""
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any, Final, Self
 
 import orinkit
+from orinkit.cli._interrupts import Interrupts
 from orinkit.client._motion_common import POLL
 from orinkit.errors import CallError, OrinError
 from orinkit.language import pick
 from orinkit.poses import J, P
 from orinkit.transport.drive import Deadline, pause
 
-_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 _SETTLING: Final = 2.0  # s that the encoders may be behind the command
 
 
@@ -77,34 +75,6 @@ def notes_shown() -> Iterator[None]:
         for note in getattr(error, "__notes__", ()):
             print(" ".join(note.split()), file=sys.stderr)
         raise
-
-
-class Interrupts:
-    """Ctrl-C is noted instead of breaking off a call, which would cost the connection; the second one breaks it off.
-
-    SIGTERM, by which a service is ended, is the same as Ctrl-C.
-    """
-
-    def __init__(self) -> None:
-        self._noted = False
-
-    def __enter__(self) -> Self:
-        self._before = {number: signal.signal(number, self._note) for number in _SIGNALS}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def check(self) -> None:
-        """Raise KeyboardInterrupt if there was one."""
-        if self._noted:
-            raise KeyboardInterrupt
-
-    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - as signal wants it
-        if self._noted:
-            raise KeyboardInterrupt
-        self._noted = True
 
 
 class Bar:

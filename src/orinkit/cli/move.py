@@ -11,7 +11,8 @@ from cyclopts import Parameter
 import orinkit
 from orinkit.cli._connection import Connection, Json, Url
 from orinkit.cli._errors import Failure
-from orinkit.cli._moving import Bar, Interrupts, errors_told, follow, notes_shown, reading, rounded, shown
+from orinkit.cli._interrupts import Interrupts
+from orinkit.cli._moving import Bar, errors_told, follow, notes_shown, reading, rounded, shown
 from orinkit.client._robot_common import MoveOptions, option_text
 from orinkit.language import pick
 from orinkit.poses import parse_target, to_text

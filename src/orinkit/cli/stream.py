@@ -13,7 +13,8 @@ from cyclopts import Parameter
 import orinkit
 from orinkit.cli._connection import Connection, Json, Url
 from orinkit.cli._errors import Failure, unusable, whole_number
-from orinkit.cli._moving import Bar, Interrupts, errors_told, follow, notes_shown, rounded, shown
+from orinkit.cli._interrupts import Interrupts
+from orinkit.cli._moving import Bar, errors_told, follow, notes_shown, rounded, shown
 from orinkit.client._motion_common import POLL
 from orinkit.language import pick
 from orinkit.transport.drive import pause

@@ -21,7 +21,9 @@ _FOREVER = 1e6
 
 def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int, kind: str) -> None:
     """Stream for the program at the other end of the channel, over a link of a kind of :data:`orinkit.bcap.wire.WIRES`."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which says what is to be done
+    for name in ("SIGINT", "SIGHUP"):  # Ctrl-C, the end of the terminal: for the program, which says what is to be done
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     channel = Channel(socket.socket(fileno=channel_descriptor))
     shared = Shared(memory_descriptor)
     link = adopt(kind, link_descriptor)
