@@ -293,7 +293,7 @@ WRONG = {
     "blanks": ("  ", None, NO_KIND),
     "a path": ("a/b", None, f"a/b: {NO_KIND}"),
     "a relative module": (".mod", None, NO_KIND),
-    "no name and no module": ("CaoProv.Nobody", None, "there is no module CaoProv.Nobody, and no such provider is installed"),
+    "no name and no module": ("CaoProv.Nobody", None, "there is no module CaoProv.Nobody, and no such provider"),
     "no module": ("nobody_has_this:Gripper", None, "there is no module nobody_has_this"),
     "no inner module": ("json.nobody:Gripper", None, "there is no module json.nobody"),
     "no file": ("not_there.py", None, "not_there.py: there is no such file"),

@@ -261,6 +261,11 @@ class CallError(OrinError):
         name = f" {info.name}" if not info.name.startswith("0x") else ""
         detail = f" [{self.detail}]" if self.detail else ""
         hint = pick(f". Try: {info.hint}", f"。対処: {info.hint}") if info.hint else ""
+        if self.function == "Controller_Connect" and not self.detail:  # over b-CAP a code is all that comes
+            hint += pick(
+                " Are provider and option right? The log of an orinkit server says why it refused.",
+                "プロバイダ名とオプションも確認してください (orinkit のサーバはログに理由を出力します)。",
+            )
         return f"{call}0x{self.code:08X}{name}: {info.text}{detail}{hint}"
 
 

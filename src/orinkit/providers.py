@@ -48,8 +48,8 @@ _REPR: Final = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = _SHOWN
 
 
-BUILT_IN: Final = {"caoprov.waco.abh3": "orinkit.gateway.abh3:ABH3Provider"}
-"""Providers of orinkit that are served where they are named only, by their names in lower case."""
+BUILT_IN: Final = {"CaoProv.Waco.ABH3": "orinkit.gateway.abh3:ABH3Provider"}
+"""Providers of orinkit that are served where they are named only."""
 
 
 class Installed(NamedTuple):
@@ -90,7 +90,8 @@ def load(target: str) -> Provider:
         entry = _named(target)
         if entry is not None:
             return _load_entry(entry)
-        name, _, attribute = BUILT_IN.get(target.lower(), target).partition(":")
+        known = {name.lower(): place for name, place in BUILT_IN.items()}
+        name, _, attribute = known.get(target.lower(), target).partition(":")
         module = _import(target, name)
     return _reachable(target, _made(target, _find(target, module, attribute)))
 
@@ -262,12 +263,12 @@ def _import(target: str, name: str) -> ModuleType:
 
 
 def _no_module(name: str) -> str:
-    offered = ", ".join(entry.name for entry in _entries()) or pick("none", "なし")
+    offered = ", ".join([*(entry.name for entry in _entries()), *BUILT_IN])
     near = Path(f"{name}.py")
     hint = pick(f" Try: {near}:Class", f" 対処: {near}:クラス") if near.is_file() else ""
     return pick(
-        f"there is no module {name}, and no such provider is installed (there are: {offered}).{hint}",
-        f"モジュール {name} も、その名前のプロバイダもありません (インストール済み: {offered})。{hint}",
+        f"there is no module {name}, and no such provider (there are: {offered}).{hint}",
+        f"モジュール {name} も、その名前のプロバイダもありません (あるもの: {offered})。{hint}",
     )
 
 

@@ -19,9 +19,12 @@ import numpy as np
 import pytest
 
 from orinkit import language
-from orinkit.abh3.heart import End, Heart
+from orinkit.abh3.heart import End, Heart, watched
+from orinkit.abh3.host import Host
 from orinkit.abh3.keeping import AsyncKeeper, Keeper
-from orinkit.errors import InvalidValue
+from orinkit.abh3.records import DP0R
+from orinkit.can_frame import CanFrame, CanOperation
+from orinkit.errors import DriverTimeout, InvalidValue
 
 LONG = 60.0  # nothing here takes as long as that
 GREAT = pytest.param(10**5000, id="great")
@@ -96,6 +99,54 @@ def test_an_answer_that_was_read_late_is_no_proof() -> None:
     assert heart.too_late(12.0) is End.SILENT
 
 
+FEEDBACK = CanFrame(0x00EF0201, bytes.fromhex("F401000000000000"))
+
+
+def carried_out(operation: CanOperation[Any], answers: Iterator[CanFrame | None]) -> Any:
+    """Answer each frame that is sent; waits that send nothing come to their end."""
+    received = None
+    try:
+        while True:
+            turn = operation.send(received)
+            received = next(answers) if turn.frames else None
+    except StopIteration as stop:
+        return stop.value
+
+
+def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
+    """Coming to rest takes longer than the patience; the driver has answered all the time."""
+    host: Host[DP0R] = Host()
+    heart = Heart(0.1, 0.5, 0.4, 0.0)
+    times = iter((0.2, 0.5, 0.8, 1.1))
+    operation = watched(host.rest(2.0), heart, host, lambda: next(times))
+    standing = CanFrame(0x00EF0201, bytes(8))
+    carried_out(operation, iter((FEEDBACK, FEEDBACK, FEEDBACK, standing)))
+    assert heart.due == pytest.approx(1.2)
+    assert heart.too_late(1.59) is None
+    assert heart.end(1.49) is None
+    assert heart.end(1.51) is End.IDLE
+    assert heart.end(1.61) is End.SILENT
+
+
+def test_a_command_without_an_answer_is_none() -> None:
+    host: Host[DP0R] = Host()
+    heart = Heart(0.1, 0.5, None, 0.0)
+    times = iter((0.2, 0.4))
+    with pytest.raises(DriverTimeout):
+        carried_out(watched(host.rest(1.0), heart, host, lambda: next(times)), iter((FEEDBACK, None)))
+    assert heart.due == pytest.approx(0.3)  # the second one was not answered
+    assert heart.end(0.69) is None
+    assert heart.end(0.71) is End.SILENT
+
+
+def test_a_request_is_no_command() -> None:
+    host: Host[DP0R] = Host()
+    heart = Heart(0.1, 0.5, None, 0.0)
+    answer = CanFrame(0x00FF2C01, bytes(8))
+    carried_out(watched(host.request(4), heart, host, lambda: 1 / 0), iter((answer,)))
+    assert heart.due == 0.1
+
+
 def test_why_it_ends() -> None:
     assert [end.value for end in End] == ["silent", "idle"]
 
@@ -120,8 +171,12 @@ def test_any_kind_of_number_will_do(name: str, seconds: Any) -> None:
 
 
 def test_the_least_and_the_longest() -> None:
-    heart = Heart(1e-9, 3600.0, 3600, 0.0)
-    assert (heart.period, heart.patience, heart.idle) == (1e-9, 3600.0, 3600.0)
+    heart = Heart(0.001, 3600.0, 3600, 0.0)
+    assert (heart.period, heart.patience, heart.idle) == (0.001, 3600.0, 3600.0)
+    for tongue, text in (("en", "0.001 s or more"), ("ja", "0.001 秒以上")):
+        language.use(tongue)
+        with pytest.raises(InvalidValue, match=text):
+            Heart(0.00099, 1.0, None, 0.0)
 
 
 @pytest.mark.parametrize(("period", "patience"), [(0.5, 0.5), (2.0, 0.5), (Decimal("0.5"), Fraction(1, 2))])

@@ -184,6 +184,8 @@ def test_sending_and_receiving_one_after_the_other() -> None:
 
 
 def test_priorities() -> None:
+    turn = next(exchange(b"x", host=HOST, driver=DRIVER, afresh=True))
+    assert show(turn.frames) == ["ff03ffffff", "1009000202"]  # what was before is given up
     turn = next(exchange(b"x", host=HOST, driver=DRIVER, priority=6))
     assert [frame.id for frame in turn.frames] == [0x18EC0102]
     assert turn.fresh
@@ -472,15 +474,15 @@ def test_packets_that_come_twice_too_late_and_out_of_order() -> None:
 
 def test_the_driver_repeats_its_beginning() -> None:
     opening = control("1009000202")
-    script(receiving(), (opening, ["110201ffff"]), (packet(1, b"1234567"), []), (opening, ["110102ffff"]))
+    script(receiving(), (opening, ["110201ffff"]), (packet(1, b"1234567"), []), (opening, ["110201ffff"]))
 
 
 def test_the_driver_never_sends_what_it_is_asked_for() -> None:
     opening = control("1009000202")
     operation = script(
-        receiving(), (opening, ["110201ffff"]), *[(packet(2, b""), ["110101ffff"])], *[(opening, ["110101ffff"])] * 15
+        receiving(), (opening, ["110201ffff"]), *[(packet(2, b""), ["110101ffff"])], *[(opening, ["110201ffff"])] * 15
     )
-    assert "packets 1 to 1" in str(fails(operation, opening, ["ff05ffffff"]))
+    assert "packets 1 to 2" in str(fails(operation, opening, ["ff05ffffff"]))
 
 
 def test_a_silent_driver_is_reminded_and_then_given_up() -> None:
@@ -575,12 +577,24 @@ def test_another_host_has_to_wait() -> None:
 def test_the_same_host_begins_anew() -> None:
     driver = Driver()
     driver.tell(OPENING, ONE)
-    assert driver.tell(OPENING) == ["110102ffff"]  # it only says it again
+    assert driver.tell(OPENING) == [
+        "110201ffff"
+    ]  # whether it is the same message cannot be told: what was there is dropped
     assert driver.tell(from_host("100a000202")) == ["110201ffff"]  # another message
     assert driver.tell(ONE, TWO) == ["130a0002ff", "1009000202"]
     assert driver.tell(OPENING) == ["110201ffff"]  # it does not want the answer any more
     assert driver.tell(ONE, TWO) == ANSWERED
     assert [len(message) for message, _ in driver.asked] == [10, 9]
+
+
+def test_a_message_that_looks_like_one_that_was_given_up_has_nothing_of_it() -> None:
+    """A host that was killed cannot say that it gives up; the next program's message is as long."""
+    driver = Driver()
+    driver.tell(OPENING, packet(1, b"another", HOST, DRIVER))
+    assert driver.tell(OPENING) == ["110201ffff"]
+    assert driver.tell(TWO) == ["110101ffff"]  # the burst is over, the first one is missing
+    assert driver.tell(ONE) == ANSWERED
+    assert driver.asked[0][0] == b"\x01" * 7 + b"\x02" * 2
 
 
 def test_a_silent_host_is_reminded_and_then_given_up() -> None:

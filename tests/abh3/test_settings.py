@@ -55,9 +55,7 @@ def test_where_a_bus_is(at: str | None, settings: BusSettings, address: CanAddre
         (None, {}),
         (None, {"channel": "can0"}),
         (None, {"bitrate": 500000}),
-        ("can://socketcan/can0", {"interface": "socketcan"}),
-        ("can://socketcan/can0", {"channel": "can1"}),
-        ("can://socketcan/can0", {"bitrate": 500000}),
+        ("socketcan/can0", {}),
         ("tcp://192.168.0.1", {}),
         ("can0", {}),
         ("serial:///dev/ttyUSB0", {}),
@@ -69,6 +67,19 @@ def test_a_bus_is_given_once(at: str | None, settings: BusSettings) -> None:
         with pytest.raises(InvalidAddress) as caught:
             bus_address(at, settings)
         for part in (text, at or "", "can://socketcan/can0?bitrate=500000", "interface="):
+            assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"interface": "socketcan"}, {"channel": "can1"}, {"bitrate": 500000}, {"interface": "virtual", "channel": 1}],
+)
+def test_a_url_says_all_about_a_bus(settings: BusSettings) -> None:
+    for tongue, text in (("en", "cannot be given beside it"), ("ja", "同時に指定できません")):
+        language.use(tongue)
+        with pytest.raises(InvalidAddress) as caught:
+            bus_address("can://socketcan/can0", settings)
+        for part in (text, "'can://socketcan/can0'", ", ".join(settings)):
             assert part in str(caught.value)
 
 

@@ -67,7 +67,7 @@ def times_out(both: Both, driver: Any, call: Callable[[], Any], function: str) -
 
 @pytest.mark.parametrize("bare", [*KINDS], indirect=True)
 def test_answers_that_are_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """Both commands are 0 from then on, inputs are not; the next call is right."""
+    """Commands are 0 and start is off from then on; the next call is right."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     both.run(driver.set_inputs(0x3003))
@@ -75,10 +75,10 @@ def test_answers_that_are_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer
     peer.script = lambda _frame: []
     times_out(both, driver, lambda: driver.command(120.0), "abh3_can_cmdAY")
     assert driver.commands == (0, 0)
-    assert int(driver.inputs) == 0x3003
+    assert int(driver.inputs) == 0x1001
     peer.script = obliging
     assert both.run(driver.command(bx=10.0)).a_velocity == 0
-    assert peer.data[-2:] == ["00EF0102#58 02 fa 00 03 30 00 00", "00EF0102#00 00 32 00 03 30 00 00"]
+    assert peer.data[-2:] == ["00EF0102#58 02 fa 00 03 30 00 00", "00EF0102#00 00 32 00 01 10 00 00"]
 
 
 @only_on("udp_multicast", because="what is not answered is the same everywhere")

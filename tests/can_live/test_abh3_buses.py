@@ -60,9 +60,10 @@ def test_an_adapter_that_is_unplugged(both: Both, hosts: Hosts, bare: Place, cap
         wait(both, lambda: not device.state().moving)
         bare.restore()
         wait(both, lambda: works(both, driver))
-        assert int(driver.inputs) == 0x3003  # servo and start are on, commands are 0
+        assert int(driver.inputs) == 0x1001  # start is off, commands are 0
         assert driver.commands == (0, 0)
         assert stands(device, 0.2, both)
+        both.run(driver.set_input("start", 1))
         both.run(driver.command(50.0))  # until the program says so
         wait(both, lambda: both.run(driver.command()).a_velocity == 50.0)
         both.run(driver.close())
@@ -186,7 +187,7 @@ def test_a_bus_that_fails_and_comes_back(both: Both, hosts: Hosts, buses: list[A
         both.run(driver.command())
     assert first.shut
     assert both.run(driver.command()).a_velocity == 0
-    assert [bytes(frame.data) for frame in second.sent] == [bytes.fromhex("0000 0000 03300000")]
+    assert [bytes(frame.data) for frame in second.sent] == [bytes.fromhex("0000 0000 01100000")]
     assert both.run(driver.command(5.0)).a_velocity == 5.0
     both.run(driver.close())
     assert second.shut
@@ -247,7 +248,7 @@ def test_a_bus_that_is_lost_while_nobody_calls(both: Both, hosts: Hosts, buses: 
     first.receiving = can.CanOperationError("the cable was pulled")
     wait(both, lambda: driver.bus._line.broken)
     assert both.run(driver.set_input("brake_release", 1)).a_velocity == 0
-    assert bytes(second.sent[0].data) == bytes.fromhex("0000 0000 03300010")
+    assert bytes(second.sent[0].data) == bytes.fromhex("0000 0000 01100010")
     both.run(driver.close())
 
 
@@ -261,7 +262,7 @@ def test_a_bus_that_a_listener_finds_lost(both: Both, hosts: Hosts, buses: list[
     with pytest.raises(ConnectionLost):
         both.run(next(listener) if both.loop is None else anext(listener))
     both.run(driver.set_input("brake_release", 1))
-    assert bytes(second.sent[0].data) == bytes.fromhex("0000 0000 03300010")
+    assert bytes(second.sent[0].data) == bytes.fromhex("0000 0000 01100010")
     both.run(driver.close())
 
 

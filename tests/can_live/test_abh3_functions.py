@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
 from typing import Any
@@ -11,7 +12,7 @@ from abh3_wires import COMMAND, DRIVERS, FEEDBACK, Hosts, Peer, Place, message, 
 
 from both import Both
 from orinkit.abh3 import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2
-from orinkit.errors import ConnectionClosed, DriverRefused, DriverTimeout, InvalidValue
+from orinkit.errors import ConnectionClosed, DriverRefused, DriverTimeout, InvalidValue, ProtocolError
 
 PATIENT = {"timeout": 10.0}
 """Of calls that are to be answered, on a machine with other work to do."""
@@ -319,6 +320,26 @@ def test_parameters_beside_commands(both: Both, hosts: Hosts, world: Place) -> N
         return {(await both.now(driver.command(number / 5))).a_velocity for number in range(100)}
 
     assert both.side_by_side(reads(), commands(), reads()) == [{1}, {0.0}, {1}]
+
+
+@pytest.mark.parametrize("both", ["async"], indirect=True)
+def test_messages_that_are_broken_off_leave_nothing_behind(both: Both, hosts: Hosts, world: Place) -> None:
+    """Wherever that is: the next answer is to the next question, and nothing else is written."""
+    driver = hosts.connect(world.near, **PATIENT)
+
+    async def body() -> None:
+        for number in range(120):
+            task = asyncio.create_task(driver.read_parameter(0x4108))
+            await asyncio.sleep(number * 5e-5)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+            try:
+                assert (await driver.read_parameter(0x4102)).value == 1
+                assert (await driver.read_parameter(0x4107)).value == 5
+            except ProtocolError:  # an answer was on its way that nobody wants any more
+                assert (await driver.read_parameter(0x4102)).value == 1
+
+    both.run(body())
 
 
 def test_listening(both: Both, hosts: Hosts, world: Place) -> None:

@@ -86,6 +86,22 @@ def stays(device: VirtualABH3, seconds: float, both: Both | None = None) -> None
     assert turned(device) == before
 
 
+@only_on("udp_multicast", because="it is the same everywhere")
+def test_coming_to_rest_takes_longer_than_the_patience(both: Both, hosts: Hosts, bare: Place) -> None:
+    """The driver answers all the time: the keep-alive goes on, and nobody is told that it was silent."""
+    device = VirtualABH3(Parameters(error_timeout=0, acceleration_time=0.01, deceleration_time=10.0))
+    with serve_can(device, at=bare.far):
+        driver = hosts.connect(bare.near, **PATIENT)
+        both.run(driver.set_inputs(GO))
+        both.run(driver.keep_alive(0.05, patience=1.0, idle=1.0))
+        both.run(driver.command(500.0))
+        wait(both, lambda: device.state().a_velocity == 500.0)
+        both.run(driver.rest(PATIENCE))  # 1.7 s
+        assert driver.kept_alive
+        both.run(driver.set_input("servo_on", 0))
+        both.run(driver.close())
+
+
 @only_on("slcan", "serial", because="the next test is over the network")
 def test_a_motor_goes_on_without_calls(both: Both, device: VirtualABH3, driver: Any) -> None:
     both.run(driver.keep_alive(**HOLDING))

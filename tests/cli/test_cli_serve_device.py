@@ -201,7 +201,7 @@ def test_what_a_handler_raised_is_in_the_log_and_told_to_its_client(serve, tmp_p
         ("gripper.py:device", "gripper.py:device: device(name: "),
         ("json:loads", "json:loads: loads(s, *, cls=None"),
         ("broken.py", "broken.py: ZeroDivisionError: division by zero (broken.py:2)"),
-        ("Nobody", "Nobody: there is no module Nobody, and no such provider is installed"),
+        ("Nobody", "Nobody: there is no module Nobody, and no such provider"),
     ],
 )
 def test_a_wrong_target_is_one_clear_line(refused, monkeypatch, tmp_path, target, said):

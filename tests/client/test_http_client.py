@@ -14,9 +14,17 @@ import orinkit
 from both import Both
 from devices import Call, Recorder, Workshop
 from http_wired import EcapPeer
-from orinkit import HttpOptions, aio
+from orinkit import HttpOptions, aio, hresult
 from orinkit import functions as f
-from orinkit.errors import CallError, CallTimeout, ConnectFailed, ConnectionClosed, ConnectionLost, StreamError
+from orinkit.errors import (
+    CallError,
+    CallTimeout,
+    ConnectFailed,
+    ConnectionClosed,
+    ConnectionLost,
+    StreamError,
+    error_for,
+)
 from orinkit.server.background import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import Line, reply
@@ -240,3 +248,26 @@ def test_an_error_says_what_the_server_said_of_it(both: Both, server: Server) ->
         both.run(controller.execute("Crash"))
     assert caught.value.detail == "RuntimeError: the device is broken"
     both.run(controller.close())
+
+
+class Late(orinkit.Device):
+    """Fails after signs that it is at work have been sent."""
+
+    provider_names = ("Test.Late",)
+
+    @orinkit.command("Fail")
+    def fail(self) -> None:
+        time.sleep(0.5)
+        raise error_for(hresult.E_TIMEOUT, "the lamp, which  is\nof 60 W, is not lit: 電球")
+
+
+def test_what_a_server_says_of_a_failure_comes_however_long_it_takes(both: Both) -> None:
+    with orinkit.serve(Late(), ANYWHERE) as server:
+        controller = both.connect(server.url, provider="Test.Late", timeout=0.2)
+        with pytest.raises(CallError) as caught:
+            both.run(controller.execute("Fail"))
+        assert (caught.value.code, caught.value.detail) == (
+            hresult.E_TIMEOUT,
+            "the lamp, which is of 60 W, is not lit: 電球",
+        )
+        both.run(controller.close())

@@ -221,7 +221,7 @@ def test_one_client_commands_and_others_read(server, device, option):
     with connect(server, f"{option}, Idle=0") as motor, connect(server, option) as other:
         turn(motor)
         until(lambda: other.variable("AY_VELOCITY").value == 100.0)
-        error = refused(hresult.E_ACCESSDENIED, other.execute, "Stop")
+        error = refused(hresult.E_ACCESSDENIED, other.execute, "Init")
         assert "another client commands ABH3 1" in other.error_description(error.code)
         refused(hresult.E_ACCESSDENIED, setattr, other.variable("AY_COMMAND"), "value", 5)
         other.close()
@@ -236,6 +236,70 @@ def test_one_client_commands_and_others_read(server, device, option):
         with connect(server, option) as third:
             turn(third, 10.0, 10.0)
             refused(hresult.E_ACCESSDENIED, motor.execute, "Command", [1.0, 1.0])
+
+
+@pytest.mark.parametrize("keep_alive", ["", ",KeepAlive=0"])
+def test_anybody_may_stop(server, device, option, keep_alive):
+    with connect(server, f"{option},Idle=0{keep_alive}") as motor, connect(server, option) as other:
+        turn(motor)
+        until(lambda: device.state().a_velocity > 0)
+        assert len(other.execute("Stop")) == 4
+        until(lambda: at_rest(device))
+        error = refused(hresult.E_ABORT, setattr, motor.variable("COMMAND"), "value", [50.0, 50.0])
+        assert "another client said Stop" in motor.error_description(error.code)
+        motor.variable("COMMAND").value = [50.0, 50.0]  # start is off
+        time.sleep(0.2)
+        assert at_rest(device)
+        motor.execute("ResetErrors")
+        turn(motor)
+        until(lambda: device.state().a_velocity > 0)
+
+
+def test_two_that_begin_at_once_do_not_both_command(server, device, option):
+    for _ in range(5):
+        with connect(server, option) as one, connect(server, option) as other:
+            done: list[object] = []
+
+            def resets(motor, done=done):
+                try:
+                    done.append(motor.execute("ResetErrors"))
+                except orinkit.CallError as error:
+                    done.append(error.code)
+
+            threads = [threading.Thread(target=resets, args=(each,)) for each in (one, other)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            assert sorted(map(str, done)) == sorted(map(str, [hresult.E_ACCESSDENIED, None]))
+
+
+def test_clients_that_read_parameters_get_their_own(server, option):
+    with connect(server, option) as one, connect(server, option) as other:
+        found: list[tuple[int, object]] = []
+
+        def reads(motor, address):
+            found.extend((address, motor.execute("ReadParameter", [address])) for _ in range(40))
+
+        threads = [
+            threading.Thread(target=reads, args=each) for each in ((one, 0x4102), (other, 0x4117), (other, 0x4118))
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert set(found) == {(0x4102, 1), (0x4117, 500), (0x4118, 1000)}
+
+
+def test_a_client_without_keep_alive_that_was_silent_is_told(server, device, option):
+    with connect(server, f"{option},KeepAlive=0,Idle=0.3") as motor:
+        turn(motor)
+        until(lambda: device.state().a_velocity > 0)
+        time.sleep(0.8)
+        error = refused(hresult.E_ABORT, setattr, motor.variable("BRAKE_RELEASE"), "value", False)
+        assert "silent for 0.3 s" in motor.error_description(error.code)
+        motor.variable("BRAKE_RELEASE").value = False
+        assert at_rest(device)
 
 
 def test_a_silent_client_loses_the_motor(server, device, option):
@@ -396,7 +460,11 @@ def test_a_server_may_decide_which_bus_it_is(device, channel):
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server:
         with connect(server, "") as motor:
             assert motor.execute("Init") == [0.0] * 4
-        refused(hresult.E_INVALIDARG, connect, server, f"Interface=virtual,Channel={channel}")
+        with connect(server, f"Interface=virtual, Channel={channel}") as motor:  # that is where it is
+            assert motor.execute("Init") == [0.0] * 4
+        refused(hresult.E_INVALIDARG, connect, server, f"Interface=virtual,Channel={channel}2")
+        refused(hresult.E_INVALIDARG, connect, server, "Bitrate=500000")
+        refused(hresult.E_INVALIDARG, connect, server, "Address=1,address=2")
 
 
 def test_the_names_of_the_table_are_the_variables_and_texts_are_in_both_languages():

@@ -769,7 +769,7 @@ def test_the_servers_time_out(workshop: Workshop) -> None:
     with orinkit.serve(workshop, "http://127.0.0.1:0", invoke_timeout=0.1) as server, Web(server.url) as web:
         handle = connect(web)
         answer = web.ask(request(EXECUTE, handle, "Wait", ""), Orinkit_Executing="80")
-        assert answer.body == b"\n0x80000900"
+        assert answer.body == b"\n0x80000900,not done within 0.1 s"
 
 
 def test_eight_calls_of_a_client_at_a_time(server: Server, workshop: Workshop) -> None:

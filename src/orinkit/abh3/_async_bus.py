@@ -42,7 +42,7 @@ class AsyncMotorBus(AsyncSharedBus):
             InvalidValue: a setting is out of its range, or there is an object for this driver already: two would not know
                 what the other one has commanded.
         """
-        check_names(settings, HostSettings)
+        check_names(settings, HostSettings, "dialect")
         host = host_of(dialect, settings)
         if self.has(host):
             raise InvalidValue(
@@ -118,7 +118,7 @@ async def connect(
         DriverTimeout: the driver does not answer; the bus is closed again.
         MissingExtra: a package is missing.
     """
-    check_names(settings, Settings)
+    check_names(settings, Settings, "dialect", "init")
     host = host_of(dialect, settings)
     driver: AsyncDriver[Any, Any] = AsyncDriver(
         await AsyncMotorBus.open(at, **bus_settings(settings)), host, owner=True

@@ -15,10 +15,9 @@ from orinkit.abh3 import reading, telabh3
 from orinkit.abh3._async_shared import AsyncSharedBus
 from orinkit.abh3._checks import check_seconds
 from orinkit.abh3.decoder import Decoded
-from orinkit.abh3.heart import End, Heart
+from orinkit.abh3.heart import End, Heart, watched
 from orinkit.abh3.host import Host
 from orinkit.abh3.keeping import AsyncKeeper
-from orinkit.abh3.multipacket import exchange
 from orinkit.abh3.reading import Reading
 from orinkit.abh3.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
 from orinkit.can_frame import CanOperation
@@ -40,8 +39,8 @@ class AsyncDriver(Generic[F, S]):
     the driver's answer to it; several tasks may use one driver. Commands and inputs that a call leaves out are those that
     were sent last.
 
-    When an answer does not come in time, or the bus breaks, both commands are 0 from then on: what moves is for the program
-    to say anew. The bus is opened again by the next call if it was opened here.
+    When an answer does not come in time, or the bus breaks, commands are 0 and start is off from then on: what moves is for
+    the program to say anew. The bus is opened again by the next call if it was opened here.
 
     Args:
         bus: that it is on.
@@ -59,7 +58,6 @@ class AsyncDriver(Generic[F, S]):
         self._owner = owner
         self._port: AsyncCanPort = bus.enter(self)
         self._lock = asyncio.Lock()
-        self._message_lock = asyncio.Lock()
         self._heart: Heart | None = None
         self._keeper: AsyncKeeper | None = None
         self._ended: DriverTimeout | None = None
@@ -113,7 +111,7 @@ class AsyncDriver(Generic[F, S]):
 
         Raises:
             InvalidValue: a command is out of its range; nothing was sent.
-            DriverTimeout: no answer; whether the driver took the command is not known. Both are 0 from now on.
+            DriverTimeout: no answer; whether the driver took the command is not known. Both are 0 and start is off from now on.
             TransportError: the bus is broken, or closed.
         """
         return await self._run(self.host.command(ay, bx))
@@ -285,14 +283,8 @@ class AsyncDriver(Generic[F, S]):
             TransportError: the bus is broken, or closed.
         """
         self._check_open()
-        async with self._message_lock:
-            self.touch()
-            port = self.bus.port_for(self.host)
-            try:
-                operation = exchange(message, host=self.host.host, driver=self.address, priority=self.host.priority)
-                return await self.bus.run(operation, port)
-            finally:
-                port.close()
+        self.touch()
+        return await self.bus.exchange(message, self.host)
 
     async def read_parameter(self, address: int) -> Reading:
         """Read a parameter of the driver.
@@ -307,8 +299,7 @@ class AsyncDriver(Generic[F, S]):
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
         """
-        answer = await self.exchange_message(telabh3.read_parameter(address))
-        return reading.parameter(address, telabh3.parse_reply(answer).word)
+        return reading.parameter(address, (await self._ask(telabh3.read_parameter(address))).word)
 
     async def write_parameter(self, address: int, value: float, *, raw: bool = False) -> None:
         """Write a parameter of the driver.
@@ -322,8 +313,8 @@ class AsyncDriver(Generic[F, S]):
             InvalidValue: value or address cannot be; nothing was sent.
             DriverRefused, ProtocolError, DriverTimeout, TransportError: as of :meth:`read_parameter`.
         """
-        request = telabh3.write_parameter(address, reading.word_of(address, value, raw=raw))
-        telabh3.parse_reply(await self.exchange_message(request)).confirmed()
+        word = reading.word_of(address, value, raw=raw)
+        (await self._ask(telabh3.write_parameter(address, word))).confirmed()
 
     async def read_monitor(self, address: int) -> Reading:
         """Read a value that the driver monitors; as :meth:`read_parameter`.
@@ -331,13 +322,16 @@ class AsyncDriver(Generic[F, S]):
         Args:
             address: 0 to 0xFFFF; those that are known are in :data:`orinkit.abh3.telabh3.MONITORS`.
         """
-        answer = await self.exchange_message(telabh3.read_monitor(address))
-        return reading.monitor(address, telabh3.parse_reply(answer).word)
+        return reading.monitor(address, (await self._ask(telabh3.read_monitor(address))).word)
 
     async def read_identification(self, number: int = telabh3.VERSION) -> str:
         """Return an identification of the driver, by default its version; as :meth:`read_parameter`."""
-        answer = await self.exchange_message(telabh3.read_identification(number))
-        return telabh3.parse_reply(answer).confirmed()
+        return (await self._ask(telabh3.read_identification(number))).confirmed()
+
+    async def _ask(self, request: bytes) -> telabh3.Reply:
+        """Send a TelABH3 text and return the driver's answer, which knows what it is about."""
+        answer = await self.exchange_message(request)
+        return telabh3.parse_reply(answer, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
 
     # --- keep-alive ---------------------------------------------------------------------------------------------------
 
@@ -485,8 +479,5 @@ class AsyncDriver(Generic[F, S]):
                 operation.close()
                 raise ended
             self.touch()
-            heart, before, began = self._heart, self.host.commanded, monotonic()
-            result = await self.bus.run(operation, self._port)
-            if heart is not None and self.host.commanded != before:
-                heart.sent(began, answered=True)
-            return result
+            heart = self._heart
+            return await self.bus.run(operation if heart is None else watched(operation, heart, self.host), self._port)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import can
 
 EXAMPLE: Final = "can://socketcan/can0"
+_SCHEME: Final = "can://"
 
 
 class BusSettings(TypedDict, total=False):
@@ -58,13 +59,15 @@ class Settings(BusSettings, HostSettings, total=False):
     """Both together."""
 
 
-def check_names(settings: Mapping[str, object], known: type[BusSettings | HostSettings | Settings]) -> None:
+def check_names(
+    settings: Mapping[str, object], known: type[BusSettings | HostSettings | Settings], *others: str
+) -> None:
     """Refuse settings that there are not, as Python refuses an unknown argument.
 
     Raises:
         TypeError: there is one.
     """
-    names = known.__annotations__.keys()
+    names = (*known.__annotations__, *others)
     for name in settings:
         if name not in names:
             raise TypeError(
@@ -85,13 +88,15 @@ def bus_address(at: str | None, settings: BusSettings) -> CanAddress:
     Raises:
         InvalidAddress: it is no address of a CAN bus, or is given twice or not at all.
     """
-    if (at is None) == ("interface" not in settings):
+    if at is None and "interface" not in settings:
         raise _needed(at)
     if at is not None:
-        address = parse_address(at)
-        extra = ", ".join(name for name in ("channel", "bitrate") if name in settings)
-        if not isinstance(address, CanAddress) or extra:
-            raise _needed(f"{at} {extra}".strip())
+        beside = [name for name in BusSettings.__annotations__ if name in settings]
+        if beside:
+            raise _twice(at, ", ".join(beside))
+        address = parse_address(at) if at.lower().startswith(_SCHEME) else None
+        if not isinstance(address, CanAddress):
+            raise _needed(at)
         return address
     channel = quote(str(settings.get("channel", "")), safe="/:", errors="surrogatepass")  # parse_address refuses those
     url = f"can://{settings['interface']}/{channel}"
@@ -115,6 +120,15 @@ def given_bus(at: object) -> can.BusABC | None:
     if isinstance(at, can.BusABC):
         return at
     raise _needed(at)
+
+
+def _twice(at: str, name: str) -> InvalidAddress:
+    return InvalidAddress(
+        pick(
+            f"{at!r:.200} says all about the bus: {name} cannot be given beside it",
+            f"{at!r:.200} でバスは決まっているため、{name} は同時に指定できません",
+        )
+    )
 
 
 def _needed(at: object) -> InvalidAddress:

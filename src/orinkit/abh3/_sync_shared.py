@@ -18,6 +18,7 @@ from orinkit.abh3._common import BusSettings, bus_address, given_bus
 from orinkit.abh3.decoder import Decoded, Decoder
 from orinkit.abh3.frames import Codec
 from orinkit.abh3.host import Host, broadcasts_of_all
+from orinkit.abh3.multipacket import exchange
 from orinkit.abh3.records import AnyRecord
 from orinkit.abh3.signals import Dialect, dialect_of
 from orinkit.can_frame import CanFrame, CanOperation
@@ -47,6 +48,19 @@ class Member(Protocol):
         """Have the driver come to rest, if it was asked to move."""
 
 
+class Turn:
+    """Whose turn it is to exchange messages with a driver.
+
+    Attributes:
+        lock: is held for an exchange.
+        clean: the one before has come to its end.
+    """
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.clean = False
+
+
 class SharedBus:
     """What a bus with drivers does for all of them.
 
@@ -61,6 +75,7 @@ class SharedBus:
         self._line = line
         self._lock = threading.RLock()
         self._members: WeakSet[Member] = WeakSet()
+        self._turns: dict[tuple[int, int], Turn] = {}
         self.url = str(line)
 
     @classmethod
@@ -210,6 +225,29 @@ class SharedBus:
         except BaseException:
             operation.close()
             raise
+
+    def exchange(self, message: bytes, host: Host[Any]) -> bytes:
+        """Send a multi-packet message to a driver and return its answer; one exchange at a time, whoever asks for it.
+
+        Raises:
+            InvalidValue: it is too long.
+            ProtocolError, DriverTimeout: as :func:`orinkit.abh3.multipacket.exchange`.
+            TransportError: as :meth:`run`.
+        """
+        turn = self._turns.setdefault((host.address, host.host), Turn())
+        with turn.lock:
+            clean, turn.clean = (
+                turn.clean,
+                False,
+            )  # nobody can tell the driver that this one is broken off, but the next one
+            operation = exchange(message, host=host.host, driver=host.address, priority=host.priority, afresh=not clean)
+            port = self.port_for(host)
+            try:
+                answer = self.run(operation, port)
+            finally:
+                port.close()
+            turn.clean = True
+            return answer
 
     def _forget(self) -> None:
         """Take the commands of all drivers back."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from orinkit._pose_checks import brief
 from orinkit.abh3._transfer_parts import ABORT, BUSY, CTS, END, LATE, REASONS, RESENT, RESOURCES, RTS, SEQUENCE
 from orinkit.abh3.ids import CONTROL, TRANSFER, Id
 from orinkit.can_frame import CanFrame
@@ -127,12 +128,14 @@ class Outgoing:
         answered: once all packets are sent, an RTS of the other side says too that the message has arrived.
 
     Raises:
-        InvalidValue: the message is empty or too long.
+        InvalidValue: the message is empty, too long, or no bytes.
     """
 
     def __init__(
         self, message: bytes, route: Route, seconds: float, pause: float = 0.0, *, answered: bool = False
     ) -> None:
+        if not isinstance(message, bytes | bytearray):
+            raise InvalidValue(pick(f"bytes are needed, not {brief(message)}", f"bytes が必要です: {brief(message)}"))
         if not 1 <= len(message) <= LONGEST:
             raise InvalidValue(
                 pick(
@@ -256,7 +259,10 @@ class Incoming:
             return Step()
         if not self._opening:
             return self._opened(packet.data)
-        return self._again() if self.is_opened_by(packet) else self._route.clash()
+        if not self.is_opened_by(packet):
+            return self._route.clash()
+        self._parts.clear()  # they may be of a message that was given up, and looked the same from outside
+        return self._again()
 
     def silent(self) -> Step:
         """Return the step that follows when the wait is over: packets are asked for once more, or the end."""

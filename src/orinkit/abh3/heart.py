@@ -6,14 +6,21 @@ a host that has died, so a keep-alive goes on only while the driver answers and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from time import monotonic
+from typing import Any, Final, TypeVar
 
 from orinkit.abh3._checks import check_seconds
+from orinkit.abh3.host import Host
+from orinkit.can_frame import CanFrame, CanOperation
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
 
+R = TypeVar("R")
+_SHORTEST: Final = 0.001
+"""s: a cycle of the driver."""
 _LATE: Final = 1.5
 """Periods after which a command was too late, where these are longer than the patience."""
 
@@ -38,7 +45,7 @@ class Heart:
         now: when it begins.
 
     Raises:
-        InvalidValue: a number is not positive and finite, or the period not below the patience.
+        InvalidValue: a number is not positive and finite, the period below 1 ms, or not below the patience.
     """
 
     period: float
@@ -48,6 +55,13 @@ class Heart:
 
     def __post_init__(self) -> None:
         self.period = check_seconds("period", self.period)
+        if self.period < _SHORTEST:
+            raise InvalidValue(
+                pick(
+                    f"the period is {_SHORTEST:g} s or more, not {self.period:g}. Try: 0.1 s",
+                    f"周期は {_SHORTEST:g} 秒以上です ({self.period:g})。対処: 0.1 秒程度にしてください",
+                )
+            )
         self.patience = check_seconds("patience", self.patience)
         if self.idle is not None:
             self.idle = check_seconds("idle", self.idle)
@@ -97,3 +111,35 @@ class Heart:
         if self.idle is not None and now - self._called > self.idle:
             return End.IDLE
         return None
+
+
+def watched(
+    operation: CanOperation[R], heart: Heart, host: Host[Any], clock: Callable[[], float] = monotonic
+) -> CanOperation[R]:
+    """Carry out an operation, and tell a keep-alive of each command of it that was answered, however many there are.
+
+    Args:
+        operation: of the host.
+        heart: is told.
+        host: counts its commands.
+        clock: of the keep-alive.
+    """
+    received: CanFrame | None = None
+    sent: float | None = None
+    try:
+        while True:
+            before = host.commanded
+            turn = operation.send(received)
+            if host.commanded != before:
+                if sent is not None:  # it would not go on without an answer
+                    heart.sent(sent, answered=True)
+                sent = clock()
+                heart.called(sent)
+            received = yield turn
+    except StopIteration as stop:
+        if sent is not None:
+            heart.sent(sent, answered=True)
+        result: R = stop.value
+        return result
+    finally:
+        operation.close()

@@ -13,7 +13,7 @@ from typing import Final, Generic, TypeVar, cast
 
 from orinkit._pose_checks import brief
 from orinkit.abh3 import ids
-from orinkit.abh3._checks import checked, whole
+from orinkit.abh3._checks import checked, real, whole
 from orinkit.abh3.frames import Codec
 from orinkit.abh3.ids import Id
 from orinkit.abh3.records import BR0, BUF, DP1R, AnyRecord, Feedback, Record
@@ -32,6 +32,7 @@ _BEHIND: Final = 0.02
 """Seconds within which two answers follow each other: a driver takes less than 1 ms for one."""
 _LOOKING: Final = 0.05
 """Seconds between two looks at whether the motors stand; no driver stops by itself meanwhile."""
+_TRIES: Final = 100
 _STANDING: Final = 1.0
 """min^-1: what is slower stands, as far as anybody can tell."""
 
@@ -40,7 +41,7 @@ class Host(Generic[F]):
     """What a host knows of one driver.
 
     The commands and inputs that were sent last are sent again where a function leaves them out (sections 4.2 to 4.5). After
-    an answer that did not come both commands are 0: no motion goes on that nobody asks for anew.
+    an answer that did not come both commands are 0 and start is off: no motion goes on that nobody asks for anew.
 
     Args:
         dialect: of the driver.
@@ -115,8 +116,9 @@ class Host(Generic[F]):
         self.inputs = 0
 
     def forget(self) -> None:
-        """Take both commands back: they are 0 in what is sent next, until others are given."""
+        """Take back what moves: commands are 0 and start is off in what is sent next, until they are given anew."""
         self._codes = [0, 0]
+        self.inputs &= ~self._starting  # a data set with a velocity of its own would go on without a command
 
     # --- section 4 ----------------------------------------------------------------------------------------------------
 
@@ -163,7 +165,7 @@ class Host(Generic[F]):
             InvalidValue: there is no such input, or the value is not 0 or 1; nothing has changed.
         """
         mask = self.dialect.inputs.mask(bit)
-        if value not in (0, 1):
+        if (float(value) if isinstance(value, bool) else real(value)) not in (0, 1):
             raise InvalidValue(
                 pick(f"an input is 0 or 1, not {brief(value)}", f"入力の値は 0 または 1 です: {brief(value)}")
             )
@@ -172,7 +174,7 @@ class Host(Generic[F]):
 
     def stop(self) -> CanOperation[F]:
         """Commands 0 and start off; the driver decelerates, its servo stays on."""
-        self._rest()
+        self.forget()
         return (yield from self.exchange("abh3_can_cmd"))
 
     def rest(self, seconds: float) -> CanOperation[F]:
@@ -196,7 +198,7 @@ class Host(Generic[F]):
         """Send commands and inputs once more (DP0) and return the feedback.
 
         Raises:
-            DriverTimeout: no answer; both commands are 0 from then on, as after a wait that is broken off.
+            DriverTimeout: no answer; commands are 0 and start is off from then on, as after a wait that is broken off.
         """
         owed, self._owed = self._owed, True
         try:
@@ -254,7 +256,8 @@ class Host(Generic[F]):
             DriverTimeout: no answer.
         """
         masks = self.dialect.inputs.masks
-        self._rest()
+        tries = checked("tries", tries, _TRIES)
+        self.forget()
         self.inputs &= ~(masks["servo_on"] | masks["error_reset"])
         pause = _SETTLING
         for _ in range(max(1, tries)):
@@ -292,7 +295,7 @@ class Host(Generic[F]):
         """Have the driver come to rest before the bus is closed, if anything was asked of it; as :meth:`repeat`."""
         if not self.moving:
             return True
-        self._rest()
+        self.forget()
         return (yield from self.repeat(seconds))
 
     # --- frames -------------------------------------------------------------------------------------------------------
@@ -342,10 +345,6 @@ class Host(Generic[F]):
                 self._codes[axis] = 0
         self.inputs = inputs
 
-    def _rest(self) -> None:
-        self.forget()
-        self.inputs &= ~self._starting
-
 
 _TO_ONE: Final = frozenset((ids.SINGLE, ids.CONTROL, ids.TRANSFER))
 _MEANT: Final = 0x03FFFFFF
@@ -367,6 +366,7 @@ def broadcasts_of_all(
         count: of drivers; when so many have answered there is no more waiting.
         priority: of the request.
     """
+    count = None if count is None else checked("count", count, ids.LAST_ADDRESS + 1)
     layout = codec.dialect.broadcasts.get(ps % ids.BROADCASTS)
     sent = CanFrame(ids.request(ids.EVERYONE, host, priority=priority), ids.pgn(ids.BROADCAST, ps))
     found: dict[int, AnyRecord] = {}

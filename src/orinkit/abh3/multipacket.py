@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from orinkit.abh3._transfer_parts import ABORT, BUSY, RTS
+from orinkit.abh3._transfer_parts import ABORT, BUSY, LATE, RTS
 from orinkit.abh3._transfers import LONGEST as LONGEST
 from orinkit.abh3._transfers import SHORTEST as SHORTEST
 from orinkit.abh3._transfers import SYN as SYN
@@ -71,7 +71,14 @@ def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float
 
 
 def exchange(
-    message: bytes, *, host: int, driver: int, priority: int = 0, seconds: float = TIMEOUT, pause: float = PAUSE
+    message: bytes,
+    *,
+    host: int,
+    driver: int,
+    priority: int = 0,
+    seconds: float = TIMEOUT,
+    pause: float = PAUSE,
+    afresh: bool = False,
 ) -> CanOperation[bytes]:
     """Send a message to a driver and receive its answer.
 
@@ -82,6 +89,7 @@ def exchange(
         priority: of the frames, 0 to 7.
         seconds: time-out of each frame of the driver.
         pause: between two data packets, in s.
+        afresh: an exchange before this one may not have come to its end: the driver is told first that it was given up (Abort).
 
     Returns:
         9 to 1785 bytes, among them the SYN that a short answer was filled up with.
@@ -92,7 +100,8 @@ def exchange(
         ProtocolError: the driver gave up, or sent something else; the text says why.
     """
     route = _route(host, driver, priority)
-    return _exchange(Outgoing(message, route, seconds, pause, answered=True), Incoming(route, seconds))
+    sending = Outgoing(message, route, seconds, pause, answered=True)
+    return _exchange(sending, Incoming(route, seconds), (route.control(ABORT, LATE),) if afresh else ())
 
 
 class Responder:
@@ -212,8 +221,9 @@ def _receive(receiving: Incoming) -> CanOperation[bytes]:
     return receiving.message
 
 
-def _exchange(sending: Outgoing, receiving: Incoming) -> CanOperation[bytes]:
-    last = yield from _driven(sending, sending.begin(), fresh=True)
+def _exchange(sending: Outgoing, receiving: Incoming, before: tuple[CanFrame, ...]) -> CanOperation[bytes]:
+    step = sending.begin()
+    last = yield from _driven(sending, step._replace(frames=before + step.frames), fresh=True)
     opened = receiving.take(last)  # where the driver's END was lost, this is the RTS of its answer
     yield from _driven(receiving, opened if opened.frames else receiving.begin())
     return receiving.message

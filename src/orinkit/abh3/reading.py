@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orinkit._pose_checks import brief
+from orinkit.abh3._checks import checked, whole
 from orinkit.abh3.telabh3 import MONITORS, PARAMETERS, Item
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
@@ -61,18 +62,20 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
     Raises:
         InvalidValue: it cannot be written, or the address is unknown, so that there are words only.
     """
+    address = checked("address", address, 0xFFFF)
     item = PARAMETERS.get(address)
     if item is not None and not raw:
         return item.encode(value)
     if not raw:
         raise InvalidValue(
             pick(
-                f"what parameter {brief(address)} holds is not known. Try: raw=True, and the 32 bits as they are",
-                f"パラメータ {brief(address)} の形式は不明です。対処: raw=True として 32 ビットの値を指定してください",
+                f"what parameter 0x{address:04X} holds is not known. Try: raw=True, and the 32 bits as they are",
+                f"パラメータ 0x{address:04X} の形式は不明です。対処: raw=True として 32 ビットの値を指定してください",
             )
         )
-    if not isinstance(value, int):
+    word = whole(value)
+    if word is None:
         raise InvalidValue(
             pick(f"a word is a whole number, not {brief(value)}", f"32 ビットの整数を指定してください: {brief(value)}")
         )
-    return value
+    return word

@@ -309,15 +309,16 @@ class Dialect:
         Raises:
             InvalidValue: another unit.
         """
-        if percent not in _LOADS:
+        load = _LOADS.get(real(percent) or 0.0)
+        if load is None:
             raise InvalidValue(
                 pick(
-                    f"the unit of the load is 1 or 0.1 %, not {percent!r}",
-                    f"負荷率の単位は 1 または 0.1 % です: {percent!r}",
+                    f"the unit of the load is 1 or 0.1 %, not {brief(percent)}",
+                    f"負荷率の単位は 1 または 0.1 % です: {brief(percent)}",
                 )
             )
         br3 = self.layouts["BR3"]
-        fields = tuple(replace(f, quantity=_LOADS[percent]) if f.quantity in _LOADS.values() else f for f in br3.fields)
+        fields = tuple(replace(f, quantity=load) if f.quantity in _LOADS.values() else f for f in br3.fields)
         return replace(self, layouts={**self.layouts, "BR3": replace(br3, fields=fields)})
 
 

@@ -39,6 +39,11 @@ IDENTIFICATIONS: Final = (0, 2, 4, 5, 8, 0xC)
 """Numbers of identifications that drivers are asked for."""
 VERSION: Final = 2
 """Number of the identification that is the driver's version."""
+_NAMES: Final = {
+    PARAMETER: ("parameter", "パラメータ"),
+    MONITOR: ("monitor", "モニタ"),
+    IDENTIFICATION: ("identification", "識別情報"),
+}
 OFF: Final = 0x0000
 """Value of a switched parameter that is off."""
 ON: Final = 0x8000
@@ -76,6 +81,11 @@ class Request(NamedTuple):
     command: str
     address: int
     value: int | None = None
+
+    def __str__(self) -> str:
+        """For people: ``parameter 0x4102``, ``parameter 0x4102 = 0x00000001``."""
+        name = pick(*_NAMES[self.command])
+        return f"{name} 0x{self.address:04X}" + ("" if self.value is None else f" = 0x{self.value:08X}")
 
     def __bytes__(self) -> bytes:
         value = "" if self.value is None else f"{self.value:08X}"
@@ -147,10 +157,12 @@ class Reply(NamedTuple):
     Attributes:
         refused: the driver did not do what it was asked for.
         data: text of an identification, or the digits of a value; nothing where a parameter was written.
+        asked: what it was asked for, for people.
     """
 
     refused: bool
     data: str
+    asked: str = ""
 
     def confirmed(self) -> str:
         """Return the data.
@@ -160,10 +172,12 @@ class Reply(NamedTuple):
         """
         if self.refused:
             code = f" ({self.data})" if self.data else ""
+            asked = f"{self.asked}: " if self.asked else ""
             raise DriverRefused(
                 pick(
-                    f"the driver refuses it{code}. Try: is there such an address, may it be written, is the value in its range?",
-                    f"ABH3 が拒否しました{code}。対処: アドレスの有無、書き込みの可否、値の範囲を確認してください",
+                    f"{asked}the driver refuses it{code}. Try: is there such an address, may it be written, is the value in its "
+                    "range?",
+                    f"{asked}ABH3 が拒否しました{code}。対処: アドレスの有無、書き込みの可否、値の範囲を確認してください",
                 )
             )
         return self.data
@@ -207,8 +221,12 @@ def refusal() -> bytes:
     return _answer(NAK, "")
 
 
-def parse_reply(message: bytes) -> Reply:
+def parse_reply(message: bytes, asked: str = "") -> Reply:
     """Return what a driver answers.
+
+    Args:
+        message: its answer.
+        asked: what it was asked for, for people.
 
     Read are a status, data and a checksum, with or without a header of four characters before them, with or without
     STX and ETX around them; the header ``FFFF`` may count in the checksum even where it is not there.
@@ -222,7 +240,7 @@ def parse_reply(message: bytes) -> Reply:
     header = 4 if text and _has_header(text, framed) else 0
     if len(text) <= header:
         raise _unreadable(message)
-    return Reply(text[header] == NAK, text[header + 1 :].decode("latin-1"))
+    return Reply(text[header] == NAK, text[header + 1 :].decode("latin-1"), asked)
 
 
 def _has_header(text: bytes, framed: bool) -> bool:

@@ -21,7 +21,11 @@ _LONGEST: Final = 0xFFFF
 
 
 class Options:
-    """The parsed options of one call.
+    """The parsed options of one call; of those that are given twice the last one counts.
+
+    Attributes:
+        text: as it was given.
+        repeated: names that are given more than once, in lower case.
 
     Raises:
         CallError: E_INVALIDARG, the text has more than 65535 characters.
@@ -38,10 +42,15 @@ class Options:
             )
         self.text = text
         self._values: dict[str, str] = {}
+        repeated: dict[str, None] = {}
         for part in _split(text):
             name, equals, value = part.partition("=")
-            if name.strip():
-                self._values[name.strip().lower()] = _unquoted(value.strip()) if equals else "True"
+            name = name.strip().lower()
+            if name in self._values:
+                repeated[name] = None
+            if name:
+                self._values[name] = _unquoted(value.strip()) if equals else "True"
+        self.repeated = tuple(repeated)
 
     def __contains__(self, name: str) -> bool:
         return name.lower() in self._values

@@ -41,7 +41,7 @@ class ABH3Provider(Provider):
     provider_names: Sequence[str] = ("CaoProv.Waco.ABH3",)
 
     def __init__(self, bus: str | can.BusABC | None = None, **defaults: Any) -> None:
-        self._own_bus = bus is not None
+        self._own_bus: str | bool = bus if isinstance(bus, str) else bus is not None
         self._defaults = defaults
         self._buses = Buses(bus)
         self._holders: dict[tuple[Key, int], ABH3Controller] = {}
@@ -125,8 +125,10 @@ class ABH3Provider(Provider):
             raise error_for(
                 hresult.E_ACCESSDENIED,
                 pick(
-                    f"another client commands ABH3 {address}. Try: when it has let go: command Release",
-                    f"アドレス {address} の ABH3 は別のクライアントが操作中です。対処: そのクライアントが Release を実行するのを待ってください",
+                    f"another client commands ABH3 {address}. Try: again when that one has said Release, or has gone. Stop is "
+                    "carried out all the same",
+                    f"アドレス {address} の ABH3 は別のクライアントが操作中です。対処: そのクライアントが Release を実行するか切断するのを"
+                    "待ってください。Stop は常に実行できます",
                 ),
             )
         holder.motor.abandon()  # what it has asked for is not asked for any more, when it goes neither
@@ -135,6 +137,11 @@ class ABH3Provider(Provider):
     def has(self, controller: ABH3Controller) -> bool:
         """Whether a client has the command of its driver."""
         return self._holders.get(controller.key) is controller
+
+    def holder(self, controller: ABH3Controller) -> ABH3Controller | None:
+        """Return the client that has the command of a client's driver now, ``None`` where nobody does."""
+        holder = self._holders.get(controller.key)
+        return holder if holder is not None and holder.holding else None
 
     def drop(self, controller: ABH3Controller) -> None:
         """Take the command back from a client, if it has it."""

@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from orinkit import hresult
-from orinkit.abh3.records import Flags, Record
+from orinkit.abh3.records import Feedback, Flags, Record
 from orinkit.abh3.signals import dialect_of
 from orinkit.cao import coerce
 from orinkit.cao.provider import ControllerObject, VariableObject, not_found
@@ -38,6 +38,9 @@ class Owner(Protocol):
 
     def has(self, controller: ABH3Controller) -> bool:
         """Whether a client has it."""
+
+    def holder(self, controller: ABH3Controller) -> ABH3Controller | None:
+        """Return who has it now."""
 
     def drop(self, controller: ABH3Controller) -> None:
         """Take it back."""
@@ -78,15 +81,21 @@ class ABH3Controller(ControllerObject):
         self._turn = asyncio.Lock()
         self._called = monotonic()
         self._kept = False
+        self._writing = self._stopped = False
         self._gone = False
 
     @property
     def holding(self) -> bool:
         """Whether this client commands the driver now: it has asked for something, and is not silent."""
+        if self._writing:
+            return True
         if self._wanted.period:
             return self.motor.kept_alive
-        silent = self._wanted.idle and monotonic() - self._called > self._wanted.idle
-        return not silent and (bool(self.motor.inputs) or self.motor.commands != (0.0, 0.0))
+        return not self._silent() and (bool(self.motor.inputs) or self.motor.commands != (0.0, 0.0))
+
+    def _silent(self) -> bool:
+        """Whether this client has not called for longer than it may."""
+        return bool(self._wanted.idle) and monotonic() - self._called > self._wanted.idle
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - declared by the base
         """Return one of the driver's variables; names in upper and lower case."""
@@ -147,14 +156,37 @@ class ABH3Controller(ControllerObject):
         """
         with told():
             async with self._turn:
+                if not self._wanted.period and self._silent() and self.motor.host.moving:
+                    self.motor.host.forget()
+                    self._stopped = True
                 self._begin()
                 self._owner.take(self)
                 self._tell_of_stop(calming=calming)
-                result = await put(self.motor)
-                if self._wanted.period and not self.motor.kept_alive:
-                    await self.motor.keep_alive(self._wanted.period, idle=self._wanted.idle or None)
-                    self._kept = True
+                self._writing = True  # nobody else gets the command meanwhile
+                try:
+                    result = await put(self.motor)
+                    if self._wanted.period and not self.motor.kept_alive:
+                        await self.motor.keep_alive(self._wanted.period, idle=self._wanted.idle or None)
+                        self._kept = True
+                finally:
+                    self._writing = False
                 return result
+
+    async def stop(self) -> Feedback:
+        """Stop the motor, whoever commands it; another client that does is told at its next write."""
+        holder = self._owner.holder(self)
+        if holder is None or holder is self:
+            return await self.write(lambda motor: motor.stop(), calming=True)
+        with told():
+            self._begin()
+            return await holder.stopped()
+
+    async def stopped(self) -> Feedback:
+        """Another client has the motor stopped."""
+        feedback: Feedback = await self.motor.stop()
+        self.motor.end_keep_alive()
+        self._stopped = True
+        return feedback
 
     async def let_go(self) -> None:
         """Stop the motor, switch the servo off, and give the command back, if this client has it."""
@@ -163,7 +195,7 @@ class ABH3Controller(ControllerObject):
                 self._begin()
                 if not self._owner.has(self):
                     return
-                self._kept = False
+                self._kept = self._stopped = False
                 self.motor.end_keep_alive()
                 await self.motor.init()
                 self._owner.drop(self)
@@ -185,19 +217,19 @@ class ABH3Controller(ControllerObject):
         Raises:
             CallError: E_ABORT.
         """
-        if not self._kept or self.motor.kept_alive:
+        if not self._stopped and (not self._kept or self.motor.kept_alive):
             return
-        self._kept = False
+        self._kept = self._stopped = False
         self.motor.end_keep_alive()  # the driver's object has nothing to tell any more
         if calming:
             return
         raise error_for(
             hresult.E_ABORT,
             pick(
-                f"the motor was stopped: this client was silent for {self._wanted.idle:g} s (option Idle), or the driver did not "
-                "answer. Say START and COMMAND again, and ResetErrors before them if ERRORS is not 0",
-                f"モータを停止しました: このクライアントが {self._wanted.idle:g} 秒間無通信だった (オプション Idle) か、ドライバの応答が"
-                "なくなりました。ERRORS が 0 でなければ ResetErrors の後、START と COMMAND をもう一度実行してください",
+                f"the motor was stopped: this client was silent for {self._wanted.idle:g} s (option Idle), the driver did not "
+                "answer, or another client said Stop. Say START and COMMAND again, and ResetErrors before them if ERRORS is not 0",
+                f"モータを停止しました: このクライアントが {self._wanted.idle:g} 秒間無通信だった (オプション Idle)、ドライバの応答が"
+                "なくなった、または別のクライアントが Stop を実行しました。ERRORS が 0 でなければ ResetErrors の後、START と COMMAND をもう一度実行してください",
             ),
         )
 
@@ -310,7 +342,7 @@ async def _init(controller: ABH3Controller) -> Value:
 
 
 async def _stop(controller: ABH3Controller) -> Value:
-    return _plain(await controller.write(lambda motor: motor.stop(), calming=True))
+    return _plain(await controller.stop())
 
 
 async def _reset(controller: ABH3Controller) -> None:

@@ -72,13 +72,13 @@ class Wanted(NamedTuple):
         return None if self.bus is None else _place(self.bus)
 
 
-def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: bool) -> Wanted:
+def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> Wanted:
     """Return what an option string says.
 
     Args:
         option: of Controller_Connect.
         defaults: what holds where it says nothing.
-        own_bus: the server has one bus, and clients choose none.
+        own_bus: the server has one bus, and clients choose no other; its URL, or ``True``.
 
     Raises:
         CallError: E_INVALIDARG: it cannot be used.
@@ -111,18 +111,27 @@ def invalid(text: str) -> CallError:
 # --- the bus ----------------------------------------------------------------------------------------------------------
 
 
-def _bus(options: Options, *, own_bus: bool) -> CanAddress | None:
+def _bus(options: Options, *, own_bus: str | bool) -> CanAddress | None:
     given = [name for name in _WHERE if name in options]
-    if own_bus and given:
+    if not own_bus:
+        return _chosen(options, given)
+    if given and not (isinstance(own_bus, str) and _is_at(own_bus, _chosen(options, given))):
         names = ", ".join(given)
         raise invalid(
             pick(
-                f"the server decides which bus it is: leave {names} out",
-                f"バスはサーバ側で決まっています。{names} は指定できません",
+                f"the server decides which bus it is, and it is another one: leave {names} out",
+                f"バスはサーバ側で決まっており、指定と異なります。{names} を省略してください",
             )
         )
-    if own_bus:
-        return None
+    return None
+
+
+def _is_at(url: str, address: CanAddress) -> bool:
+    own = parse_address(url)
+    return isinstance(own, CanAddress) and _place(own) == _place(address)
+
+
+def _chosen(options: Options, given: list[str]) -> CanAddress:
     if not given or ("Bus" in given and len(given) > 1) or given == ["Bitrate"]:
         raise invalid(
             pick(
@@ -186,12 +195,15 @@ def _settings(options: Options, defaults: Mapping[str, Any]) -> HostSettings:
 
 
 def _check_names(options: Options) -> None:
-    """Refuse an option that there is not: a mistyped Address would turn another motor.
+    """Refuse an option that there is not, or that is there twice: a mistyped Address would turn another motor.
 
     Raises:
         CallError: E_INVALIDARG: there is one.
     """
     known = {name.lower() for name in OPTIONS}
+    if options.repeated:
+        names = ", ".join(options.repeated)
+        raise invalid(pick(f"given twice: {names:.100}", f"重複しています: {names:.100}"))
     for name in options.names:
         if name not in known:
             raise invalid(

@@ -354,6 +354,8 @@ class Exchange:
             if detail:
                 self._tell(b"orinkit-detail", detail)
             await self._begin([(b"content-length", b"%d" % len(body))])
+        elif detail and hresult.failed(code):  # the header is through: who asked for signs reads it behind the code
+            body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
         await self._send({"type": "http.response.body", "body": body})
 
     async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
