@@ -313,3 +313,12 @@ def test_nobody_answers_the_first_call_of_all(tongue: str, said: str) -> None:
     assert said in str(CallTimeout("Service_Start", 2.5, 5))
     assert said not in str(CallTimeout("Service_Start", 2.5))
     assert said not in str(CallTimeout("Robot_Execute", 2.5, 5))
+
+
+def test_a_connection_that_is_refused_without_a_word_has_its_words_in_a_log():
+    refused = error_for(0x80000900, "", "Controller_Connect", ("", "CaoProv.Waco.ABH3"))
+    assert str(refused).endswith("Are provider and option right? The log of an orinkit server says why it refused.")
+    assert "log" not in str(error_for(0x80000900, "no answer", "Controller_Connect"))
+    assert "log" not in str(error_for(0x80000900, "", "Controller_Execute"))
+    language.use("ja")
+    assert "ログに理由" in str(refused)

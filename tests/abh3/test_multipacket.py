@@ -663,3 +663,11 @@ def test_a_driver_survives_every_frame(frames: list[tuple[bytes, bool, float]]) 
 def test_constants() -> None:
     assert (multipacket.SHORTEST, multipacket.LONGEST, multipacket.SYN) == (9, 1785, b"\x16")
     assert (multipacket.TIMEOUT, multipacket.PAUSE) == (1.25, 0.001)
+
+
+@pytest.mark.parametrize("message", ["text", None, 5, [1, 2], memoryview(b"x")])
+def test_what_is_no_message(message: bytes) -> None:
+    for tongue, text in (("en", "bytes are needed"), ("ja", "bytes が必要です")):
+        language.use(tongue)
+        with pytest.raises(InvalidValue, match=text):
+            exchange(message, host=HOST, driver=DRIVER)

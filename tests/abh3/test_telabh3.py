@@ -251,3 +251,16 @@ def test_values_that_cannot_be_written(kind: telabh3.Kind, value: float) -> None
 def test_words_of_items_have_32_bits(kind: telabh3.Kind) -> None:
     with pytest.raises(InvalidValue):
         Item(0, kind, "something", "何か").decode(1 << 32)
+
+
+def test_requests_for_people() -> None:
+    assert str(telabh3.parse_request(telabh3.read_parameter(0x4102))) == "parameter 0x4102"
+    assert str(telabh3.parse_request(telabh3.write_parameter(0x4102, 7))) == "parameter 0x4102 = 0x00000007"
+    assert str(telabh3.parse_request(telabh3.read_monitor(0x1004))) == "monitor 0x1004"
+    language.use("ja")
+    assert str(telabh3.parse_request(telabh3.read_identification(2))) == "識別情報 0x0002"
+
+
+def test_a_refusal_says_what_was_asked() -> None:
+    with pytest.raises(DriverRefused, match=r"^parameter 0x1234: the driver refuses it\. Try"):
+        telabh3.parse_reply(telabh3.refusal(), "parameter 0x1234").confirmed()

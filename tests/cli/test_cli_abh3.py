@@ -6,6 +6,7 @@ import io
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -230,7 +231,7 @@ def test_monitor_as_json(run, traffic):
 
 def test_monitor_ends_by_time_and_sends_nothing(run, bus):
     done = run("abh3", "monitor", URL, "--seconds", "0.3", "--plain")
-    assert (done.code, done.out, done.err) == (0, "", "")
+    assert (done.code, done.out, done.err) == (0, "", f"orinkit: no frames on {URL}\n")
     assert bus.recv(0) is None
 
 
@@ -429,3 +430,10 @@ def test_cantools_says_what_monitor_says(run, tmp_path):
 )
 def test_dbc_with_a_wrong_option(refused, options, said):
     assert said in refused("abh3", "dbc", *options, code=2)
+
+
+def test_nothing_is_ready_where_a_port_is_taken(run):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        done = run("serve", "abh3", "can://virtual/taken", "--tcp", f"127.0.0.1:{port}")
+    assert (done.code, done.out) == (1, "")

@@ -388,3 +388,18 @@ def test_in_japanese(run, refused, bench):
     language.use("ja")
     assert "指令がありません" in refused(*DRIVE, "--seconds", "1", code=2)
     assert " パルス A " in run(*DRIVE, "--ay", "10", "--seconds", "0.1").out
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--ay", "10000"), "--ay: "),
+        (("--ay", "1", "--bx", "-7000"), "--bx: "),
+        (
+            ("--velocity", "30", "--wheel-diameter", "0.15", "--track", "0.4", "--gear", "0.05"),
+            "A/Y axis of this vehicle",
+        ),
+    ],
+)
+def test_a_command_that_is_too_great_is_called_by_its_option(refused, options, told):
+    assert told in refused(*DRIVE, *options, "--seconds", "1", code=2)

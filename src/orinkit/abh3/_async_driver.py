@@ -480,4 +480,6 @@ class AsyncDriver(Generic[F, S]):
                 raise ended
             self.touch()
             heart = self._heart
-            return await self.bus.run(operation if heart is None else watched(operation, heart, self.host), self._port)
+            return await self.bus.run(
+                operation if heart is None else watched(operation, heart, self.host, monotonic), self._port
+            )

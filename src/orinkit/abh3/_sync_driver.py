@@ -480,4 +480,6 @@ class Driver(Generic[F, S]):
                 raise ended
             self.touch()
             heart = self._heart
-            return self.bus.run(operation if heart is None else watched(operation, heart, self.host), self._port)
+            return self.bus.run(
+                operation if heart is None else watched(operation, heart, self.host, monotonic), self._port
+            )

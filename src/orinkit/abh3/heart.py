@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from time import monotonic
 from typing import Any, Final, TypeVar
 
 from orinkit.abh3._checks import check_seconds
@@ -113,9 +112,7 @@ class Heart:
         return None
 
 
-def watched(
-    operation: CanOperation[R], heart: Heart, host: Host[Any], clock: Callable[[], float] = monotonic
-) -> CanOperation[R]:
+def watched(operation: CanOperation[R], heart: Heart, host: Host[Any], clock: Callable[[], float]) -> CanOperation[R]:
     """Carry out an operation, and tell a keep-alive of each command of it that was answered, however many there are.
 
     Args:

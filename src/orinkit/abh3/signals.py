@@ -344,7 +344,7 @@ def _dialect(
 _CONTROL_V1: Final = Word("control", ("control flags", "制御フラグ"), _bits.CONTROL_V1)
 _IO_V1: Final = Word("io", ("I/O flags", "I/O フラグ"), _bits.IO_V1)
 V1: Final = _dialect(
-    "v1", ("the document, 2021", "本書 (2021)"),
+    "v1", ("the document, 2021", "仕様書 (2021)"),
     (
         Word("inputs", ("inputs", "入力"), _bits.INPUTS_V1),
         _CONTROL_V1,

@@ -167,7 +167,7 @@ class FrameOptions:
         Parameter(
             help=pick(
                 "v1, the document's, or v2 of 2023, as the drivers have it: no frame says which.",
-                "v1 (本書) または v2 (2023 年の新仕様)。フレームからは判別できないため、ドライバに合わせて指定する。",
+                "v1 (仕様書) または v2 (2023 年の新仕様)。フレームからは判別できないため、ドライバに合わせて指定する。",
             )
         ),
     ] = "v1"

@@ -13,7 +13,7 @@ from orinkit.cli._abh3_bus import BusOptions, Url
 from orinkit.cli._abh3_feedback import Feedback, Shown, velocities_of, words
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._interrupts import Interrupts
-from orinkit.errors import OrinError
+from orinkit.errors import InvalidValue, OrinError
 from orinkit.language import pick
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class DriverOptions:
         Parameter(
             help=pick(
                 "v1, the document's, or v2 of 2023: a wrong one switches other inputs on.",
-                "v1 (本書) または v2 (2023 年の新仕様)。誤ると別の入力が ON になります。",
+                "v1 (仕様書) または v2 (2023 年の新仕様)。誤ると別の入力が ON になります。",
             )
         ),
     ] = "v1"
@@ -177,9 +177,20 @@ class Plan:
             InvalidValue: one is out of its range.
         """
         ay, bx = (self.ay, self.bx) if self.vehicle is None else self.vehicle.commands(travel=travel)
-        for value in (ay, bx):
-            self.quantity.encode(value)
+        names = ("--ay", "--bx") if self.vehicle is None else self._wheels
+        for name, value in zip(names, (ay, bx), strict=True):
+            try:
+                self.quantity.encode(value)
+            except InvalidValue as error:
+                raise InvalidValue(f"{name}: {error}") from None
         return ay, bx
+
+    @property
+    def _wheels(self) -> tuple[str, str]:
+        """What a vehicle's commands that cannot be are told of."""
+        measures = "--velocity, --turn, --wheel-diameter, --track, --gear"
+        text = pick(f"axis of this vehicle ({measures})", f"この台車の軸 ({measures})")
+        return f"A/Y {text}", f"B/X {text}"
 
 
 _BUS: Final = BusOptions()

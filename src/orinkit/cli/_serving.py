@@ -142,20 +142,26 @@ def begin_log(listening: Listening) -> None:
     )
 
 
-def run(providers: Sequence[Provider], listening: Listening, control: Control | None = None) -> int:
+def run(
+    providers: Sequence[Provider], listening: Listening, control: Control | None = None, *, before: Sequence[str] = ()
+) -> int:
     """Serve devices until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener.
 
-    With a control port it says ``ready control URL`` after these.
+    With a control port it says ``ready control URL`` after these, and ``before`` ahead of them, when all are ready.
     """
     begin_log(listening)
     for warning in _warnings(listening):
         print(warning, file=sys.stderr)
-    asyncio.run(_serve(providers, _urls(listening), listening, control))
+    asyncio.run(_serve(providers, _urls(listening), listening, control, before))
     return 0
 
 
 async def _serve(
-    providers: Sequence[Provider], urls: Sequence[str], listening: Listening, control: Control | None
+    providers: Sequence[Provider],
+    urls: Sequence[str],
+    listening: Listening,
+    control: Control | None,
+    before: Sequence[str],
 ) -> None:
     stop = asyncio.Event()
     with _set_by_signals(stop):
@@ -164,7 +170,7 @@ async def _serve(
                 providers, *urls, clients=listening.clients, objects=listening.objects, http=listening.web.options()
             )
             await servers.enter_async_context(server)
-            ready = [f"ready {url}" for url in server.urls]
+            ready = [*before, *(f"ready {url}" for url in server.urls)]
             if control is not None:
                 second = AsyncServer(control.provider, control.url, clients=_CONTROL_CLIENTS)
                 await servers.enter_async_context(second)

@@ -52,7 +52,12 @@ def monitor(
 
     opened = Bus.open(address)
     try:
-        _show(opened, decoder, (count, seconds), as_json=json, as_table=not (plain or json) and _on_terminal())
+        as_table = not (plain or json) and _on_terminal()
+        if not _show(opened, decoder, (count, seconds), as_json=json, as_table=as_table):
+            print(
+                pick(f"orinkit: no frames on {address}", f"orinkit: {address} にフレームはありませんでした"),
+                file=sys.stderr,
+            )
     except KeyboardInterrupt:
         pass
     finally:
@@ -64,8 +69,9 @@ def _on_terminal() -> bool:
     return sys.stdout is not None and sys.stdout.isatty()  # None: a shell was told to close it
 
 
-def _show(bus: Bus, decoder: Decoder, most: tuple[int | None, float | None], *, as_json: bool, as_table: bool) -> None:
-    """Show frames until there were so many, or so many seconds have passed."""
+def _show(bus: Bus, decoder: Decoder, most: tuple[int | None, float | None], *, as_json: bool, as_table: bool) -> bool:
+    """Show frames until there were so many, or so many seconds have passed; returns whether there were any."""
+    seen = False
     count, seconds = most
     end = None if seconds is None else monotonic() + seconds
     if as_table:
@@ -75,15 +81,18 @@ def _show(bus: Bus, decoder: Decoder, most: tuple[int | None, float | None], *, 
             while count != 0 and (left := _left(end)) > 0:
                 frame = bus.receive(min(left, _SLICE))
                 if frame is not None:
+                    seen = True
                     table.add(decoder.decode(frame))
                     count = count and count - 1
                 table.refresh()
-        return
+        return seen
     while count != 0 and (left := _left(end)) > 0:
         frame = bus.receive(min(left, _SLICE))
         if frame is not None:
+            seen = True
             _print(decoder.decode(frame), as_json=as_json)
             count = count and count - 1
+    return seen
 
 
 def _left(end: float | None) -> float:
@@ -132,7 +141,7 @@ def decode(
 def dbc(
     *,
     dialect: Annotated[
-        str, Parameter(group=FRAMES, help=pick("v1, the document's, or v2 of 2023.", "v1 (本書) または v2 (2023 年の新仕様)。"))
+        str, Parameter(group=FRAMES, help=pick("v1, the document's, or v2 of 2023.", "v1 (仕様書) または v2 (2023 年の新仕様)。"))
     ] = "v1",
     address: Annotated[
         tuple[int, ...],

@@ -82,7 +82,7 @@ def serve_abh3(
     ] = 5,
     dialect: Annotated[
         str,
-        Parameter(group=_DRIVER, help=pick("v1, the document's, or v2 of 2023.", "v1 (本書) または v2 (2023 年の新仕様)。")),
+        Parameter(group=_DRIVER, help=pick("v1, the document's, or v2 of 2023.", "v1 (仕様書) または v2 (2023 年の新仕様)。")),
     ] = "v1",
     load_unit: Annotated[
         float,
@@ -172,8 +172,7 @@ def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[Listening, dic
         if cao is not None:
             from orinkit.gateway.abh3 import ABH3Provider
 
-            print(f"ready {server.url}", flush=True)
-            return run([ABH3Provider(server.url, **cao[1])], cao[0])
+            return run([ABH3Provider(server.url, **cao[1])], cao[0], before=(f"ready {server.url}",))
         with _told_to_stop() as wait:
             if at.interface == "virtual":
                 print(_only_here(), file=sys.stderr)
