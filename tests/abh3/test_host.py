@@ -373,6 +373,29 @@ def test_a_wait_that_is_broken_off_takes_the_commands_back_too() -> None:
     assert peer.sent == ["00EF0102#0000000001100000"]
 
 
+def test_whether_a_driver_may_move() -> None:
+    host: Host[DP0R] = Host()
+    assert not host.moving
+    Peer(FEEDBACK).run(host.set_inputs(0x1001))
+    assert not host.moving
+    Peer(FEEDBACK).run(host.set_inputs(0x3003))
+    assert host.moving
+    with pytest.raises(DriverTimeout):
+        Peer(None).run(host.command(1, 2))
+    assert (host.commands, host.inputs, host.moving) == ((0, 0), 0x1001, True)  # nobody knows what it does
+    with pytest.raises(DriverTimeout):
+        Peer(None).run(host.stop())
+    assert host.moving
+    assert Peer(None).run(host.part(0.1)) is False
+    assert host.moving
+    assert Peer(FEEDBACK).run(host.part(0.1))
+    assert not host.moving
+    assert Peer().run(host.part(0.1))
+    Peer(FEEDBACK).run(host.command(5))
+    host.abandon()
+    assert not host.moving
+
+
 # --- an answer that may still come ------------------------------------------------------------------------------------
 
 LATE = "00EF0201 05 00 00 00 00 00 00 00"
@@ -627,7 +650,7 @@ def test_what_is_asked_for() -> None:
     Peer(FEEDBACK).run(host.command(bx=0.2))
     assert host.moving
     host.forget()
-    assert not host.moving
+    assert host.moving  # the driver has not heard of it
     assert host.commands == (0, 0)
     assert host.commanded == 4
 

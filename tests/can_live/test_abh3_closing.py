@@ -399,6 +399,23 @@ def test_closing_waits_little_for_a_driver_that_is_silent(both: Both, hosts: Hos
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
+def test_closing_stops_a_driver_whose_answer_was_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """Commands are forgotten, but what the driver does nobody knows."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, timeout=0.1)
+    turn(both, driver)
+    peer.script = lambda _frame: []
+    with pytest.raises(DriverTimeout):
+        both.run(driver.command())
+    assert driver.commands == (0, 0)
+    peer.script = obliging
+    before = len(peer.heard)
+    both.run(driver.close())
+    until(lambda: len(peer.heard) > before)
+    assert peer.data[-1] == STOP
+
+
+@only_on("udp_multicast", because="it is the same everywhere")
 def test_opening_where_nobody_answers_leaves_nothing_open(both: Both, hosts: Hosts, bare: Place) -> None:
     with pytest.raises(DriverTimeout, match="cmd_init"):
         hosts.connect(bare.near, timeout=0.1)

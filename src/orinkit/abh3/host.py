@@ -83,8 +83,10 @@ class Host(Generic[F]):
         self._codes = [0, 0]
         self.inputs = 0
         self.commanded = 0
+        self._restless = False
         self._owed = False  # an answer may still come, to a command that nobody waits for any more
         masks = dialect.inputs.masks
+        self._starting = masks["start"]
         self._torque = (masks["ay_torque"], masks["bx_torque"])
         self._pack = dialect.layouts["DP0S"].struct.pack
         self._command_id = ids.single(self.address, self.host, priority=self.priority)
@@ -107,13 +109,14 @@ class Host(Generic[F]):
 
     @property
     def moving(self) -> bool:
-        """Whether what was sent last asks for anything but rest."""
-        return self._codes != [0, 0] or bool(self.inputs & self._starting)
+        """Whether the driver may be at something else than rest: it was asked for, and no answer to an end of it has come."""
+        return self._restless
 
     def abandon(self) -> None:
         """Forget commands and inputs: somebody else is the driver's host now."""
         self.forget()
         self.inputs = 0
+        self._restless = False
 
     def forget(self) -> None:
         """Take back what moves: commands are 0 and start is off in what is sent next, until they are given anew."""
@@ -206,6 +209,7 @@ class Host(Generic[F]):
             if owed:
                 record = yield from self._next_one(record)
             self._owed = False
+            self._restless = self._asks()
         except BaseException:  # an answer that does not come; it is broken off, by Ctrl-C or a lost bus
             self.forget()
             raise
@@ -287,6 +291,7 @@ class Host(Generic[F]):
         while received is not None:
             if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
                 self._owed = False
+                self._restless = self._asks()
                 return True
             received = yield Turn()
         return False
@@ -320,6 +325,7 @@ class Host(Generic[F]):
 
     def _command_frame(self) -> CanFrame:
         self.commanded += 1
+        self._restless = self._restless or self._asks()
         return CanFrame(self._command_id, self._pack(*self._codes, self.inputs))
 
     def _request_frame(self, destination: int, pgn: bytes) -> CanFrame:
@@ -331,10 +337,9 @@ class Host(Generic[F]):
 
     # --- memory -------------------------------------------------------------------------------------------------------
 
-    @property
-    def _starting(self) -> int:
-        masks = self.dialect.inputs.masks
-        return masks["start"]
+    def _asks(self) -> bool:
+        """Whether what is sent now asks for anything but rest."""
+        return self._codes != [0, 0] or bool(self.inputs & self._starting)
 
     def _quantity(self, axis: int) -> Quantity:
         return CURRENT if self.inputs & self._torque[axis] else VELOCITY
