@@ -25,7 +25,8 @@ LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot
 # These stream in real time: by themselves.
 REAL_TIME := $(patsubst %,tests/slave/test_%.py,slave_hour slave_live slave_lossy slave_mishaps slave_stream slave_wires streamer)
 
-test: lint types coverage ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
+test: lint ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
+	@$(RUN) pytest -q --collect-only tests >/dev/null 2>&1 & $(MAKE) --no-print-directory types coverage # compiles the tests meanwhile
 	$(RUN) pytest -m "not soak" -n 5 --dist loadfile $(CORE_TESTS:%=--ignore=%) $(REAL_TIME:%=--ignore=%) $(LONGEST) tests
 	$(RUN) pytest -m "not soak" -n 2 --dist loadfile $(REAL_TIME)
 
