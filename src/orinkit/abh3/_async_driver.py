@@ -170,9 +170,10 @@ class AsyncDriver(Generic[F, S]):
         with this.
 
         Args:
-            tries: how often it may be tried.
+            tries: how often it may be tried, 0 to 100; once at least.
 
         Raises:
+            InvalidValue: there are no such tries; nothing was sent.
             DriverFault: errors or warnings are left.
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
@@ -277,7 +278,7 @@ class AsyncDriver(Generic[F, S]):
             message: at most 1785 bytes; TelABH3 text as :mod:`orinkit.abh3.telabh3` makes it.
 
         Raises:
-            InvalidValue: it is too long.
+            InvalidValue: it is empty, too long, or no bytes; nothing was sent.
             ProtocolError: the driver has broken it off.
             DriverTimeout: no answer.
             TransportError: the bus is broken, or closed.
@@ -342,12 +343,12 @@ class AsyncDriver(Generic[F, S]):
         seconds, and with the program. Commands are 0 then; the next call after a driver's silence raises DriverTimeout.
 
         Args:
-            period: s between commands; well below the driver's time-out of 500 ms.
+            period: s between commands, 0.001 or more; well below the driver's time-out of 500 ms.
             patience: s.
             idle: s; ``None``: a program that hangs may hold the motor at its speed.
 
         Raises:
-            InvalidValue: a number is not positive.
+            InvalidValue: a number is not positive, or more than an hour; the period is below 1 ms, or not below the patience.
         """
         heart = Heart(period, patience, idle, monotonic())
         self._check_open()

@@ -114,7 +114,7 @@ class SharedBus:
         Args:
             number: 0 to 6; or, from 8 on, group * 8 + number as in the document.
             seconds: to wait for answers.
-            count: of drivers; when so many have answered there is no more waiting.
+            count: of drivers, 0 to 254; when so many have answered there is no more waiting.
             group: of the drivers.
             host: address of this host.
             dialect: of the drivers.
@@ -236,11 +236,9 @@ class SharedBus:
         """
         turn = self._turns.setdefault((host.address, host.host), Turn())
         with turn.lock:
-            clean, turn.clean = (
-                turn.clean,
-                False,
-            )  # nobody can tell the driver that this one is broken off, but the next one
-            operation = exchange(message, host=host.host, driver=host.address, priority=host.priority, afresh=not clean)
+            afresh = not turn.clean
+            turn.clean = False  # if this one is broken off, it is the next one that tells the driver
+            operation = exchange(message, host=host.host, driver=host.address, priority=host.priority, afresh=afresh)
             port = self.port_for(host)
             try:
                 answer = self.run(operation, port)

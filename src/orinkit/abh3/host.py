@@ -256,6 +256,7 @@ class Host(Generic[F]):
         at most.
 
         Raises:
+            InvalidValue: tries are not 0 to 100.
             DriverFault: errors or warnings are left.
             DriverTimeout: no answer.
         """

@@ -182,7 +182,7 @@ class ABH3Controller(ControllerObject):
             return await holder.stopped()
 
     async def stopped(self) -> Feedback:
-        """Another client has the motor stopped."""
+        """Stop for another client. The keep-alive ends, so that the command can be taken."""
         feedback: Feedback = await self.motor.stop()
         self.motor.end_keep_alive()
         self._stopped = True

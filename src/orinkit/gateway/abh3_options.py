@@ -203,7 +203,7 @@ def _check_names(options: Options) -> None:
     known = {name.lower() for name in OPTIONS}
     if options.repeated:
         names = ", ".join(options.repeated)
-        raise invalid(pick(f"given twice: {names:.100}", f"重複しています: {names:.100}"))
+        raise invalid(pick(f"options given twice: {names:.100}", f"オプションが重複しています: {names:.100}"))
     for name in options.names:
         if name not in known:
             raise invalid(
