@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from orinkit.cao.slave_lateness import Lateness
 from orinkit.client._async_slave import AsyncStream
 from orinkit.client._slave_common import Progress, StreamResult, Timing
 from orinkit.client._sync_slave import Stream
@@ -17,6 +18,7 @@ from orinkit.slave.samples import Sample
 
 __all__ = [
     "AsyncStream",
+    "Lateness",
     "Limits",
     "PathLimits",
     "Progress",

@@ -18,10 +18,10 @@ P0, J0, T0, P1, J1, T1, P2, J2, T2 = 0x001, 0x002, 0x003, 0x101, 0x102, 0x103, 0
 
 
 class SlaveCell(Cell):
-    """One virtual RC8; its first client has the arm."""
+    """One virtual RC8 with strict time, as the document has it; its first client has the arm."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**options)
+        super().__init__(**{"strict_time": True, **options})
         self.take()
         self.commands = [self.arm.queue.joints]
 

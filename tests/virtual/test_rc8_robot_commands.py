@@ -89,6 +89,7 @@ ANSWERS: dict[str, tuple[Any, int, int]] = {
     "GetRobotTypeName": (None, BSTR, 0),
     "slvChangeMode": (0, EMPTY, 0),
     "slvGetMode": (None, I4, 0),
+    "slvGetLateness": ([0], NUMBERS, 3),
     "slvSendFormat": (0x20, EMPTY, 0),
     "slvRecvFormat": (1, EMPTY, 0),
 }

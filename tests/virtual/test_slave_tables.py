@@ -62,7 +62,7 @@ class SlaveCell(Cell):
     """A cell whose client has the arm, and how slave mode is used from it."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**options)
+        super().__init__(**{"strict_time": True, **options})  # as the document has it
         self.take()
 
     def on(self, mode: int = 0x002) -> SlaveCell:

@@ -136,7 +136,7 @@ def test_the_slow_commands_of_the_document_take_their_time():
 
 
 def test_the_sample_works_in_synchronous_mode_too():
-    line = Line(joints=PLACE, motor=True).connect()
+    line = Line(joints=PLACE, motor=True, strict_time=True).connect()
     assert line.call(64, ROBOT, "slvChangeMode", SYNC).arguments == []
     for number in range(20):
         answer = line.call(64, ROBOT, "slvMove", Variant(0x2004, [*PLACE, 0.0]))

@@ -39,7 +39,7 @@ class VeCell:
 
     def __init__(self, **options: Any) -> None:
         self.clock = ManualClock()
-        self.arm = VirtualVE026A(clock=self.clock, **{"motor": True, **options})
+        self.arm = VirtualVE026A(clock=self.clock, **{"motor": True, "strict_time": True, **options})
         self.client = Person(self.arm)
         self.path = [self.arm.joints]
 

@@ -50,6 +50,9 @@ class Report:
             (pick("real time", "リアルタイム"), str(self.real_time)),
             (pick("largest deviation", "最大偏差"), self._deviations()),
         ]
+        if result.late.count:
+            real = pick("a real controller would have stopped", "実機では停止していた指令です")
+            rows.insert(3, (pick("late", "遅延"), f"{result.late}\n({real})"))
         if self.record is not None:
             rows.append((pick("record", "記録"), self.record))
         return table(rows)
@@ -61,6 +64,7 @@ class Report:
             "set_points": result.sent,
             "seconds": self.seconds,
             "underflows": result.underflows,
+            "late": {"count": result.late.count, "longest": result.late.longest, "total": result.late.total},
             "gaps": {
                 "count": len(timing.gaps),
                 "p50": timing.p50,

@@ -117,6 +117,14 @@ def serve_rc8(
                       "スレーブモードの限界値: 0 サーボ限界、1 サーボ限界 (外部速度連動)、2 指令限界、3 指令限界 (外部速度連動)。"),
         ),
     ] = 0,
+    strict_time: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=pick("A late set-point ends slave mode at once, as on a real controller, instead of being waited for (250 ms).",
+                      "スレーブモードで遅れた位置指令を待たず (既定は 250 ms 待つ)、実機と同じく直ちにエラーにする。"),
+        ),
+    ] = False,
     time_scale: Annotated[
         float,
         Parameter(
@@ -170,6 +178,7 @@ def serve_rc8(
             samples=not no_samples,
             slave_licence=not no_slave_licence,
             slave_limit=slave_limit,
+            strict_time=strict_time,
             clock=Clock(time_scale),
         )
     except ValueError as error:

@@ -31,6 +31,14 @@ def serve_ve026a(
     motor_on: Annotated[
         bool, Parameter(group=_ROBOT, help=pick("The motor is on from the beginning.", "モータ ON の状態で起動する。"))
     ] = False,
+    strict_time: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=pick("A late set-point is an error at once, as on a real VE026A, instead of being waited for (250 ms).",
+                      "遅れた位置指令を待たず (既定は 250 ms 待つ)、実機と同じく直ちにエラーにする。"),
+        ),
+    ] = False,
     time_scale: Annotated[
         float,
         Parameter(
@@ -45,7 +53,10 @@ def serve_ve026a(
     check(listening)
     try:
         arm = VirtualVE026A(
-            clock=Clock(time_scale), joints=None if joints is None else read_joints(joints), motor=motor_on
+            clock=Clock(time_scale),
+            joints=None if joints is None else read_joints(joints),
+            motor=motor_on,
+            strict_time=strict_time,
         )
     except ValueError as error:
         raise Failure(str(error), 2) from None

@@ -11,6 +11,7 @@ from time import time_ns
 from typing import Final, NamedTuple
 
 from orinkit.cao.slave_formats import PoseKind
+from orinkit.cao.slave_lateness import Lateness
 from orinkit.client._slave_options import Options
 from orinkit.errors import StreamError
 from orinkit.language import pick
@@ -103,6 +104,7 @@ class StreamResult:
         samples: what came back, from the first set-point to the arm's rest.
         missed: samples that nobody read in time.
         timing: seconds between the set-points.
+        late: set-points that came too late for a real controller, which would have stopped the arm; a virtual one waited.
     """
 
     sent: int
@@ -110,12 +112,14 @@ class StreamResult:
     samples: tuple[Sample, ...]
     missed: int
     timing: Timing
+    late: Lateness = field(default_factory=Lateness)
 
     def __str__(self) -> str:
-        return pick(
+        text = pick(
             f"{self.sent} set-points, {self.underflows} underflows; {self.timing}",
             f"位置指令 {self.sent} 個、アンダーフロー {self.underflows} 回; {self.timing}",
         )
+        return f"{text}; {self.late}" if self.late.count else text
 
 
 def timing_of(samples: Iterable[Sample]) -> Timing:
@@ -244,6 +248,8 @@ class Course:
         self._reader = Reader(shared, shared.samples)
         self._samples: list[Sample] = []
         self._before, self._dry, self._first = shared.sent, shared.dry, shared.written
+        self._late_before = self._late_seen = shared.lateness
+        self._latest = 0.0  # s, the longest lateness of its set-points
         self._started = False
         self._broken_off = False
 
@@ -264,7 +270,7 @@ class Course:
         Raises:
             StreamError: something else has ended it.
         """
-        self._samples.extend(self._reader.new())
+        self._read()
         if self._progress is not None:
             self._progress(Progress(self.sent, self._total))
         fed = not self._started or self.shared.feed is Feed.QUEUE
@@ -281,11 +287,18 @@ class Course:
     def result(self, sent: int) -> StreamResult:
         """Return what has become of it; it is over."""
         self.shared.hold()
-        self._samples.extend(self._reader.new())
+        self._read()
         if self._progress is not None:
             self._progress(Progress(sent, self._total))
-        samples = tuple(self._samples)
-        return StreamResult(sent, self.shared.dry - self._dry, samples, self._reader.missed, timing_of(samples))
+        samples, missed, late, before = tuple(self._samples), self._reader.missed, self._late_seen, self._late_before
+        lateness = Lateness(late.count - before.count, self._latest, late.total - before.total)
+        return StreamResult(sent, self.shared.dry - self._dry, samples, missed, timing_of(samples), lateness)
+
+    def _read(self) -> None:
+        self._samples.extend(self._reader.new())
+        late = self.shared.lateness
+        if late.count != self._late_seen.count:
+            self._late_seen, self._latest = late, max(self._latest, late.longest)
 
 
 class Recording:

@@ -35,14 +35,14 @@ READING: Final[Mapping[str, frozenset[str]]] = {
             SysInfo SysState StoState GetAutoMode
             HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandMotorState
         """,
-        # RC8 3.3.4 and table 4-1; the second half are those of real controllers only
+        # RC8 3.3.4 and table 4-1, and slvGetLateness of virtual ones; the second half are those of real controllers only
         "Robot": """
             TakeArmState CurSpd CurAcc CurDec CurJSpd CurJAcc CurJDec CurExtSpd CurExtAcc CurExtDec CurTool CurWork
             CurPos CurPosEx CurJnt CurJntEx CurTrn CurTrnEx CurFig
             HighCurPos HighCurPosEx HighCurJnt HighCurJntEx HighCurTrn HighCurTrnEx HighCurFig
             DestPos DestJnt DestTrn DestFig
             P2J P2T J2P J2T T2P T2J Dev DevH OutRange MotionComplete GetToolDef GetWorkDef GetPathPointCount
-            GetSrvData GetLogCount GetLogRecord slvGetMode GetRobotTypeName
+            GetSrvData GetLogCount GetLogRecord slvGetMode slvGetLateness GetRobotTypeName
             CurSpeedMode GetAreaEnabled RobInfo CheckVirtualFence ConvertPoswork GetBaseDef CurForceSensorPayLoad
             GetMotionPreparationState GetMechaButtonState CurScene CurSubScene SceneInfo
         """,
@@ -53,7 +53,7 @@ READING: Final[Mapping[str, frozenset[str]]] = {
 }
 """Commands of Execute that change nothing and need no right but that to read, by interface, in lower case.
 
-No command of a VE026A is among them: Motor, slvChangeMode, slvMove and ClearError all do something (VE026A 5.3).
+No documented command of a VE026A is among them: Motor, slvChangeMode, slvMove and ClearError all do something (VE026A 5.3).
 """
 
 _COMMAND: Final = "execute"

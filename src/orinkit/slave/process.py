@@ -63,7 +63,8 @@ def _stream(
     setup: Setup, connection: Connection, shared: Shared, watch: Watch, channel: Channel, outcome: dict[str, Any]
 ) -> None:
     planner = planner_for(setup.limits, setup.period, setup.start, setup.mode.kind)
+    tells = connection.lateness(0) is not None
     connection.execute("slvChangeMode", setup.mode.number)
     channel.send({"streaming": True})
-    outcome["reason"] = Streamer(setup, connection, shared, watch, planner).run()
+    outcome["reason"] = Streamer(setup, connection, shared, watch, planner, tells=tells).run()
     connection.execute("slvChangeMode", OFF)

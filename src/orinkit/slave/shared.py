@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
+from orinkit.cao.slave_lateness import Lateness
+
 QUEUE_ROOM: Final = 4096
 """Set-points that there is room for: 32 s at 8 ms."""
 SAMPLE_ROOM: Final = 4096
@@ -78,6 +80,9 @@ class _Word(IntEnum):
     DRY = 34
     RESTS = 35
     BEGAN = 36
+    LATE = 37
+    LATE_LONGEST = 38
+    LATE_TOTAL = 39
     OUTPUTS_USER = 40
 
 
@@ -306,6 +311,15 @@ class Shared:
         return int(self._words[_Word.DRY])
 
     @property
+    def lateness(self) -> Lateness:
+        """Set-points that came too late for a real controller; none where the controller does not tell.
+
+        ``longest`` is that of those that were told of last.
+        """
+        words, numbers = self._words, self._numbers
+        return Lateness(int(words[_Word.LATE]), numbers[_Word.LATE_LONGEST], numbers[_Word.LATE_TOTAL])
+
+    @property
     def at_rest(self) -> bool:
         """Whether the command stands still."""
         return bool(self._words[_Word.RESTS])
@@ -407,6 +421,12 @@ class Shared:
         """Tell how it goes: set-points sent, times that there were none, equal ones sent last while nothing is wanted."""
         words = self._words
         words[_Word.SENT], words[_Word.DRY], words[_Word.RESTS] = sent, dry, rests
+
+    def add_lateness(self, more: Lateness) -> None:
+        """Count further late set-points."""
+        self._numbers[_Word.LATE_LONGEST] = more.longest
+        self._numbers[_Word.LATE_TOTAL] += more.total
+        self._words[_Word.LATE] += more.count
 
     def add(self, sample: RawSample) -> None:
         """Write a sample over the oldest one."""

@@ -19,8 +19,10 @@ from orinkit.cao.slave_formats import (
     encode_set_point,
     read_answer,
 )
+from orinkit.cao.slave_lateness import COMMAND as LATENESS
+from orinkit.cao.slave_lateness import Lateness, read_lateness
 from orinkit.cao.table import Function
-from orinkit.errors import CallError, InvalidValue, OrinError, error_for
+from orinkit.errors import CallError, CallTimeout, InvalidValue, OrinError, error_for
 from orinkit.language import pick
 from orinkit.slave.channel import Channel
 from orinkit.slave.flow import FLOWS, Call, Delivery
@@ -39,6 +41,7 @@ _TRIPS: Final = 3  # on a serial line the same, by what a command there and back
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
 _STOPPED: Final = frozenset(b"Tt")
+_STALL: Final = 0.25  # s for which a program may be stopped: the machine, or a debugger that looks around
 _STOPS: Final = {  # bits of SysState (reference: SysState)
     10: ("the emergency stop is on", "非常停止中です"),
     12: ("the protective stop is on", "防護停止中です"),
@@ -47,8 +50,8 @@ _STOPS: Final = {  # bits of SysState (reference: SysState)
 
 
 Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated"]
-"""Why streaming ended: not by itself (an error), as the program wanted, which may have given up the connection, because its process was stopped (SIGSTOP), has
-gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
+"""Why streaming ended: not by itself (an error), as the program wanted, which may have given up the connection, because its process was stopped (SIGSTOP) for longer than
+a machine may stall, has gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
 
 
 class Watch:
@@ -58,6 +61,7 @@ class Watch:
         self._channel = channel
         self._program = process
         self._next = 0.0
+        self._stopped_at: float | None = None
         self.terminated = False
         try:
             self._stat = os.open(f"/proc/{process}/stat", os.O_RDONLY)
@@ -76,7 +80,15 @@ class Watch:
         orphan = os.getppid() != self._program  # a child that it forked may keep the channel open
         if orphan or not self._channel.open:
             return "gone"
-        return "stopped" if self._is_stopped() else ""
+        return "stopped" if self._has_stopped(now) else ""
+
+    def _has_stopped(self, now: float) -> bool:
+        """Tell whether the program has been stopped for longer than a machine may stall."""
+        if not self._is_stopped():
+            self._stopped_at = None
+        elif self._stopped_at is None:
+            self._stopped_at = now
+        return self._stopped_at is not None and now - self._stopped_at > _STALL
 
     def _is_stopped(self) -> bool:
         if self._stat < 0:
@@ -126,6 +138,16 @@ class Connection:
         sent = monotonic()
         code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
+
+    def lateness(self, leave_out: int) -> Lateness | None:
+        """Return how late set-points were, but for the first ones; ``None`` where the controller does not tell.
+
+        A real controller does not know the command: it is to be asked before slave mode is on, and then never again.
+        """
+        try:
+            return read_lateness(self.execute(LATENESS, leave_out)[1])
+        except (CallError, CallTimeout):
+            return None
 
     def _patience(self) -> tuple[float, int]:
         """Return how long to wait for the answer to a set-point, and how often it is sent: one that is lost is soon felt."""
@@ -208,13 +230,24 @@ class Streamer:
         shared: memory that the program writes to and reads from.
         watch: looks at the program.
         planner: within whose limits all is done.
+        tells: whether the controller tells how late set-points were.
     """
 
-    def __init__(self, setup: Setup, connection: Connection, shared: Shared, watch: Watch, planner: Planner) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        connection: Connection,
+        shared: Shared,
+        watch: Watch,
+        planner: Planner,
+        *,
+        tells: bool = False,
+    ) -> None:
         self._setup = setup
         self._shared = shared
         self._watch = watch
         self._planner = planner
+        self._connection = connection
         call: Call = connection.move
         buffering = setup.mode.buffering
         if setup.plain and buffering == 0:  # a VE026A lets its answer wait for the cycle (VE026A 2.2.1: response style)
@@ -232,6 +265,8 @@ class Streamer:
         self._patience = _AHEAD
         self._waits_since = monotonic()
         self._rests = 0
+        self._late = 0 if tells else None  # how many late set-points the controller has told of
+        self._moved = False  # since it was asked
         self._previous: tuple[float, ...] = ()
         self._aim: tuple[float, ...] | None = None
 
@@ -331,9 +366,19 @@ class Streamer:
             self._outputs = self._outputs.changed(outputs)
         delivery = self._flow.deliver(self._parameter(command))
         self._rests = self._rests + 1 if command == self._previous else 0
+        self._moved = self._moved or not self._rests
         self._previous = command
+        if self._rests >= _RESTS and self._moved:
+            self._moved = False
+            self._ask_lateness()
         self._shared.add(self._sample(command, delivery))
         self._shared.note(sent=self._sent, dry=self._dry, rests=self._rests if self._planner.at_rest else 0)
+
+    def _ask_lateness(self) -> None:
+        late = None if self._late is None else self._connection.lateness(self._late)
+        if self._late is not None and late is not None and late.count:
+            self._late += late.count
+            self._shared.add_lateness(late)
 
     def _parameter(self, command: tuple[float, ...]) -> Any:
         setup, outputs = self._setup, self._outputs

@@ -48,10 +48,13 @@ class Clock:
         scale: as given.
         patience: how many seconds of its own a device that could not keep up tries to make up for; beyond that it
             goes on late.
+        manual: whether the clock is moved by hand: nothing is ever done late then.
 
     Raises:
         ValueError: the scale is out of its range.
     """
+
+    manual: bool = False
 
     def __init__(self, scale: float = 1.0) -> None:
         low, high = _SCALES
@@ -147,6 +150,8 @@ class ManualClock(Clock):
     Args:
         start: local date and time at which it stands first.
     """
+
+    manual: bool = True
 
     def __init__(self, start: datetime = _MANUAL_START) -> None:
         super().__init__()

@@ -4,6 +4,9 @@ Everything that happens in time (the arm, the motor, programs) is a part with a 
 has something to do; when nothing has, they are skipped. Whoever looks at the controller holds :class:`Cycles` as a
 lock, which first brings it up to the present: so two threads, a thread and a test's clock, or a scaled clock see the
 same steps in the same order.
+
+The controller's time is counted in cycles. It stands still where the controller waits for a late set-point, or where its
+own program was held up (:meth:`Cycles.stand_still`), and is behind the clock from then on.
 """
 
 from __future__ import annotations
@@ -47,16 +50,15 @@ class Cycles:
         clock: as given.
         number: cycles since the controller was switched on.
         pace: decides how many cycles are run where some are due, ``None`` for all of them. It is given how many are due,
-            1 or more, inside the lock, and returns how many to run now; 0 to wait: whoever set it enters the lock again
-            when it knows more. It may call :meth:`put_off`.
+            1 or more, inside the lock, and returns how many to run before it is asked again; 0 to wait: it is asked
+            again when the lock is entered, a period later at the latest. It may call :meth:`stand_still`.
     """
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.number = 0
         self.pace: Callable[[int], int] | None = None
-        self._base = clock.now()  # when cycle 0 was, moved on where cycles were left out
-        self._moment = self._base  # when the last cycle was, or the first one after a pause is counted from
+        self._origin = self._base = clock.now()  # when cycle 0 was; the second is moved on where time stands still
         self._parts: list[Part] = []
         self._failed: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
@@ -69,8 +71,14 @@ class Cycles:
 
     @property
     def seconds(self) -> float:
-        """When the last cycle was, in seconds of the clock; one that was skipped, too."""
-        return self._moment if self._busy else self._base + max(self.number, self._due()) * PERIOD
+        """When the last cycle was, in seconds of the controller's time since it was switched on; one that was skipped, too."""
+        return (self.number if self._busy else max(self.number, self._due())) * PERIOD
+
+    @property
+    def now(self) -> float:
+        """Seconds of the controller's time since it was switched on."""
+        passed = self.clock.now() - self._base
+        return min(passed, (self.number + 1) * PERIOD) if self._busy else passed
 
     @property
     def busy(self) -> bool:
@@ -99,18 +107,13 @@ class Cycles:
         self._woken = True
         if not self._busy:
             self.number = max(self.number, self._due())
-            self._moment = self._base + self.number * PERIOD
             self._busy = True
         if not self._stepping:
             self._driver.wake()
 
-    def put_off(self, cycles: int) -> None:
-        """Have the last of so many cycles, from the next one on, be now, and those behind it at whole periods from now.
-
-        Cycles that were due and are not among these never were: the controller's time is late from then on. With 0 the
-        next cycle is a whole period from now. To be called inside the lock.
-        """
-        self._base = self.clock.now() - (self.number + cycles) * PERIOD
+    def stand_still(self, seconds: float) -> None:
+        """Move the next cycle, and all behind it, so many seconds of the clock away. To be called inside the lock."""
+        self._base += seconds
 
     def stopwatch(self, part: float) -> Callable[[], bool]:
         """Return what tells whether such a part of a cycle's real time has passed."""
@@ -153,20 +156,23 @@ class Cycles:
             if not self._busy:
                 return None
             if self._waiting:  # not for this thread: it comes back only in case nobody else does
-                return PERIOD
+                return PERIOD * min(1.0, self.clock.scale)
             return max(0.0, -self.late)
 
     def _catch_up(self) -> None:
         behind = (self._due() - self.number) * PERIOD - self.clock.patience
         if behind > 0:  # a machine that was busy with something else: late, but no jump
-            self._base += behind
+            self.stand_still(behind)
         self._stepping = True
         try:
-            last = self.number + self._wanted()
             enough = self.clock.stopwatch(_TURN)
-            while self._busy and self.number < last and not enough():
+            wanted = 0
+            while self._busy and not enough():
+                wanted = wanted or self._wanted()
+                if wanted == 0:
+                    break
+                wanted -= 1
                 self.number += 1
-                self._moment = self._base + self.number * PERIOD
                 self._woken = False
                 more = self._step()
                 self._busy = more or self._woken
@@ -177,7 +183,7 @@ class Cycles:
         due = self._due() - self.number
         self._waiting = False
         if self.pace is None or due < 1:
-            return due
+            return max(0, due)
         try:
             wanted = self.pace(due)
         except Exception as error:

@@ -12,6 +12,7 @@ from typing import Final
 
 from orinkit.arms import Model, load_model
 from orinkit.cao.provider import ClientInfo, Provider
+from orinkit.cao.slave_lateness import Lateness
 from orinkit.language import Language, pick
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.caller import Caller
@@ -48,6 +49,9 @@ class VirtualRC8(Provider):
         samples: put the sample programs into a file store that is empty.
         slave_licence: the licence of the slave function is registered; without it slave mode is refused.
         slave_limit: what commands in slave mode are limited to: a :class:`SlaveLimit`, or its number 0 to 3.
+        strict_time: a late set-point ends slave mode at once, as on a real controller (0x84201482; in mode 1 the arm
+            stops in place). Otherwise the controller's time stands still until it comes, for 250 ms at most, and
+            :attr:`lateness` counts it.
         permission: who may read and write; everyone both, if not given.
         clock: its clock; real time, if not given.
         accept_pc_provider: answer also to ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
@@ -80,6 +84,7 @@ class VirtualRC8(Provider):
         samples: bool = True,
         slave_licence: bool = True,
         slave_limit: int = SlaveLimit.SERVO,
+        strict_time: bool = False,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -103,6 +108,7 @@ class VirtualRC8(Provider):
             token=token if isinstance(token, Token) else Token.parse(token),
             slave_licence=bool(slave_licence),
             slave_limit=SlaveLimit.read(slave_limit),
+            strict_time=bool(strict_time),
         )
         arm = model if isinstance(model, Model) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
@@ -172,6 +178,12 @@ class VirtualRC8(Provider):
     def clear_errors(self) -> None:
         """Forget the current errors; the log keeps them."""
         self.state.clear_errors()
+
+    @property
+    def lateness(self) -> Lateness:
+        """How late the set-points of the present stream in slave mode are, or those of the last one were."""
+        with self.guard:
+            return self.state.arm.slave.lateness(0)
 
     def set_mode(self, mode: int) -> None:
         """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.

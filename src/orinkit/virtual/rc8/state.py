@@ -145,7 +145,6 @@ class State:
         self.events = Events()
         self.supervisors_running = 0
         self.battery_due = self.calendar.now() + _BATTERY_LIFE
-        self._began = clock.now()
         self.cycles = Cycles(clock)
         self.files = FileStore(files, self.calendar.now)
         self.arm = Arm(
@@ -164,12 +163,12 @@ class State:
     @property
     def seconds(self) -> float:
         """Seconds since the controller was switched on."""
-        return self.clock.now() - self._began
+        return self.cycles.now
 
     @property
     def cycle_seconds(self) -> float:
         """Seconds from when the controller was switched on to its last cycle: when the arm's joints were last read."""
-        return max(0.0, self.cycles.seconds - self._began)
+        return self.cycles.seconds
 
     @property
     def programs_running(self) -> int:

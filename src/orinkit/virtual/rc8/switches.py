@@ -111,6 +111,7 @@ class Switches:
     Attributes:
         slave_licence: whether the licence of the slave function is registered.
         slave_limit: what commands in slave mode are limited to.
+        strict_time: whether a late set-point is an error at once, as on a real controller.
     """
 
     mode: Mode = Mode.AUTOMATIC
@@ -122,6 +123,7 @@ class Switches:
     machine_lock: bool = False
     slave_licence: bool = True
     slave_limit: SlaveLimit = SlaveLimit.SERVO
+    strict_time: bool = False
 
     @property
     def torque_off(self) -> bool:

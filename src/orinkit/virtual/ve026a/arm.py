@@ -88,6 +88,7 @@ class Arm:
         joints: where it stands, one for each axis, deg.
         motor_seconds: how long Motor takes.
         clear_seconds: how long ClearError takes.
+        strict_time: a late set-point is not waited for.
 
     Attributes:
         error: code of the error that it is in, 0 for none. The first one counts, until it is cleared.
@@ -99,13 +100,14 @@ class Arm:
     """
 
     def __init__(
-        self, model: Model, cycles: Cycles, joints: Joints, motor_seconds: float, clear_seconds: float
-    ) -> None:
+        self, model: Model, cycles: Cycles, joints: Joints, motor_seconds: float, clear_seconds: float, *,
+        strict_time: bool,
+    ) -> None:  # fmt: skip
         self.model = model
         self.kinematics = Kinematics(model)
         self.queue = MotionQueue(model, joints)
         self.servo = Servo(model, joints)
-        self.slave = Slave(self, cycles)
+        self.slave = Slave(self, cycles, strict_time=strict_time)
         self.error = hresult.S_OK
         self.motor_on = self.emergency = False
         self._cycles = cycles

@@ -65,6 +65,16 @@ def mode(parameter: Variant) -> int:
     return number
 
 
+def left_out(parameter: Variant) -> int:
+    """Return how many late set-points slvGetLateness is to leave out; 0 where nothing is given.
+
+    Raises:
+        CallError: E_INVALIDARGTYPE, it is no number.
+    """
+    parameter = coerce.single(parameter)
+    return 0 if parameter.type in _EMPTY or parameter.value == "" else coerce.to_integer(parameter)
+
+
 def error_code(parameter: Variant) -> int:
     """Return the error that is to be cleared, unsigned; 0 where nothing is given. Every error is cleared, whatever it is.
 

@@ -10,6 +10,7 @@ from orinkit import hresult
 from orinkit.arms import Model, load_model
 from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.cao.provider import ClientInfo, Provider
+from orinkit.cao.slave_lateness import Lateness
 from orinkit.language import pick
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import frames
@@ -32,6 +33,8 @@ class VirtualVE026A(Provider):
         motor_seconds: how long the command Motor takes, s; the document says about 3.
         clear_seconds: how long the command ClearError takes, s; the document says about 1.
         model: an arm of seven axes with other frames or limits; that of the published model, if not given.
+        strict_time: in synchronous slave mode a cycle without a set-point is an error at once, as on a real VE026A.
+            Otherwise the controller's time stands still until it comes, for 250 ms at most, and :attr:`lateness` counts it.
 
     Raises:
         ValueError: joints that the arm cannot take; seconds that are none; a model of another number of axes.
@@ -51,6 +54,7 @@ class VirtualVE026A(Provider):
         motor_seconds: float = 3.0,
         clear_seconds: float = 1.0,
         model: Model | None = None,
+        strict_time: bool = False,
     ) -> None:
         arm = model or load_model("VE026A")
         if len(arm.axes) != AXES:
@@ -62,7 +66,7 @@ class VirtualVE026A(Provider):
             if not 0.0 <= seconds <= _LONGEST:
                 raise ValueError(pick(f"0 to {_LONGEST:g} s, not {seconds}", f"秒数は 0～{_LONGEST:g} です: {seconds}"))
         self._cycles = Cycles(clock or Clock())
-        self._arm = Arm(arm, self._cycles, arm.home, motor_seconds, clear_seconds)
+        self._arm = Arm(arm, self._cycles, arm.home, motor_seconds, clear_seconds, strict_time=strict_time)
         if joints is not None:
             self._arm.place(_checked(self._arm, joints))
         self._arm.motor_on = bool(motor)
@@ -112,6 +116,12 @@ class VirtualVE026A(Provider):
         """0x002 synchronous, 0x102 asynchronous, 0 off."""
         with self.guard:
             return self._arm.slave.mode
+
+    @property
+    def lateness(self) -> Lateness:
+        """How late the set-points of the present stream in slave mode are, or those of the last one were."""
+        with self.guard:
+            return self._arm.slave.lateness(0)
 
     @property
     def error(self) -> int:

@@ -11,6 +11,8 @@ from typing import Any, Final
 
 from orinkit import hresult
 from orinkit.cao.provider import ControllerObject, RobotObject, VariableObject
+from orinkit.cao.slave_lateness import COMMAND as LATENESS
+from orinkit.cao.slave_lateness import build_lateness
 from orinkit.errors import error_for
 from orinkit.variant import Value, Variant, VarType
 from orinkit.virtual.ve026a import parameters
@@ -81,7 +83,7 @@ class VE026ARobot(RobotObject):
         return _variable(self._arm, _ROBOT_VARIABLES, name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute Motor, slvChangeMode or slvMove.
+        """Execute Motor, slvChangeMode, slvMove or slvGetLateness.
 
         Raises:
             CallError: E_INVALIDCOMMAND, there is no such command; what the command refuses.
@@ -160,8 +162,13 @@ def _move(arm: Arm, operator: Operator, parameter: Variant) -> Any:
     return arm.move(operator, lambda: parameters.joints(parameter))
 
 
+def _lateness(arm: Arm, _: Operator, parameter: Variant) -> Variant:
+    return build_lateness(arm.slave.lateness(parameters.left_out(parameter)))
+
+
 _ROBOT_COMMANDS: Final[dict[str, Callable[[Arm, Operator, Variant], Any]]] = {  # table 5-3
     "MOTOR": _motor,
     "SLVCHANGEMODE": _change_mode,
     "SLVMOVE": _move,
+    LATENESS.upper(): _lateness,  # no command of a real one
 }

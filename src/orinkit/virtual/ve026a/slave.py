@@ -4,7 +4,8 @@ There is room for one set-point, as in the RC7 controllers of that time (referen
 mode differ in two things, the style of the answer and the time-out detector (2.2.1):
 
 * synchronous: slvMove is answered when there is room for its set-point, so a client that sends the next one then keeps in
-  step and one ahead; and once the first one has come, a cycle without a new one is an error.
+  step and one ahead; and once the first one has come, a cycle without a new one is an error, after 250 ms unless time is
+  strict.
 * asynchronous: slvMove is answered at once and its set-point takes the place of one that no cycle has taken; without a new
   one the arm stays at the last one.
 
@@ -14,11 +15,13 @@ acceleration is not looked at: over a serial line set-points come a few cycles a
 
 from __future__ import annotations
 
-import math
+import logging
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from orinkit.cao.provider import Later
+from orinkit.cao.slave_lateness import Lateness
 from orinkit.language import pick
 from orinkit.variant import Value
 from orinkit.virtual.rc8.cycle import PERIOD, Cycles
@@ -26,12 +29,14 @@ from orinkit.virtual.rc8.motion.path import Joints
 from orinkit.virtual.rc8.motion.queue import QueueState
 from orinkit.virtual.rc8.slave.bridge import gentlest
 from orinkit.virtual.rc8.slave.limits import LENIENCY, SERVO_LIMIT, Fault
-from orinkit.virtual.rc8.slave.pace import Look, Pace
+from orinkit.virtual.rc8.slave.pace import Look, Pace, left_late, waited_in_vain
 from orinkit.virtual.ve026a.codes import SET_POINT_MISSED, TOO_FAST_AXIS1, refusal
 from orinkit.virtual.ve026a.parameters import ASYNCHRONOUS, OFF, SYNCHRONOUS
 
 if TYPE_CHECKING:
     from orinkit.virtual.ve026a.arm import Arm, Operator
+
+logger = logging.getLogger("orinkit.ve026a")
 
 _ROUNDING: Final = 1e-4  # deg: a client's set-points are R4 numbers
 
@@ -43,14 +48,15 @@ class Slave:
         arm: the arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end` whenever
             it is stopped.
         cycles: the controller's cycle.
+        strict_time: a late set-point is not waited for.
 
     Attributes:
         mode: 0x002, 0x102, or 0 for off.
         owner: who has turned it on.
-        lenient: for how many cycles the limits are larger, because the server was late.
+        lenient: for how many cycles the limits are larger, because set-points were lost while the server was late.
     """
 
-    def __init__(self, arm: Arm, cycles: Cycles) -> None:
+    def __init__(self, arm: Arm, cycles: Cycles, *, strict_time: bool) -> None:
         self.mode = OFF
         self.owner: Operator | None = None
         self.lenient = 0
@@ -59,6 +65,8 @@ class Slave:
         self._way: list[Joints] = []  # the newest set-point; the commands that lead to it where the server was late
         self._waiting: deque[tuple[Joints, Later[Value]]] = deque()  # slvMoves that wait for room
         self._started = False
+        self._strict = strict_time
+        self._pace: Pace | None = None  # of the present stream, or of the last one
 
     # --- state --------------------------------------------------------------------------------------------------
 
@@ -94,14 +102,13 @@ class Slave:
 
     @property
     def moving(self) -> bool:
-        """Whether its client is waited for: the command moves, or the detector is at work."""
-        return self.watched or self._arm.queue.state is QueueState.FOLLOWING
+        """Whether the command moves."""
+        return self._arm.queue.state is QueueState.FOLLOWING
 
     @property
-    def idling(self) -> bool:
-        """Whether the next cycle would stop the command, for there is nothing new."""
-        still = not self._way or self._way[-1] == self._arm.queue.joints
-        return self.starving or (self.overwrites and self.moving and still)
+    def lateness(self) -> Callable[[int], Lateness]:
+        """How late the set-points of the stream were, or of the last one; called with how many to leave out."""
+        return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 
     # --- what clients do ----------------------------------------------------------------------------------------
 
@@ -115,8 +122,7 @@ class Slave:
         """
         self.mode, self.owner = mode, owner
         self.lenient, self._started = 0, False
-        if math.isfinite(self._cycles.clock.patience):  # else the clock is moved by hand, and nothing is ever late
-            self._cycles.pace = Pace(self._cycles, self, look)
+        self._pace = self._cycles.pace = Pace(self._cycles, self, look, strict=self._strict)
 
     def put(self, joints: Joints) -> Value | Later[Value]:
         """Take a set-point; returns the answer, in synchronous mode a promise of it where there is no room."""
@@ -126,11 +132,16 @@ class Slave:
             return promise
         self._way = [joints]
         self._started = True
+        self._resume()
         self._cycles.wake()
         return self._arm.angles()
 
     def end(self, code: int) -> None:
         """Turn it off at once; who waits for an answer gets a code. The arm is for others to stop."""
+        self._resume()
+        late = self.lateness(0)
+        if self.on and late.count:
+            logger.warning("%s", left_late(late))
         waiting, self._waiting = self._waiting, deque()
         self.mode, self.owner = OFF, None
         self._cycles.pace = None
@@ -146,7 +157,7 @@ class Slave:
         if self._way:
             self._lead_to(self._way.pop(0))
         elif self.watched:
-            self._arm.fail(SET_POINT_MISSED)
+            self._arm.fail(SET_POINT_MISSED, "" if self._strict else waited_in_vain())
         elif queue.state is QueueState.FOLLOWING:
             queue.follow(queue.joints)
         self.lenient = max(0, self.lenient - 1)
@@ -174,6 +185,10 @@ class Slave:
         return len(self._way)
 
     # --- helpers ------------------------------------------------------------------------------------------------
+
+    def _resume(self) -> None:
+        if self._pace is not None:
+            self._pace.resume()
 
     def _lead_to(self, joints: Joints) -> None:
         fault = self._fault(joints, LENIENCY if self.lenient else 1.0)

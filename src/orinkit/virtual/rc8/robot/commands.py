@@ -13,6 +13,7 @@ from typing import Any, Final
 from orinkit import hresult
 from orinkit.cao.motion_options import MotionOptions, parse_options
 from orinkit.cao.provider import Later
+from orinkit.cao.slave_lateness import COMMAND as LATENESS
 from orinkit.errors import error_for
 from orinkit.language import pick
 from orinkit.variant import ARRAY, Value, Variant, VarType
@@ -325,6 +326,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("GetLogRecord", _log_record),
         RobotCommand("slvChangeMode", slave.change_mode, reads=False, in_slave=True),
         RobotCommand("slvGetMode", slave.get_mode, in_slave=True),
+        RobotCommand(LATENESS, slave.get_lateness, in_slave=True),  # no command of a real controller
         RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),

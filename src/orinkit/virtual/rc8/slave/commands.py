@@ -1,4 +1,4 @@
-"""The five commands of slave mode, as clients call them with Robot_Execute (RC8 table 4-1)."""
+"""The commands of slave mode, as clients call them with Robot_Execute (RC8 table 4-1), and one of virtual controllers."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from orinkit.cao.slave_formats import (
     read_set_point,
     send_format,
 )
+from orinkit.cao.slave_lateness import build_lateness
 from orinkit.errors import CallError
 from orinkit.hresult import Family
 from orinkit.variant import Value, Variant
@@ -48,6 +49,12 @@ def get_mode(caller: Caller, _: Variant) -> int:
     """Return the number of the mode, 0 for off."""
     mode = caller.state.arm.slave.mode
     return OFF if mode is None else mode.number
+
+
+def get_lateness(caller: Caller, parameter: Variant) -> Variant:
+    """Return how late the set-points of the stream are, or those of the last one were: :mod:`orinkit.cao.slave_lateness`."""
+    (leave_out,) = parameters.whole_numbers(parameter, 0)
+    return build_lateness(caller.state.arm.slave.lateness(leave_out))
 
 
 def set_send_format(caller: Caller, parameter: Variant) -> None:

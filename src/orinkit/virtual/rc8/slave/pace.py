@@ -1,35 +1,60 @@
-"""How many cycles are run in slave mode when they are due: a server that is late must not be the client's fault.
+"""Which cycles are run in slave mode: elastic time for a late client, and for a late server.
 
-The controller here is a program beside others: its clock's thread, or the one that reads the network, may be late. A real
-controller would have answered its client meanwhile, and had its set-points. So
+A real controller has a processor of its own. Here client and server are programs beside others, and the machine may hold
+up either of them. So
 
-* set-points that have arrived count, also where nobody has read them yet: before a cycle goes without one, whoever reads
-  the network is asked to (``look``), and the cycle waits for that;
-* where set-points are queued (modes 0 and 2) cycles are not made up for: one is run, and the controller's time is late;
-* where the newest one counts (mode 1) as many are run as the way to it seems to need (:mod:`~.bridge`);
-* where a cycle, or whoever answers the client, was late lately and there is no new set-point, the client may not have had
-  its answer: it gets a period, once.
+* **the client is late** (there is no set-point for the next cycle, and the arm moves): the controller's time stands still
+  until there is one, for 250 ms at most, and the set-point is counted as late. Strict time does not wait;
+* **the server is late** (cycles were not run when they were due): cycles are not made up for. One is run, and the
+  controller's time is behind from then on. Set-points that have arrived count, even if nobody has read them yet: before a
+  cycle goes without one, whoever reads the network is asked to (``look``). Strict time does the same, and gives a client
+  that may not have had its answer yet one more period;
+* **a client that goes by the clock** notices neither, and what it sends afterwards is farther away than one cycle allows.
+  In a queue (modes 0 and 2) that does no harm. Where the newest set-point counts (mode 1), as many cycles are run on the
+  way to it as it seems to need (:mod:`~.bridge`).
 
-A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is.
+A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is, and so does a set-point.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final, Protocol
 
+from orinkit.cao.slave_lateness import Lateness
+from orinkit.language import pick
 from orinkit.virtual.rc8.cycle import PERIOD, Cycles
+
+LONGEST_WAIT: Final = 0.25
+"""Real seconds that a late set-point is waited for."""
 
 _ON_TIME: Final = PERIOD / 4
 _LONGEST_LOOK: Final = 5.0  # real seconds; whoever has not answered by then does not read any more
+_AWAKE: Final = 2 * PERIOD  # between two looks at the time; what is beyond that, this program was held up
 _FELT: Final = 4  # cycles: a set-point that was not sent in time is missed when the three in the buffer are used up
-_AFTERWARDS: Final = 2  # cycles behind those that were late
+_AFTERWARDS: Final = 2  # cycles behind those that led to a set-point
 _MOST_OWED: Final = 0.25  # s
 _MEMORY: Final = 125  # cycles
 _NEARLY: Final = 0.5  # part of a period
+_CASES: Final = 10_000  # late set-points that are remembered one by one
 
 Look = Callable[[Callable[[], None]], None]
 """Calls back when everything that has arrived by now has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
+
+
+def waited_in_vain() -> str:
+    """Return the detail of the error that ends the wait for a set-point."""
+    milliseconds = round(LONGEST_WAIT * 1e3)
+    return pick(f"no set-point for {milliseconds} ms", f"位置指令が {milliseconds} ms 間届きませんでした")
+
+
+def left_late(late: Lateness) -> str:
+    """Return what the log says at the end of a stream with late set-points."""
+    return pick(
+        f"{late}. A real controller does not wait for a set-point, nor does this one with strict time (--strict-time)",
+        f"{late}。実機は位置指令を待ちません。実機と同じ動作にするには --strict-time を指定してください",
+    )
 
 
 class Paced(Protocol):
@@ -37,9 +62,8 @@ class Paced(Protocol):
 
     Attributes:
         overwrites: whether the newest set-point counts (mode 1).
-        starving: whether the next cycle needs a set-point and there is none.
         moving: whether the command moves.
-        idling: whether the next cycle would stop the command, for there is nothing new.
+        starving: whether the next cycle needs a set-point and there is none.
         lenient: for how many cycles the limits are larger.
     """
 
@@ -50,16 +74,12 @@ class Paced(Protocol):
         """Whether the newest set-point counts."""
 
     @property
-    def starving(self) -> bool:
-        """Whether the next cycle needs a set-point and there is none."""
-
-    @property
     def moving(self) -> bool:
         """Whether the command moves."""
 
     @property
-    def idling(self) -> bool:
-        """Whether the next cycle would stop the command, for there is nothing new."""
+    def starving(self) -> bool:
+        """Whether the next cycle needs a set-point and there is none."""
 
     def bridge(self, most: int) -> int:
         """Lead to the set-point in at most so many cycles; returns in how many, 0 where there is none."""
@@ -72,19 +92,23 @@ class Pace:
         cycles: the controller's cycle.
         slave: what they are run for.
         look: of the client that sends set-points; ``None`` where everything that it has sent has been handled.
+        strict: a late set-point is not waited for.
     """
 
-    def __init__(self, cycles: Cycles, slave: Paced, look: Look | None) -> None:
+    def __init__(self, cycles: Cycles, slave: Paced, look: Look | None, *, strict: bool) -> None:
         self._cycles = cycles
         self._slave = slave
-        self._look = look
+        self._look = None if cycles.clock.manual else look  # by hand: time passes when all is handled
+        self._strict = strict
+        self._longest_wait = LONGEST_WAIT  # of the present wait
+        self._late_until = 0  # number of the cycle until which the client may feel that the server was late
         self._question: object | None = None  # the look that has been asked for
         self._asked = 0.0
         self._seen = False
-        self._spared = False
-        self._late_until = 0  # number of the cycle until which the client may feel that something was late
-        self._ping: float | None = None  # when whoever answers the client was last asked whether it is awake
-        self._owed = 0.0  # s by which the controller's time is late, as a client that goes by the clock will notice
+        self._waited: float | None = None  # real s that the client has been waited for; None while it is not
+        self._noted = 0.0  # when that was noted
+        self._cases: list[float] = []
+        self._owed = 0.0  # s by which the controller's time is behind, as a client that goes by the clock will notice
         self._forget_at = 0  # number of the cycle after which that is forgotten
 
     def __call__(self, due: int) -> int:
@@ -93,33 +117,68 @@ class Pace:
         if (slave.starving or (slave.overwrites and (slave.moving or due > 1))) and not self._looked():
             return 0
         self._question = None
-        late = self._cycles.late
-        self._take_pulse(late)
-        if slave.idling and self._cycles.number <= self._late_until and not self._spared and self._seen:
-            self._spare(late + PERIOD)
-            return 0
-        self._spared = False
-        count = self._lead(late) if slave.overwrites and not slave.idling else 1
+        late = self._server_late()
+        if late > _ON_TIME and self._waited is None:
+            self._late_until = self._cycles.number + _FELT
+        if slave.starving:
+            if self._wait():
+                return 0
+            self._go_on(self._longest_wait)
+            late = self._server_late()
+        count = self._lead(late) if slave.overwrites and not slave.starving else 1
         behind = late - (count - 1) * PERIOD
         if behind > _ON_TIME or count > due:
-            self._owe(behind)
-            self._cycles.put_off(count)
+            self._fall_behind(behind)
         return count
 
-    def _take_pulse(self, late: float) -> None:
-        """Note whether this cycle is late, or whoever answers the client is; its answers are then late, too."""
-        clock = self._cycles.clock
-        ping = self._ping  # another thread may answer meanwhile
-        if late > _ON_TIME or (ping is not None and clock.now() - ping > _ON_TIME):
-            self._late_until = self._cycles.number + _FELT
-        if ping is None and self._look is not None and self._slave.moving:
-            self._ping = clock.now()
-            self._look(self._awake)
+    def resume(self) -> None:
+        """Stop waiting: there is a set-point, or none is wanted any more. The next cycle is due now."""
+        if self._waited is not None:
+            self._note()
+            self._go_on(math.inf)
 
-    def _awake(self) -> None:
-        ping, self._ping = self._ping, None
-        if ping is not None and self._cycles.clock.now() - ping > _ON_TIME:
-            self._late_until = self._cycles.number + _FELT
+    def lateness(self, leave_out: int = 0) -> Lateness:
+        """Return how late set-points were, but for the first ones."""
+        cases = self._cases[max(0, leave_out) :]
+        return Lateness(len(cases), max(cases, default=0.0), sum(cases))
+
+    # --- a late client ------------------------------------------------------------------------------------------
+
+    def _wait(self) -> bool:
+        """Have the controller's time stand still; returns whether to wait on."""
+        if self._waited is not None:
+            self._note()
+            return self._waited < self._longest_wait
+        clock, late = self._cycles.clock, self._cycles.late
+        self._longest_wait = LONGEST_WAIT
+        if self._strict:
+            self._longest_wait = PERIOD / clock.scale if self._cycles.number <= self._late_until else 0.0
+        if self._longest_wait == 0.0:
+            return False
+        self._waited = late / clock.scale if clock.manual or late <= _ON_TIME else 0.0
+        self._noted = clock.now()
+        return self._waited < self._longest_wait
+
+    def _note(self) -> None:
+        """Add the time since the last note; if this program itself was held up meanwhile, that is not the client's fault."""
+        assert self._waited is not None
+        clock = self._cycles.clock
+        now = clock.now()
+        passed = (now - self._noted) / clock.scale
+        self._waited += passed if clock.manual else min(passed, _AWAKE)
+        self._noted = now
+
+    def _go_on(self, most: float) -> None:
+        """Let time pass again, after so many real seconds at most; what is beyond them has not been spent waiting."""
+        if self._waited is None:
+            return
+        waited, self._waited = min(self._waited, most), None
+        clock = self._cycles.clock
+        if not self._strict and waited * clock.scale > _ON_TIME and len(self._cases) < _CASES:
+            self._cases.append(waited)
+        self._fall_behind(min(self._cycles.late, waited * clock.scale) if clock.manual else self._cycles.late)
+
+    # --- a late server ------------------------------------------------------------------------------------------
 
     def _looked(self) -> bool:
         """Ask for a look, if nobody has; returns whether it is over."""
@@ -130,25 +189,27 @@ class Pace:
             self._question = question = object()
             self._asked, self._seen = clock.now(), False
             self._look(lambda: self._answered(question))
-        return self._seen or (clock.now() - self._asked) / clock.scale > _LONGEST_LOOK
+        if not self._seen and (clock.now() - self._asked) / clock.scale > _LONGEST_LOOK:
+            self._look, self._late_until = None, self._cycles.number + _FELT
+        return self._seen or self._look is None
 
     def _answered(self, question: object) -> None:
         if question is self._question:
             self._seen = True
+            if self._cycles.clock.now() - self._asked > _ON_TIME:
+                self._late_until = self._cycles.number + _FELT
         with self._cycles:  # runs what is due
             pass
 
-    def _spare(self, late: float) -> None:
-        """Give the client a period."""
-        self._spared = True
-        self._slave.lenient = 1 + _AFTERWARDS
-        self._owe(late)
-        self._cycles.put_off(0)
+    def _server_late(self) -> float:
+        """Return by how many seconds of the clock the next cycle is late; a clock that is moved by hand is never late."""
+        return 0.0 if self._cycles.clock.manual else self._cycles.late
 
-    def _owe(self, seconds: float) -> None:
-        """Note by how much the controller's time has become late; of a time long past nobody knows any more."""
+    def _fall_behind(self, seconds: float) -> None:
+        """Have the controller's time be behind by so much more; of a time long past nobody knows any more."""
         self._owed = min(max(0.0, self._owed + seconds), _MOST_OWED)
         self._forget_at = self._cycles.number + _MEMORY
+        self._cycles.stand_still(seconds)
 
     def _lead(self, late: float) -> int:
         """Return in how many cycles to go to the set-point of mode 1."""

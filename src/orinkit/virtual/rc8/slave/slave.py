@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from orinkit import hresult
 from orinkit.cao.provider import Coded, Later
 from orinkit.cao.slave_formats import SlaveMode
+from orinkit.cao.slave_lateness import Lateness
 from orinkit.errors import error_for
 from orinkit.variant import Value
 from orinkit.virtual.rc8.cycle import Cycles
@@ -21,7 +21,7 @@ from orinkit.virtual.rc8.motion.queue import QueueState
 from orinkit.virtual.rc8.robot.operators import Operator
 from orinkit.virtual.rc8.slave.bridge import gentlest
 from orinkit.virtual.rc8.slave.limits import Limits
-from orinkit.virtual.rc8.slave.pace import Look, Pace
+from orinkit.virtual.rc8.slave.pace import Look, Pace, left_late, waited_in_vain
 from orinkit.virtual.rc8.slave.points import Output
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Slave:
         mode: which mode is on, ``None`` for off.
         owner: who has turned it on.
         newest: joints of the last set-point that was taken.
-        lenient: for how many cycles the limits are larger, because the server was late.
+        lenient: for how many cycles the limits are larger, because set-points of mode 1 were lost while time stood still.
     """
 
     def __init__(self, arm: Arm, cycles: Cycles, variables: Variables, fault: Callable[[int, str], None]) -> None:
@@ -90,6 +90,7 @@ class Slave:
         self._buffer: deque[Command] = deque()
         self._waiting: deque[_Waiting] = deque()
         self._leaving: list[Later[None]] = []  # who waits for the end of the mode
+        self._pace: Pace | None = None  # of the present stream, or of the last one
 
     # --- state --------------------------------------------------------------------------------------------------
 
@@ -109,20 +110,25 @@ class Slave:
         return self.mode is not None and self.mode.buffering == NEWEST
 
     @property
-    def starving(self) -> bool:
-        """Whether the command moves and there is nothing for the next cycle."""
-        return self.taking and not self._buffer and self.moving
-
-    @property
     def moving(self) -> bool:
         """Whether the command moves, as set-points have it."""
         return self._arm.queue.state is QueueState.FOLLOWING
 
     @property
-    def idling(self) -> bool:
-        """Whether the next cycle would stop the command, for there is nothing new; in mode 1 it may be repeated."""
-        repeated = self.overwrites and self.moving and self.taking
-        return self.starving or (repeated and self._buffer[-1].joints == self._arm.queue.joints)
+    def starving(self) -> bool:
+        """Whether the next cycle needs a set-point and there is none.
+
+        In mode 1 one that was sent again is none if the arm cannot stop there: the client repeats it while it waits for
+        the next cycle (RC8 4.3.2).
+        """
+        if not self.taking or not self.moving:
+            return False
+        return not self._buffer or (self.overwrites and self._stops_hard(self._buffer[-1].joints))
+
+    @property
+    def lateness(self) -> Callable[[int], Lateness]:
+        """How late the set-points of the stream were, or of the last one; called with how many to leave out."""
+        return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 
     @property
     def pending(self) -> bool:
@@ -143,13 +149,13 @@ class Slave:
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
         self.lenient = 0
-        if math.isfinite(self._cycles.clock.patience):  # else the clock is moved by hand, and nothing is ever late
-            self._cycles.pace = Pace(self._cycles, self, look)
+        self._pace = self._cycles.pace = Pace(self._cycles, self, look, strict=self._arm.switches.strict_time)
 
     def leave(self) -> Later[None]:
         """Turn it off when the buffer is empty and the arm is at rest; kept then."""
         done = Later[None]()
         self._leaving.append(done)
+        self._resume()
         self.settle()
         if not done.done:
             self._cycles.wake()
@@ -174,6 +180,8 @@ class Slave:
             self._waiting.append(waiting)
             return waiting.promise
         self._buffer.append(command)
+        if not self.starving:
+            self._resume()
         self._cycles.wake()
         full = len(self._buffer) == ROOM and self.mode is not None and self.mode.buffering == QUEUE
         return Coded(hresult.S_BUF_FULL, told()) if full else told()
@@ -191,7 +199,7 @@ class Slave:
             if self.overwrites:  # a command to stay where it is (RC8 table 4-6)
                 self._lead_to(queue.joints)
             else:
-                self.fail(hresult.COMMAND_DELAY)
+                self.fail(hresult.COMMAND_DELAY, "" if self._arm.switches.strict_time else waited_in_vain())
         self.lenient = max(0, self.lenient - 1)
 
     def settle(self) -> None:
@@ -259,7 +267,20 @@ class Slave:
         queue.follow(joints)
         return True
 
+    def _stops_hard(self, joints: Joints) -> bool:
+        """Whether to be at these joints again is to stop harder than the limits allow."""
+        queue = self._arm.queue
+        return joints == queue.joints and self._limits.fault(queue.before, joints, joints, lenient=False) is not None
+
+    def _resume(self) -> None:
+        if self._pace is not None:
+            self._pace.resume()
+
     def _turn_off(self) -> None:
+        self._resume()
+        late = self.lateness(0)
+        if self.on and late.count:
+            logger.warning("%s: %s", self.owner, left_late(late))
         self.mode = self.owner = None
         self._cycles.pace = None
         self._buffer.clear()

@@ -1,0 +1,201 @@
+"""Run a command on a stalling machine: ``python tools/stall.py [--seed N] COMMAND [ARG ...]``.
+
+Each process of the command's process tree is stopped (SIGSTOP) for 20 to 100 ms about once a second, independently of the
+others, and continued (SIGCONT). Daemons that the command leaves behind belong to the tree until the command ends.
+The exit status is that of the command. Linux only.
+
+A process that something else has stopped is left alone. If something else stops a process during a stall, the end of the
+stall continues it: a test that stops a process itself has to make sure that it stays stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import heapq
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+_PR_SET_CHILD_SUBREAPER: Final = 36
+_RESCAN: Final = 0.05  # s between two looks for new processes
+_STALL: Final = (0.020, 0.100)  # s that a process is stopped
+_PAUSE: Final = (0.5, 1.5)  # s that it runs between two stalls
+_STOPPED: Final = ("T", "t", "Z", "X")
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process; the start time tells it from a later one with the same number."""
+
+    number: int
+    started: str
+
+
+@dataclass
+class Injector:
+    """Stops and continues the descendants of this process.
+
+    Attributes:
+        stalls: how many stalls there were.
+        stalled: seconds of all of them.
+    """
+
+    chance: random.Random
+    stalls: int = 0
+    stalled: float = 0.0
+    _known: set[Process] = field(default_factory=set)
+    _stopped: set[Process] = field(default_factory=set)
+    _plan: list[tuple[float, int, Process, float]] = field(
+        default_factory=list
+    )  # when, which, for how long; 0: continue
+    _count: int = 0
+    _rescan: float = 0.0
+
+    def step(self) -> float:
+        """Do what is due; returns the seconds until the next thing is."""
+        now = time.monotonic()
+        if now >= self._rescan:
+            self._find(now)
+            self._rescan = now + _RESCAN
+        while self._plan and self._plan[0][0] <= now:
+            _, _, process, seconds = heapq.heappop(self._plan)
+            if seconds:
+                self._stop(process, seconds)
+            else:
+                self._continue(process)
+        following = min(self._rescan, self._plan[0][0]) if self._plan else self._rescan
+        return max(0.0, following - time.monotonic())
+
+    def end(self) -> None:
+        """Continue whatever is stopped."""
+        for process in list(self._stopped):
+            self._continue(process)
+
+    def _find(self, now: float) -> None:
+        running = descendants(os.getpid())
+        for process in sorted(running - self._known, key=lambda each: each.number):
+            self._schedule(now + self.chance.uniform(0.0, _PAUSE[1]), process, self.chance.uniform(*_STALL))
+        self._known = running
+
+    def _schedule(self, when: float, process: Process, seconds: float) -> None:
+        self._count += 1
+        heapq.heappush(self._plan, (when, self._count, process, seconds))
+
+    def _stop(self, process: Process, seconds: float) -> None:
+        state = state_of(process)
+        if state is None:
+            return
+        now = time.monotonic()
+        if state in _STOPPED:
+            self._schedule(now + self.chance.uniform(*_PAUSE), process, seconds)
+            return
+        if send(process, signal.SIGSTOP):
+            self._stopped.add(process)
+            self.stalls += 1
+            self.stalled += seconds
+            self._schedule(now + seconds, process, 0.0)
+
+    def _continue(self, process: Process) -> None:
+        self._stopped.discard(process)
+        if state_of(process) is not None and send(process, signal.SIGCONT):
+            pause = self.chance.uniform(*_PAUSE)
+            self._schedule(time.monotonic() + pause, process, self.chance.uniform(*_STALL))
+
+
+def read_stat(number: int) -> tuple[str, int, str] | None:
+    """Return state, parent and start time of a process; ``None`` if it has gone."""
+    try:
+        text = Path(f"/proc/{number}/stat").read_text(errors="replace")
+    except OSError:
+        return None
+    fields = text.rpartition(")")[2].split()
+    return fields[0], int(fields[1]), fields[19]
+
+
+def state_of(process: Process) -> str | None:
+    """Return the state of a process, ``None`` if it has gone."""
+    stat = read_stat(process.number)
+    return stat[0] if stat is not None and stat[2] == process.started else None
+
+
+def send(process: Process, number: signal.Signals) -> bool:
+    """Send a signal; returns whether the process was there."""
+    try:
+        os.kill(process.number, number)
+    except (ProcessLookupError, PermissionError):
+        return False
+    return True
+
+
+def descendants(root: int) -> set[Process]:
+    """Return all processes below one."""
+    children: dict[int, list[Process]] = {}
+    for entry in os.listdir("/proc"):  # noqa: PTH208 - ten times as fast, twenty times a second
+        stat = read_stat(int(entry)) if entry.isdigit() else None
+        if stat is not None:
+            children.setdefault(stat[1], []).append(Process(int(entry), stat[2]))
+    found: set[Process] = set()
+    waiting = [root]
+    while waiting:
+        for process in children.get(waiting.pop(), ()):
+            found.add(process)
+            waiting.append(process.number)
+    return found
+
+
+def adopt_orphans() -> None:
+    """Have processes whose parent has ended become children of this one, so that they stay in the tree."""
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def reap(command: int) -> int | None:
+    """Collect what has ended; returns the wait status of the command once it has."""
+    while True:
+        try:
+            number, status = os.waitpid(-1, os.WNOHANG)
+        except ChildProcessError:
+            return None
+        if number == 0:
+            return None
+        if number == command:
+            return status
+
+
+def main() -> int:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
+    parser.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND [ARG ...]")
+    arguments = parser.parse_args()
+    if not arguments.command:
+        parser.error("name a command")
+    adopt_orphans()
+    for name in (
+        signal.SIGINT,
+        signal.SIGTERM,
+        signal.SIGHUP,
+    ):  # the command gets the first itself, the others from here
+        signal.signal(name, lambda number, _: None if number == signal.SIGINT else os.kill(command, number))
+    command = subprocess.Popen(arguments.command).pid
+    injector = Injector(random.Random(arguments.seed))  # noqa: S311 - no secret
+    status = None
+    try:
+        while (status := reap(command)) is None:
+            time.sleep(min(injector.step(), 0.02))
+    finally:
+        injector.end()
+    print(
+        f"stall.py: {injector.stalls} stalls, {injector.stalled:.1f} s in all, seed {arguments.seed}", file=sys.stderr
+    )
+    return os.waitstatus_to_exitcode(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
