@@ -18,6 +18,7 @@ from orinkit import functions
 from orinkit.gateway import RemoteProvider
 from orinkit.language import pick
 from served import PROVIDER, both_servers, serve_until_told
+from stalls import Stalls
 from stream import PERIOD, as_if_elsewhere, busy, controller, ours, show_ours
 
 
@@ -84,13 +85,13 @@ def served_gateway(url: str) -> Iterator[str]:
             server.terminate()
 
 
-def slave_through_gateway(seconds: float = 60.0, threads: int = 1) -> None:
+def slave_through_gateway(seconds: float = 60.0, threads: int = 1, *, stalls: Stalls) -> None:
     """Set-points every 8 ms through a gateway to a virtual RC8, with so many busy threads in the program that streams."""
     with controller() as url, served_gateway(url) as through, busy(threads):
-        result = ours(through, seconds, 2)
+        outcome = ours(through, seconds, 2)
     load = os.getloadavg()[0]
     what = pick(
         f"orinkit, 8 ms, mode 2, gateway, {threads} busy, load {load:.1f}",
         f"orinkit, 8 ms, モード 2, ゲートウェイ, 負荷スレッド {threads}, ロード {load:.1f}",
     )
-    show_ours(what, result, PERIOD)
+    show_ours(what, outcome, PERIOD, stalls)

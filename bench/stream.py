@@ -2,8 +2,12 @@
 
 The program that streams has busy pure-Python threads, and one that makes garbage. What is measured is what goes out over
 the wire: the gaps between two set-points, and whether the controller's buffer ran dry (0x84201482), against the plain way,
-a thread of the same program that sends slvMove itself. A virtual RC8 in a process of its own is the controller; its
-clock runs faster for cycles of 4 and 1 ms.
+a thread of the same program that sends slvMove itself. A virtual RC8 with strict time, in a process of its own, is the
+controller; its clock runs faster for cycles of 4 and 1 ms.
+
+Three things are stated separately: *underflows*, the queue between program and streaming process was empty; *failures*, the
+controller ended the stream (after which it is begun again); and *stalls of the machine*, in which a real-time process that
+does nothing else was not woken either. A failure within 0.3 s of a stall is the machine's.
 """
 
 from __future__ import annotations
@@ -18,12 +22,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import orinkit
 from orinkit import hresult
-from orinkit.errors import CallError
-from orinkit.streaming import Progress, StreamResult, Timing
+from orinkit.errors import CallError, OrinError
+from orinkit.streaming import Progress, Timing
+from stalls import Stalls, watched
 
 START = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 PERIOD = 0.008
@@ -33,6 +39,10 @@ GIGABYTE = 1 << 30
 PIECE = 1 << 25
 LISTENING = {"tcp": ("--tcp", "127.0.0.1:0"), "udp": ("--udp", "127.0.0.1:0"), "pty": ("--pty",)}
 PRIORITY = 70  # of SCHED_FIFO, below that of the streaming process
+PIECE_SECONDS = 20.0  # of the controller's time that are one trajectory
+NEAR_A_STALL = 0.3  # s, in which a failure has reached the program
+LATE = ("COMMAND_DELAY", "SLAVE_MODE_OFF")  # what a set-point that is too late, and the one behind it, are answered
+PATIENCE = 20.0  # s until a controller in an error has its motor on again
 
 
 @contextmanager
@@ -46,6 +56,7 @@ def controller(scale: float = 1.0, wire: str = "tcp") -> Iterator[str]:
         "rc8",
         *LISTENING[wire],
         "--motor-on",
+        "--strict-time",
         "--time-scale",
         str(scale),
     ]
@@ -116,143 +127,226 @@ def trajectory(seconds: float) -> list[tuple[float, ...]]:
     return [point(number) for number in range(count + 1)]
 
 
-def ours(url: str, seconds: float, mode: int) -> StreamResult:
-    """Stream with orinkit; what an underflow has ended has no samples and no gaps."""
-    sent = 0
+@dataclass
+class Outcome:
+    """What became of a measurement.
 
-    def note(progress: Progress) -> None:
-        nonlocal sent
-        sent = progress.sent
+    Attributes:
+        sent: set-points.
+        underflows: how often the queue was empty while the arm moved.
+        failures: when the controller, or the connection, ended the stream, monotonic s, and how.
+        gaps: seconds between two set-points, of whole trajectories.
+        own: of these, from an answer to the next set-point.
+        began, ended: monotonic s.
+    """
 
-    try:
+    sent: int = 0
+    underflows: int = 0
+    failures: list[tuple[float, str]] = field(default_factory=list)
+    gaps: list[float] = field(default_factory=list)
+    own: list[float] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
+    ended: float = 0.0
+
+    def excused(self, stalls: Stalls) -> int:
+        """Return how many of the failures came with a stall of the machine."""
+        return sum(bool(stalls.between(moment - NEAR_A_STALL, moment)) for moment, _ in self.failures)
+
+
+def ours(url: str, seconds: float, mode: int) -> Outcome:
+    """Stream with orinkit for so many seconds of the controller's time; after a failure, begin again."""
+    outcome = Outcome()
+    wanted = round(seconds / PERIOD)
+    while outcome.sent < wanted and len(outcome.failures) < 100:
+        before = outcome.sent
+        try:
+            _stream(url, mode, wanted, outcome)
+        except OrinError as error:
+            outcome.failures.append((time.monotonic(), str(error)))
+            if outcome.sent == before and len(outcome.failures) > 2:  # it does not work at all
+                break
+    outcome.ended = time.monotonic()
+    return outcome
+
+
+def _stream(url: str, mode: int, wanted: int, outcome: Outcome) -> None:
+    with orinkit.connect(url) as rc8:
+        robot = rc8.robot()
+        recover(rc8, robot)
+        with robot.arm(), robot.motor():
+            robot.move(orinkit.J(*START), "@E")
+            with robot.slave_mode(mode=mode) as stream:
+                while outcome.sent < wanted:
+                    before = outcome.sent
+
+                    def note(progress: Progress, before: int = before) -> None:
+                        outcome.sent = before + progress.sent
+
+                    result = stream.run(trajectory(min(PIECE_SECONDS, (wanted - before) * PERIOD)), progress=note)
+                    outcome.underflows += result.underflows
+                    outcome.gaps += result.timing.gaps
+                    outcome.own += [
+                        b.sent - a.answered for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1
+                    ]
+
+
+def recover(rc8: orinkit.Controller, robot: orinkit.Robot) -> None:
+    """Clear what an earlier failure has left; the motor goes off after it, which takes a moment."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            rc8.execute("ClearError")
+            robot.execute("Motor", [1, 0])
+        except CallError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.1)
+        else:
+            return
+
+
+def plain(url: str, seconds: float) -> Outcome:
+    """Send slvMove from a thread of this program, mode 0, 8 ms by the clock; after a failure, begin again."""
+    outcome = Outcome()
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
         with orinkit.connect(url) as rc8:
             robot = rc8.robot()
+            recover(rc8, robot)
             with robot.arm(), robot.motor():
                 robot.move(orinkit.J(*START), "@E")
-                with robot.slave_mode(mode=mode) as stream:
-                    return stream.run(trajectory(seconds), progress=note)
-    except CallError as error:
-        if error.code != hresult.COMMAND_DELAY:
-            raise
-        return StreamResult(sent, 1, (), 0, Timing())
+                points = trajectory(min(PIECE_SECONDS, seconds))
+                thread = threading.Thread(target=_by_the_clock, args=(robot, points, outcome))
+                thread.start()
+                thread.join()
+                recover(rc8, robot)
+    outcome.ended = time.monotonic()
+    return outcome
 
 
-def plain(url: str, seconds: float) -> tuple[Timing, int, int]:
-    """Send slvMove from a thread of this program, mode 0, 8 ms by the clock; returns gaps, underflows and set-points."""
+def _by_the_clock(robot: orinkit.Robot, points: list[tuple[float, ...]], outcome: Outcome) -> None:
+    """Send every 8 ms what the clock says, the way that users write first."""
     sent: list[float] = []
-    gaps: list[float] = []
-    underflows = 0
-
-    def stream(robot: orinkit.Robot, points: list[tuple[float, ...]]) -> None:
+    try:
         robot.execute("slvChangeMode", 0x002)
         tick = time.monotonic()
         for number in (*range(len(points)), len(points) - 1, len(points) - 1):
-            while True:
-                try:
-                    robot.execute("slvMove", [*points[number], 0.0, 0.0])
-                except CallError as error:
-                    if error.code != 0x83201483:
-                        raise
-                    time.sleep(PERIOD / 8)
-                else:
-                    break
+            while not _taken(robot, points[number]):
+                time.sleep(PERIOD / 8)
             sent.append(time.monotonic())
             tick += PERIOD
             time.sleep(max(0.0, tick - time.monotonic()))
         robot.execute("slvChangeMode", 0)
-
-    end = time.monotonic() + seconds
-    count = 0
-    while time.monotonic() < end:
-        with orinkit.connect(url) as rc8:
-            robot = rc8.robot()
-            rc8.execute("ClearError")
-            with robot.arm(), robot.motor():
-                robot.move(orinkit.J(*START), "@E")
-                sent.clear()
-                failed: list[BaseException] = []
-
-                def work() -> None:
-                    try:
-                        stream(robot, trajectory(min(seconds, 10.0)))  # noqa: B023 - joined in this very turn
-                    except CallError as error:
-                        failed.append(error)  # noqa: B023
-
-                thread = threading.Thread(target=work)
-                thread.start()
-                thread.join()
-                count += len(sent)
-                gaps += [b - a for a, b in itertools.pairwise(sent)]
-                underflows += len(failed)
-                rc8.execute("ClearError")
-                robot.execute("Motor", [1, 0])
-        if failed:
-            break
-    return Timing(tuple(gaps)), underflows, count
+    except OrinError as error:
+        outcome.failures.append((time.monotonic(), str(error)))
+    outcome.sent += len(sent)
+    outcome.gaps += [b - a for a, b in itertools.pairwise(sent)]
 
 
-def late(timing: Timing, cycle: float) -> int:
-    """Gaps that a buffer of three set-points does not outlast."""
-    return sum(gap > 3 * cycle for gap in timing.gaps)
+def _taken(robot: orinkit.Robot, joints: tuple[float, ...]) -> bool:
+    try:
+        robot.execute("slvMove", [*joints, 0.0, 0.0])
+    except CallError as error:
+        if error.code != hresult.E_BUF_FULL:
+            raise
+        return False
+    return True
 
 
-def show(what: str, timing: Timing, cycle: float, underflows: int, count: int, own: str = "") -> None:
+def show(what: str, outcome: Outcome, cycle: float, stalls: Stalls, own: str = "") -> None:
     """Print one line."""
+    timing = Timing(tuple(outcome.gaps))
+    late = sum(gap > 3 * cycle for gap in timing.gaps)  # which a buffer of three set-points does not outlast
     print(
-        f"{what:<46} {count:>6} set-points, underflows {underflows}, gaps p50 {timing.p50 * 1e3:5.2f} "
-        f"p99 {timing.p99 * 1e3:5.2f} max {timing.max * 1e3:6.2f} ms, above 3 cycles: {late(timing, cycle)}{own}",
+        f"{what:<46} {outcome.sent:>6} set-points, underflows {outcome.underflows}, "
+        f"failures {len(outcome.failures)} ({outcome.excused(stalls)} with a stall), "
+        f"{stalls.text(outcome.began, outcome.ended)}, gaps p50 {timing.p50 * 1e3:5.2f} "
+        f"p99 {timing.p99 * 1e3:5.2f} max {timing.max * 1e3:6.2f} ms, above 3 cycles: {late}{own}",
         flush=True,
     )
+    others = {text for _, text in outcome.failures if not any(name in text for name in LATE)}
+    for text in sorted(others)[:3]:
+        print(f"    {text:.200}", flush=True)
 
 
-def show_ours(what: str, result: StreamResult, cycle: float) -> None:
+def show_ours(what: str, outcome: Outcome, cycle: float, stalls: Stalls) -> None:
     """Print one line, with what the streaming process itself needs: from an answer to the next set-point (mode 2)."""
-    if not result.samples:
-        print(f"{what:<46} {result.sent:>6} set-points, underflows {result.underflows}, which ended it", flush=True)
-        return
-    own = Timing(tuple(b.sent - a.answered for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1))
+    own = Timing(tuple(outcome.own))
     text = f"; answer to next set-point p50 {own.p50 * 1e3:.2f} p99 {own.p99 * 1e3:.2f} max {own.max * 1e3:.2f} ms"
-    show(what, result.timing, cycle, result.underflows, result.sent, text)
+    show(what, outcome, cycle, stalls, text if outcome.own else "")
 
 
-def long_run(seconds: float) -> None:
+def long_run(seconds: float, stalls: Stalls) -> None:
     """8 ms for ten minutes with one, then four busy threads, and the plain way in the same run."""
     for threads in (1, 4):
         with controller() as url, busy(threads) as made:
             began, before = time.monotonic(), made[0]
-            timing, underflows, count = plain(url, min(seconds, 20.0))
-            show(f"plain thread, 8 ms, {threads} busy", timing, PERIOD, underflows, count)
-            result = ours(url, seconds, 2)
+            show(f"plain thread, 8 ms, {threads} busy", plain(url, min(seconds, 20.0)), PERIOD, stalls)
+            outcome = ours(url, seconds, 2)
             rate = (made[0] - before) / GIGABYTE / (time.monotonic() - began)
-            show_ours(f"orinkit, 8 ms, mode 2, {threads} busy, {rate:.1f} GB/s of garbage", result, PERIOD)
+            show_ours(f"orinkit, 8 ms, mode 2, {threads} busy, {rate:.1f} GB/s of garbage", outcome, PERIOD, stalls)
 
 
-def short_cycles(seconds: float) -> None:
+def short_cycles(seconds: float, stalls: Stalls) -> None:
     """The other modes at 8 ms, and cycles of 4 and 1 ms, with four busy threads."""
     for mode, scale in ((0, 1.0), (1, 1.0), (2, 2.0), (2, 8.0)):
         with controller(scale) as url, busy(4):
-            result = ours(url, seconds * scale, mode)
+            outcome = ours(url, seconds * scale, mode)
             cycle = PERIOD / scale
-            show_ours(f"orinkit, {cycle * 1e3:.0f} ms, mode {mode}, 4 busy", result, cycle)
+            show_ours(f"orinkit, {cycle * 1e3:.0f} ms, mode {mode}, 4 busy", outcome, cycle, stalls)
 
 
-def other_wires(seconds: float) -> None:
+def other_wires(seconds: float, stalls: Stalls) -> None:
     """8 ms over UDP and over a pseudo-terminal, with a busy thread."""
     for wire in ("udp", "pty"):
         with controller(wire=wire) as url, busy(1):
-            show_ours(f"orinkit, 8 ms, mode 2, {wire}, 1 busy", ours(url, seconds, 2), PERIOD)
+            show_ours(f"orinkit, 8 ms, mode 2, {wire}, 1 busy", ours(url, seconds, 2), PERIOD, stalls)
+
+
+@dataclass
+class Delays:
+    """How long live targets took to the wire.
+
+    Attributes:
+        all: s, of each target.
+        added: s, without what the controller had the process wait for.
+        failures: streams that the controller ended.
+    """
+
+    all: list[float] = field(default_factory=list)
+    added: list[float] = field(default_factory=list)
+    failures: int = 0
 
 
 def latency(seconds: float) -> None:
     """From ``stream.target = ...`` to the wire."""
     for threads in (0, 1):
-        with controller() as url, busy(threads), orinkit.connect(url) as rc8:
-            robot = rc8.robot()
-            with robot.arm(), robot.motor(), robot.slave_mode() as stream:
-                delays: list[float] = []
-                added: list[float] = []
+        delays = Delays()
+        with controller() as url, busy(threads):
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                try:
+                    _follow_targets(url, end, delays)
+                except OrinError:
+                    delays.failures += 1
+        for what, values in (("target to the wire", delays.all), ("of that without the controller", delays.added)):
+            timing = Timing(tuple(values))
+            print(
+                f"{f'{what}, 8 ms, mode 2, {threads} busy':<58} {len(values):>5} targets, "
+                f"p50 {timing.p50 * 1e3:.2f} p99 {timing.p99 * 1e3:.2f} max {timing.max * 1e3:.2f} ms, "
+                f"failures {delays.failures}",
+                flush=True,
+            )
+
+
+def _follow_targets(url: str, end: float, delays: Delays) -> None:
+    with orinkit.connect(url) as rc8:
+        robot = rc8.robot()
+        recover(rc8, robot)
+        with robot.arm(), robot.motor():
+            robot.move(orinkit.J(*START), "@E")
+            with robot.slave_mode() as stream:
                 answered = 0.0
-                end = time.monotonic() + seconds
                 number = 0
                 while time.monotonic() < end:
                     number += 1
@@ -260,33 +354,27 @@ def latency(seconds: float) -> None:
                     time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # at any moment of the cycle
                     for sample in stream.samples():
                         if sample.delay is not None:
-                            delays.append(sample.delay)
-                            added.append(sample.sent - max(sample.sent - sample.delay, answered))
+                            delays.all.append(sample.delay)
+                            delays.added.append(sample.sent - max(sample.sent - sample.delay, answered))
                         answered = sample.answered
-                for what, seconds_ in (("target to the wire", delays), ("of that without the controller", added)):
-                    timing = Timing(tuple(seconds_))
-                    print(
-                        f"{f'{what}, 8 ms, mode 2, {threads} busy':<58} {len(seconds_):>5} targets, "
-                        f"p50 {timing.p50 * 1e3:.2f} p99 {timing.p99 * 1e3:.2f} max {timing.max * 1e3:.2f} ms",
-                        flush=True,
-                    )
 
 
 def main() -> None:
     """Run everything."""
     from gateway import slave_through_gateway  # which is made of what is above
 
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="seconds instead of minutes, to see that it runs")
     parser.add_argument("--minutes", type=float, default=10.0, help="of each long run")
     arguments = parser.parse_args()
     seconds = 4.0 if arguments.quick else arguments.minutes * 60
-    print("Streaming in slave mode; gaps are those between two set-points on the wire.")
-    latency(min(20.0, seconds))
-    short_cycles(min(30.0, seconds))
-    other_wires(min(60.0, seconds))
-    slave_through_gateway(min(60.0, seconds))
-    long_run(seconds)
+    print("Streaming in slave mode, strict time; gaps are those between two set-points on the wire.")
+    with watched() as stalls:
+        latency(min(20.0, seconds))
+        short_cycles(min(30.0, seconds), stalls)
+        other_wires(min(60.0, seconds), stalls)
+        slave_through_gateway(min(60.0, seconds), stalls=stalls)
+        long_run(seconds, stalls)
 
 
 if __name__ == "__main__":
