@@ -14,21 +14,11 @@ help: ## this list
 demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
 	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
 
-# The core has to be covered by its own tests, every branch; they run once, under coverage, then all the others: five files
-# at a time, for many of them wait; those that stream in real time by themselves.
-CORE_TESTS := $(wildcard tests/test_language.py tests/test_errors.py tests/test_hresult.py tests/test_variant.py \
-	tests/test_variant_bytes.py tests/test_notation.py tests/test_poses.py tests/test_can_frame.py) tests/cao tests/bcap tests/ecap tests/abh3 tests/properties
-
-# These wait for minutes in real time: they begin first.
-LONGEST := tests/test_docs.py tests/cli/test_cli_demo.py tests/client/test_robot.py tests/cli/test_demo_ve026a.py
-
-# These stream in real time: by themselves.
-REAL_TIME := $(patsubst %,tests/slave/test_%.py,slave_hour slave_live slave_lossy slave_mishaps slave_stream slave_wires streamer)
-
+# Tests are selected by markers (pyproject.toml): those of the core run once, under coverage, and then all the others.
+# Most of these wait, so there are more workers than cores; --no-loadscope-reorder keeps the slow files first (tests/conftest.py).
 test: lint ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
-	@$(RUN) pytest -q --collect-only tests >/dev/null 2>&1 & $(MAKE) --no-print-directory types coverage # compiles the tests meanwhile
-	$(RUN) pytest -m "not soak" -n 5 --dist loadfile $(CORE_TESTS:%=--ignore=%) $(REAL_TIME:%=--ignore=%) $(LONGEST) tests
-	$(RUN) pytest -m "not soak" -n 2 --dist loadfile $(REAL_TIME)
+	@$(MAKE) --no-print-directory -j2 --output-sync=target types coverage
+	$(RUN) pytest -m "not core and not soak" -n 5 --dist loadfile --no-loadscope-reorder
 
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査
 	$(RUN) ruff check .
@@ -48,7 +38,7 @@ soak: setup-dev ## the long tests / 長時間テスト
 
 coverage: setup-dev ## tests of the core; every branch of it must be covered / コアの分岐カバレッジ 100 %
 	$(RUN) coverage erase
-	$(RUN) coverage run -m pytest -q -m "not soak" -n 2 --dist loadfile $(CORE_TESTS)
+	$(RUN) coverage run -m pytest -q -m "core and not soak" -n 2 --dist loadfile
 	$(RUN) coverage combine -q
 	$(RUN) coverage report --show-missing --skip-covered --fail-under=100
 

@@ -21,6 +21,11 @@ settings.register_profile("orinkit", deadline=None, max_examples=100, derandomiz
 settings.load_profile("orinkit")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that wait longest, so that no worker is left with one of them at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     """Texts are in English unless a test says otherwise, whatever the machine's language is."""

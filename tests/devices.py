@@ -18,6 +18,7 @@ from orinkit.cao.provider import Blocking, ClientInfo, Provider
 from orinkit.cao.table import Function
 from orinkit.errors import error_for
 from orinkit.variant import Variant, VarType, plain
+from waiting import PATIENCE
 
 
 class Call(NamedTuple):
@@ -95,7 +96,7 @@ class Recorder(Provider):
             self.calls.append(call)
             self.released.notify_all()
 
-    def wait_for(self, call: Call, seconds: float = 20.0) -> bool:
+    def wait_for(self, call: Call, seconds: float = PATIENCE) -> bool:
         """Wait until a call has been made; False if it has not been in that time."""
         with self.released:
             return self.released.wait_for(lambda: call in self.calls, seconds)
@@ -224,7 +225,7 @@ class Workshop(Provider):
 
     def block(self, value: Any) -> Any:
         self.at_work.release()
-        assert self.gate.wait(20.0)
+        assert self.gate.wait(PATIENCE)
         return value
 
     def slow_variable(self, name: str) -> WorkshopVariable:

@@ -112,6 +112,10 @@ class HttpLine:
         """Wait until the client has closed."""
         self.line.wait_for_end()
 
+    def shut(self) -> None:
+        """End the connection in good order while another thread may wait for something."""
+        self.line.shut()
+
     def close(self) -> None:
         """Close in good order."""
         self.line.close()
@@ -166,6 +170,22 @@ class SecurePeer(HttpPeer):
 def echo(line: HttpLine) -> None:
     """Answer every request with its own body."""
     line.serve(lambda post: reply(post.body))
+
+
+HELLO = b"hello"
+
+
+def after_hello(script: HttpScript) -> HttpScript:
+    """Return a script that answers a first request, so that the connection is there when the next one is sent.
+
+    It says that it tells when it is at work: a client has no more patience with it than it wants to have.
+    """
+
+    def run(line: HttpLine) -> None:
+        line.send(reply(line.post().body, "200 OK", WORKING))
+        script(line)
+
+    return run
 
 
 def answers(*replies: bytes) -> HttpScript:

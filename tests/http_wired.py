@@ -171,19 +171,21 @@ class EcapLine(Line):
         asked = self._asked[answer.serial - 1] if 0 < answer.serial <= len(self._asked) else None
         return asked, b"" if asked is None else asked.reply(answer)
 
-    def close(self) -> None:
-        """Close all connections."""
+    def shut(self) -> None:
+        """End all connections; the peer closes them."""
         for connection in self._shut():
-            connection.close()
+            connection.shut()
+
+    close = shut
 
     def end(self) -> list[Asked]:
-        """Close the connections that the script has seen; returns the requests that it has not taken."""
+        """End the connections that the script has seen; returns the requests that it has not taken."""
         with self._changed:
             untaken = self._asked[self._taken :] if self._taken else []
             for asked in untaken:
                 if asked.connection in self._open:
                     self._open.remove(asked.connection)
-        self.close()
+            self.shut()
         return untaken
 
     def reset(self) -> None:
@@ -223,13 +225,13 @@ class EcapPeer(BadPeer):
         while True:
             try:
                 accepted, _ = self._listener.accept()
-            except OSError:  # closed by __exit__
+            except OSError:  # shut down by __exit__
                 return
             connection = HttpLine(Line(accepted), self)
             self._accepted.append(connection)
             self._start(self._read, connection)
-            if self.stopping.is_set():  # nobody closes it any more
-                connection.close()
+            if self.stopping.is_set():  # nobody ends it any more
+                connection.shut()
 
     def _read(self, connection: HttpLine) -> None:
         try:
@@ -249,7 +251,7 @@ class EcapPeer(BadPeer):
             self._lines.append(line)
             self._start(self._run, self._scripts[min(len(self._lines), len(self._scripts)) - 1], line)
             if self.stopping.is_set():
-                line.close()
+                line.shut()
 
     def _run(self, script: Script, line: EcapLine) -> None:
         try:
@@ -267,8 +269,12 @@ class EcapPeer(BadPeer):
     def __exit__(self, *error: object) -> None:
         self.stopping.set()
         for connection in list(self._accepted):
-            connection.close()
-        super().__exit__(*error)
+            connection.shut()
+        try:
+            super().__exit__(*error)
+        finally:
+            for connection in self._accepted:
+                connection.close()
 
 
 PEERS: Final[dict[str, type[BadPeer]]] = {**wired_peers.PEERS, "http": EcapPeer}

@@ -95,12 +95,19 @@ class Line:
         except Gone:
             pass
 
-    def close(self) -> None:
-        """Close in good order: the client reads an end of stream."""
+    def shut(self) -> None:
+        """End the connection in good order while another thread may wait for something: it is woken.
+
+        The descriptor stays: it could be another file's before the thread had come to wait.
+        """
         try:
-            self._socket.shutdown(socket.SHUT_RDWR)
+            socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket's own goes on without TLS
         except OSError:
             pass
+
+    def close(self) -> None:
+        """Close in good order: the client reads an end of stream."""
+        self.shut()
         self._socket.close()
 
     def reset(self) -> None:
@@ -143,12 +150,14 @@ class BadPeer:
         while True:
             try:
                 connection, _ = self._listener.accept()
-            except OSError:  # closed by __exit__
+            except OSError:  # shut down by __exit__
                 return
             line = Line(connection)
             script = self._scripts[min(len(self._lines), len(self._scripts) - 1)]
             self._lines.append(line)
             self._start(self._run, script, line)
+            if self.stopping.is_set():  # nobody ends it any more
+                line.shut()
 
     def _run(self, script: Script, line: Line) -> None:
         try:
@@ -175,11 +184,11 @@ class BadPeer:
     ) -> None:
         self.stopping.set()
         self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
         for line in list(self._lines):
-            line.close()
-        for thread in list(self._threads):
+            line.shut()
+        for thread in self._threads:  # one that ends may start another one
             thread.join(PATIENCE)
+        self._listener.close()
         if error is None and self._errors:
             raise self._errors[0]
 

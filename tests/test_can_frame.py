@@ -8,6 +8,8 @@ from orinkit import language
 from orinkit.can_frame import MAX_DATA, MAX_ID, CanFrame, Turn, checked
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 
 def test_a_frame() -> None:
     frame = CanFrame(0x00EF0102, bytes.fromhex("00 00 00 00 03 30 00 0a"))

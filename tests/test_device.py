@@ -16,6 +16,7 @@ from orinkit import Device, Part, Provider, VarType, command, hresult, language,
 from orinkit.cao.provider import CommandObject, RobotObject
 from orinkit.device import command_object, extension, file, robot, task
 from orinkit.errors import CallError, ConnectFailed, InvalidArgument, ObjectNotFound, error_for
+from waiting import PATIENCE
 
 
 class Finger(Part):
@@ -161,7 +162,7 @@ def gripper():
 
 @pytest.fixture
 def client(gripper):
-    with orinkit.connect(gripper.url, provider="caoprov.example.gripper", timeout=10) as controller:
+    with orinkit.connect(gripper.url, provider="caoprov.example.gripper", timeout=PATIENCE) as controller:
         yield controller
 
 
@@ -326,7 +327,7 @@ def faulty(listen_at):
 
 
 def talk_to(device: Faulty) -> orinkit.Controller:
-    return orinkit.connect(device.url, provider="Test.Faulty", timeout=10)
+    return orinkit.connect(device.url, provider="Test.Faulty", timeout=PATIENCE)
 
 
 def code_of(call, *arguments: object) -> int:
@@ -389,7 +390,7 @@ def test_a_long_text_is_cut():
     device = Faulty()
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0") as server,
-        orinkit.connect(server.url, provider="Test.Faulty", timeout=10) as c,
+        orinkit.connect(server.url, provider="Test.Faulty", timeout=PATIENCE) as c,
     ):
         assert code_of(c.execute, "Fail", "x" * 100_000) == hresult.E_FAIL
         text = c.error_description(hresult.E_FAIL)
@@ -401,7 +402,7 @@ def test_a_device_that_has_the_command_answers_itself():
     device = Telling()
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0") as server,
-        orinkit.connect(server.url, provider="Test.Telling", timeout=10) as c,
+        orinkit.connect(server.url, provider="Test.Telling", timeout=PATIENCE) as c,
     ):
         assert code_of(c.execute, "Fail", "bang") == hresult.E_FAIL
         assert c.error_description(hresult.E_FAIL) == f"mine: {hresult.signed(hresult.E_FAIL)}"
@@ -411,8 +412,8 @@ def test_nobody_is_told_of_another_clients_errors():
     device = Faulty()
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0", "udp://127.0.0.1:0") as server,
-        orinkit.connect(server.urls[0], provider="Test.Faulty", timeout=10) as one,
-        orinkit.connect(server.urls[1], provider="Test.Faulty", timeout=10) as other,
+        orinkit.connect(server.urls[0], provider="Test.Faulty", timeout=PATIENCE) as one,
+        orinkit.connect(server.urls[1], provider="Test.Faulty", timeout=PATIENCE) as other,
     ):
         assert code_of(one.execute, "Fail", "one") == hresult.E_FAIL
         assert other.error_description(hresult.E_FAIL) == hresult.lookup(hresult.E_FAIL).text
@@ -425,8 +426,8 @@ def test_a_handler_that_waits_and_then_raises_disturbs_nobody():
     codes = []
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0") as server,
-        orinkit.connect(server.url, provider="Test.Faulty", timeout=10) as one,
-        orinkit.connect(server.url, provider="Test.Faulty", timeout=10) as other,
+        orinkit.connect(server.url, provider="Test.Faulty", timeout=PATIENCE) as one,
+        orinkit.connect(server.url, provider="Test.Faulty", timeout=PATIENCE) as other,
     ):
         waiting = threading.Thread(target=lambda: codes.append(code_of(one.execute, "FailBehindTheGate", "late")))
         waiting.start()
@@ -497,7 +498,7 @@ RAISED = {
 def test_whatever_a_handler_raises_is_e_fail_and_the_server_goes_on(way, which, caplog):
     with (
         orinkit.serve(Rogue(), "tcp://127.0.0.1:0") as server,
-        orinkit.connect(server.url, provider="Test.Rogue", timeout=20) as c,
+        orinkit.connect(server.url, provider="Test.Rogue", timeout=PATIENCE) as c,
     ):
         for _ in range(2):
             with pytest.raises(CallError) as caught:
@@ -511,7 +512,7 @@ def test_whatever_a_handler_raises_is_e_fail_and_the_server_goes_on(way, which, 
 def test_a_handler_that_runs_out_of_items_is_e_fail_too():
     with (
         orinkit.serve(Rogue(), "tcp://127.0.0.1:0") as server,
-        orinkit.connect(server.url, provider="Test.Rogue", timeout=20) as c,
+        orinkit.connect(server.url, provider="Test.Rogue", timeout=PATIENCE) as c,
     ):
         assert c.execute("Next", 2) == 2
         with pytest.raises(CallError) as caught:
@@ -535,7 +536,8 @@ class Stuck(orinkit.Device):
     def wait(self) -> None:
         threading.Event().wait()
 with orinkit.serve(Stuck(), "tcp://127.0.0.1:0") as server:
-    client = orinkit.connect(server.url, provider="Test.Stuck", timeout=0.3, service="")
+    client = orinkit.connect(server.url, provider="Test.Stuck", timeout=30, service="")
+    client.client.timeout = 0.3
     try:
         client.execute("Wait")
     except orinkit.CallTimeout:
@@ -757,7 +759,7 @@ class Plain(Free):
 def test_names_and_declared_are_free(kind):
     with (
         orinkit.serve(kind(), "tcp://127.0.0.1:0") as server,
-        orinkit.connect(server.url, provider="Test.Free", timeout=10) as c,
+        orinkit.connect(server.url, provider="Test.Free", timeout=PATIENCE) as c,
     ):
         assert c.variable_names() == ["NAMES"]
         assert c.variable("NAMES").value == "a, b"

@@ -18,6 +18,9 @@ as plain ``192.168.0.1``) become the address of one virtual RC8, which the test 
 ``127.0.0.1:PORT`` becomes a free port, the same one throughout the page, for what the page serves itself. Port 0 stays.
 A pseudo-terminal that ``serve`` has shown (``/dev/pts/3``) becomes the one that it has opened. Output is compared with the
 addresses as they are written.
+
+A motor on CAN stops by itself where an answer, or a command, does not come for half a second. A machine that does much else may
+take so long: while a page is run, these times are longer.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ import contextlib
 import io
 import itertools
 import os
+import random
 import re
 import shlex
 import shutil
@@ -41,7 +45,10 @@ from typing import IO
 import pytest
 
 import orinkit
+from orinkit.abh3.aio import AsyncDriver
+from orinkit.abh3.driver import Driver
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import PATIENCE
 
 ROOT = Path(__file__).parent.parent
 TWINS = ("README.md", "README.ja.md")
@@ -55,6 +62,20 @@ VIRTUAL = "127.0.0.1:5007"
 SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a| device| abh3)", re.MULTILINE)
 LISTENING = ("--tcp", "--udp", "--serial", "--pty", "--http")
 SAVED = re.compile(r"<!-- saved as: (\w+\.py) -->")
+HANGS = 300
+"""Seconds after which a command hangs; the slowest one takes 15 s on a machine that does nothing else."""
+PATIENT = f"""
+import sys
+from orinkit.__main__ import main
+from orinkit.abh3.aio import AsyncDriver
+from orinkit.cli import _abh3_drive
+AsyncDriver.keep_alive.__kwdefaults__["patience"] = {PATIENCE}
+_abh3_drive._HELD_UP = {PATIENCE}
+sys.exit(main())
+"""
+"""The program, with longer times for motors on CAN."""
+PORTS = range(15_000, 32_000)
+"""Below those that Linux gives to outgoing connections."""
 CURL = re.compile(r"^\$ (?:curl|sh examples/)", re.MULTILINE)
 
 
@@ -117,10 +138,21 @@ class Addresses:
             return written
         key = VIRTUAL if port is None else written
         if key not in self._real:
-            with socket.socket() as probe:
-                probe.bind(("127.0.0.1", 0))
-                self._real[key] = f"127.0.0.1:{probe.getsockname()[1]}"
+            self._real[key] = f"127.0.0.1:{self._free_port()}"
         return self._real[key]
+
+    def _free_port(self) -> int:
+        """Return a port that nothing listens on, and that the system gives nobody who asks for any."""
+        for port in random.sample(PORTS, len(PORTS)):
+            with (
+                socket.socket() as stream,
+                socket.socket(type=socket.SOCK_DGRAM) as datagrams,
+                contextlib.suppress(OSError),
+            ):
+                stream.bind(("127.0.0.1", port))
+                datagrams.bind(("127.0.0.1", port))
+                return port
+        raise AssertionError("no port is free")
 
 
 class Terminal:
@@ -151,18 +183,20 @@ class Terminal:
         if arguments[:1] in (["serve"], ["gateway"]) and program == "orinkit":
             return self._serve(arguments, extra, shown)
         done = subprocess.run(
-            [*_words_of(program), *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8", timeout=60, check=False,
+            [*_words_of(program, arguments), *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8", timeout=HANGS, check=False,
         )  # fmt: skip
         self.code = done.returncode
         return done.stdout if done.stdout.endswith("\n") or not done.stdout else f"{done.stdout}\n"
 
     def _serve(self, arguments: list[str], extra: dict[str, str], shown: str) -> str:
-        if not any(word in LISTENING for word in arguments) and arguments[1:2] != ["abh3"]:  # that is on a CAN bus
+        if arguments[1:2] == ["abh3"]:  # that is on a CAN bus
+            arguments += ["--command-timeout", "0"]
+        elif not any(word in LISTENING for word in arguments):
             arguments += ["--tcp", self.addresses.real(VIRTUAL)]
         log = Path(f"serve{len(self._served)}.log").open("w+", encoding="utf-8")  # noqa: SIM115 - closed in kill()
         process = subprocess.Popen(
-            [sys.executable, "-m", "orinkit", *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
+            [*_words_of("orinkit", arguments), *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=log, text=True, encoding="utf-8",
         )  # fmt: skip
         self._served.append((process, log))
@@ -178,7 +212,7 @@ class Terminal:
         for process, _ in self._served:
             process.send_signal(signal.SIGINT)
         for process, log in self._served:
-            output, _ = process.communicate(timeout=30)
+            output, _ = process.communicate(timeout=HANGS)
             log.seek(0)
             assert (process.returncode, output) == (0, ""), log.read()
 
@@ -192,9 +226,11 @@ class Terminal:
                 process.stdout.close()
 
 
-def _words_of(program: str) -> list[str]:
+def _words_of(program: str, arguments: list[str]) -> list[str]:
     """Return what starts a program of a page."""
-    programs = {"orinkit": [sys.executable, "-m", "orinkit"], "curl": ["curl", "-sS"], "sh": ["sh"]}
+    turns = "abh3" in arguments or "CaoProv.Waco.ABH3" in arguments
+    started = [sys.executable, "-c", PATIENT] if turns else [sys.executable, "-m", "orinkit"]
+    programs = {"orinkit": started, "curl": ["curl", "-sS"], "sh": ["sh"]}
     assert program in programs, f"a page's console runs {', '.join(programs)}, not {program}"
     return programs[program]
 
@@ -246,6 +282,8 @@ def test_page_does_what_it_shows(page, tmp_path, monkeypatch):
     if CURL.search((ROOT / page).read_text(encoding="utf-8")) and shutil.which("curl") is None:
         pytest.skip("there is no curl here")
     monkeypatch.chdir(tmp_path)
+    for driver in (Driver, AsyncDriver):
+        monkeypatch.setitem(driver.keep_alive.__kwdefaults__, "patience", PATIENCE)
     Path("examples").symlink_to(ROOT / "examples")
     addresses = Addresses()
     terminal = Terminal(addresses)

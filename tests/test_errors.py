@@ -53,6 +53,8 @@ from orinkit.errors import (
     error_for,
 )
 
+pytestmark = pytest.mark.core
+
 CLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if kind.__module__ == "orinkit.errors"]
 
 

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from orinkit import _hresult_controller, _hresult_orin, hresult, language
 from orinkit.hresult import CODES, Code, Family, by_name, family, lookup
 
+pytestmark = pytest.mark.core
+
 JAPANESE = re.compile("[぀-ヿ一-鿿]")
 
 # Names as the documents and published clients spell them.

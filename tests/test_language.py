@@ -10,6 +10,8 @@ import pytest
 
 from orinkit import language
 
+pytestmark = pytest.mark.core
+
 NAMES = ("ORINKIT_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
 
 

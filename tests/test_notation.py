@@ -15,6 +15,8 @@ from orinkit.notation import MAX_DEPTH, MAX_LENGTH, format_variant, parse, parse
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from strategies import same, strings, variants
 
+pytestmark = pytest.mark.core
+
 BSTRS = VarType.BSTR | ARRAY
 
 

@@ -37,6 +37,8 @@ from orinkit.poses import (
 )
 from orinkit.variant import R8_ARRAY, Variant, variant
 
+pytestmark = pytest.mark.core
+
 SEED = (364.16, 0, 278.5355, 180, 0, 180, 5)
 TEN = (364.16, 0, 278.5355, 0, 1, 0, 0, 0, -1, 5)
 

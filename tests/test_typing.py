@@ -183,7 +183,7 @@ def verdict(tmp_path_factory):
     # fmt: on
     environment = {**os.environ, "MYPYPATH": str(ROOT / "src")}
     done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=110
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=500
     )
     assert done.returncode in (0, 1), done.stdout + done.stderr
     said: dict[tuple[str, int], list[str]] = {}

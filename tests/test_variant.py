@@ -39,6 +39,8 @@ from orinkit.variant import (
 )
 from strategies import same, variants
 
+pytestmark = pytest.mark.core
+
 WHOLE = {
     VarType.I1: (-(2**7), 2**7 - 1),
     VarType.I2: (-(2**15), 2**15 - 1),

@@ -18,6 +18,8 @@ from orinkit.variant import ARRAY, FORMATS, SIZES, VARIANT_ARRAY, Variant, VarTy
 from orinkit.variant_bytes import Limits, decode, encode, encode_handle, encode_integer, encode_single, encode_string
 from strategies import same, variants
 
+pytestmark = pytest.mark.core
+
 I4 = "0a000000 0300 01000000 "
 BOOL = "08000000 0b00 01000000 "
 

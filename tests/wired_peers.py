@@ -65,13 +65,19 @@ class UdpLine(WiredLine):
         super().__init__(DATAGRAM)
         self._socket = connection
         self._client: tuple[str, int] | None = None
+        self._over = False
         connection.settimeout(PATIENCE)
 
     def _receive(self) -> bytes:
+        if self._over:
+            raise Gone
         try:
-            data, self._client = self._socket.recvfrom(65536)
+            data, sender = self._socket.recvfrom(65536)
         except OSError as error:
             raise Gone from error
+        if self._over:
+            raise Gone
+        self._client = sender
         return data
 
     def send(self, data: bytes) -> None:
@@ -82,12 +88,18 @@ class UdpLine(WiredLine):
         except OSError as error:
             raise Gone from error
 
+    def shut(self) -> None:
+        """Have nothing come any more; who waits for a datagram gets one, for a socket without another end has no end."""
+        self._over = True
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as waker:
+            try:
+                waker.sendto(b"\0", self._socket.getsockname())
+            except OSError:  # it is closed
+                pass
+
     def close(self) -> None:
-        """Close the socket, with which a script is woken."""
-        try:
-            self._socket.shutdown(socket.SHUT_RDWR)
-        except OSError:  # it has no other end
-            pass
+        """Close the socket."""
+        self._over = True
         self._socket.close()
 
 
@@ -128,6 +140,9 @@ class SerialLine(WiredLine):
             time.sleep(0.001)
         self._write(whole)
 
+    def shut(self) -> None:
+        """Do nothing: the peer wakes who waits."""
+
     def close(self) -> None:
         """Do nothing: the line stays."""
 
@@ -160,8 +175,8 @@ class UdpPeer(BadPeer):
             return
         line = UdpLine(self._datagrams)
         self._lines.append(line)
-        if self.stopping.is_set():  # nobody closes it any more
-            line.close()
+        if self.stopping.is_set():  # nobody ends it any more
+            line.shut()
         self._run(self._scripts[0], line)
 
     def __exit__(

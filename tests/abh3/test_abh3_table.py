@@ -43,6 +43,8 @@ from orinkit.abh3.signals import (
 )
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 BOTH = [pytest.param(V1, id="v1"), pytest.param(V2, id="v2")]
 
 

@@ -26,6 +26,8 @@ from orinkit.abh3.convert import (
 )
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 ROUND_TRIPS = [(cnvVel2CAN, cnvCAN2Vel, 5), (cnvCur2CAN, cnvCAN2Cur, 100)]
 
 

@@ -18,6 +18,8 @@ from orinkit.abh3.records import Flags
 from orinkit.abh3.signals import DIALECTS, V1, Field, Layout
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 cantools = pytest.importorskip("cantools")
 
 CASES = [(name, unit) for name in DIALECTS for unit in (1.0, 0.1)]

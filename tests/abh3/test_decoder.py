@@ -15,6 +15,8 @@ from orinkit.abh3.signals import DIALECTS
 from orinkit.can_frame import CanFrame
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 COMMAND, FEEDBACK = 0x00EF0102, 0x00EF0201
 
 

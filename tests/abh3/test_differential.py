@@ -12,6 +12,8 @@ from orinkit import language
 from orinkit.abh3.differential import Differential, Travel, Twist, Wheels
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 AGV = Differential(wheel_diameter=0.1, track=0.5, gear=1 / 10)
 METRES = math.pi / 100  # for one turn of a motor
 SPEEDS = st.floats(-1e6, 1e6)

@@ -36,6 +36,8 @@ from orinkit.abh3.records import (
 from orinkit.abh3.signals import V1, V2, Dialect
 from orinkit.errors import InvalidValue, ProtocolError
 
+pytestmark = pytest.mark.core
+
 ONE = Codec(V1)
 TWO = Codec(V2)
 TENTHS = Codec(V1.with_load_unit(0.1))

@@ -26,6 +26,8 @@ from orinkit.abh3.records import DP0R
 from orinkit.can_frame import CanFrame, CanOperation
 from orinkit.errors import DriverTimeout, InvalidValue
 
+pytestmark = pytest.mark.core
+
 LONG = 60.0  # nothing here takes as long as that
 GREAT = pytest.param(10**5000, id="great")
 

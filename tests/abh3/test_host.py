@@ -20,6 +20,8 @@ from orinkit.abh3.signals import V1, V2, Dialect
 from orinkit.can_frame import CanFrame, CanOperation, Turn
 from orinkit.errors import DriverFault, DriverTimeout, InvalidValue
 
+pytestmark = pytest.mark.core
+
 # --- a driver from a list ---------------------------------------------------------------------------------------------
 
 

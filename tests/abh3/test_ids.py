@@ -17,6 +17,8 @@ from orinkit.abh3._checks import whole
 from orinkit.abh3.ids import Id
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 
 def test_the_identifiers_of_the_document() -> None:
     assert ids.single(1, 2) == 0x00EF0102

@@ -18,6 +18,8 @@ from orinkit.abh3.multipacket import Responder, exchange, receive_message, send_
 from orinkit.can_frame import CanFrame, CanOperation, checked
 from orinkit.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
 
+pytestmark = pytest.mark.core
+
 T = TypeVar("T")
 Fate = Literal["arrives", "lost", "doubled", "late"]
 HOST, DRIVER, OTHER = 2, 1, 3

@@ -18,6 +18,8 @@ from orinkit.abh3 import packfloat
 from orinkit.abh3.packfloat import MINUS_INFINITY, NAN, PLUS_INFINITY, ZERO, PackFloat, Rounding
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 HUGE = 10**5000
 VECTORS = Path(__file__).parents[1] / "vectors"
 LINE = re.compile(

@@ -11,6 +11,8 @@ from orinkit.abh3.reading import Reading, monitor, parameter, word_of
 from orinkit.abh3.telabh3 import MONITORS, PARAMETERS
 from orinkit.errors import InvalidValue
 
+pytestmark = pytest.mark.core
+
 UNKNOWN = 0x7001
 
 

@@ -25,6 +25,8 @@ from orinkit.abh3.signals import V1, V2
 from orinkit.errors import InvalidAddress, InvalidValue
 from orinkit.transport.address import CanAddress
 
+pytestmark = pytest.mark.core
+
 
 @pytest.mark.parametrize(
     ("at", "settings", "address"),

@@ -14,6 +14,8 @@ from orinkit.abh3 import telabh3
 from orinkit.abh3.telabh3 import ACK, MONITORS, NAK, PARAMETERS, Item, Reply, Request
 from orinkit.errors import DriverRefused, InvalidValue, ProtocolError
 
+pytestmark = pytest.mark.core
+
 ADDRESSES = st.integers(0, 0xFFFF)
 WORDS = st.integers(0, 0xFFFFFFFF)
 REQUESTS = st.builds(Request, st.just("CP"), ADDRESSES, st.none() | WORDS) | st.builds(

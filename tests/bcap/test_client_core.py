@@ -28,6 +28,8 @@ from orinkit.errors import (
 from orinkit.variant import ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits
 
+pytestmark = pytest.mark.core
+
 
 def reply(serial, *arguments, code=0):
     return packet.encode(Packet(serial, code, list(arguments)))

@@ -20,6 +20,8 @@ from orinkit.notation import format_variant
 from orinkit.variant import Variant, VarType, type_name, variant
 from strategies import variants
 
+pytestmark = pytest.mark.core
+
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 
 

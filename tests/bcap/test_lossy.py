@@ -21,6 +21,8 @@ from orinkit.cao.dialect import VE026A
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidValue
 from orinkit.variant import Variant, VarType, variant
 
+pytestmark = pytest.mark.core
+
 TRY = 0.5
 TRIES = 5
 

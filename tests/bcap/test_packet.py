@@ -19,6 +19,8 @@ from orinkit.variant import ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits
 from strategies import same, variants
 
+pytestmark = pytest.mark.core
+
 PRINTED = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 EACH = pytest.mark.parametrize("row", PRINTED, ids=lambda row: f"{row['document'][:9]}-{row['line']}-{row['kind']}")
 

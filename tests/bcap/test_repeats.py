@@ -16,6 +16,8 @@ from orinkit.cao.dialect import VE026A
 from orinkit.variant import Variant, VarType, variant
 from orinkit.variant_bytes import Limits
 
+pytestmark = pytest.mark.core
+
 NOW = 1000.0
 CALL = 101  # Variable_GetValue
 

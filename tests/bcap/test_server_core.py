@@ -15,6 +15,8 @@ from orinkit.bcap.server import Close, Execute, Send, ServerConversation
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits, encode
 
+pytestmark = pytest.mark.core
+
 NOW = 1000.0
 
 

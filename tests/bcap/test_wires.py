@@ -24,6 +24,8 @@ from orinkit.errors import InvalidValue, LimitExceeded
 from orinkit.variant import ARRAY, Variant, VarType
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits, decode, encode_variant
 
+pytestmark = pytest.mark.core
+
 PACKETS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text())
 OF_VE026A = [each for each in PACKETS if each["transport"] == "com"]
 ON_A_LINE = LINE.bound(DEFAULT_LIMITS)

@@ -354,8 +354,16 @@ class Hosts:
     def in_vain(driver: Any, seconds: float) -> Iterator[None]:
         """Calls that are not to be answered end sooner than those that are."""
         before, driver.host.timeout = driver.host.timeout, seconds
-        yield
-        driver.host.timeout = before
+        try:
+            yield
+        finally:
+            driver.host.timeout = before
+
+    @staticmethod
+    def impatient(driver: Any, *, patience: float | None = None, idle: float | None = None) -> None:
+        """Have a keep-alive end soon that was begun with patience: what came before did not depend on a short time."""
+        heart = driver._heart
+        heart.patience, heart.idle = patience or heart.patience, idle or heart.idle
 
     def close(self) -> None:
         for opened in reversed(self._opened):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import select
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
 from typing import Any
 
 import can
 import pytest
+import serial
 from abh3_wires import (
     COMMAND,
     FEEDBACK,
@@ -30,7 +34,7 @@ from abh3_wires import (
 )
 
 from both import Both
-from orinkit.errors import DriverFault, DriverTimeout, ProtocolError
+from orinkit.errors import DriverFault, DriverTimeout, ProtocolError, TransportError
 from orinkit.transport.can_line import SIZE
 from waiting import until
 
@@ -56,12 +60,11 @@ OWN = {"its own command"}  # the peer would hear itself, and answer
 
 
 def times_out(both: Both, driver: Any, call: Callable[[], Any], function: str) -> None:
-    """Check that a call ends by its time-out, and about then."""
+    """Check that a call ends by its time-out, and not before."""
     began = time.monotonic()
     with Hosts.in_vain(driver, SHORT), pytest.raises(DriverTimeout, match=function) as caught:
         both.run(call())
-    took = time.monotonic() - began
-    assert SHORT * 0.9 <= took <= 2 * SHORT + 1 + PATIENCE / 4  # the machine may have other work to do
+    assert SHORT * 0.9 <= time.monotonic() - began < PATIENCE
     assert (caught.value.address, caught.value.seconds) == (1, SHORT)
 
 
@@ -281,6 +284,70 @@ def test_messages_that_break_off(both: Both, hosts: Hosts, bare: Place, peer: Pe
     assert both.run(driver.command(4.0)).a_velocity == 4.0
 
 
+# --- a program that stands still --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("both", ["async"], indirect=True)
+@only_on("virtual", "serial", because="a thread reads for the loop there")
+def test_a_late_answer_that_a_thread_has_in_hand(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had arrived before the next call, which waits until the thread has handed it over, and drops it."""
+    monkeypatch.setattr("orinkit.transport.aio_can_line._GLANCES", 100_000)
+    peer.script = obliging
+    driver = hosts.connect(bare.near, timeout=PATIENCE)
+    bus = driver.bus._line._bus
+    real, waiting = bus._bus.recv, bus.waiting
+    taken = threading.Event()
+    looks: list[None] = []
+
+    def holds(seconds: float) -> can.Message | None:
+        found = real(seconds)
+        if found is not None and not taken.is_set():
+            taken.set()
+            until(lambda: len(looks) > 3)
+        return found
+
+    def looked() -> bool:
+        looks.append(None)
+        return waiting()
+
+    monkeypatch.setattr(bus._bus, "recv", holds)
+    peer.send(feedback(77.0))
+    until(taken.is_set)
+    monkeypatch.setattr(bus, "waiting", looked)
+    assert both.run(driver.command(1.0)).a_velocity == 1.0
+
+
+@only_on("slcan", "serial", because="others have no such time-out")
+def test_a_frame_that_was_taken_while_the_program_stood_still(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """pyserial says that it was too late, for it looks at the time after it has written. A full port is told all the same."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, timeout=PATIENCE)
+    bus = vars(driver.bus._line._bus._bus)
+    port = bus.get("serialPortOrig") or bus["_ser"]
+    real = port.write
+
+    def stands_still(data: bytes) -> None:
+        real(data)
+        raise serial.SerialTimeoutException("Write timeout")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(port, "write", stands_still)
+        assert both.run(driver.command(5.0)).a_velocity == 5.0
+    assert bare.cable is not None
+    bare.cable.stall()
+    while select.select([], [port.fileno()], [], 0.05)[1]:  # a little room comes back by itself
+        with suppress(BlockingIOError):
+            os.write(port.fileno(), b"\r")  # means nothing to either of them
+    with hosts.in_vain(driver, SHORT), pytest.raises(TransportError, match="could not be sent"):
+        both.run(driver.command(6.0))
+    bare.cable.go_on()
+    assert both.run(driver.command(7.0)).a_velocity == 7.0
+
+
 # --- other traffic ----------------------------------------------------------------------------------------------------
 
 RATE = 2000
@@ -340,9 +407,13 @@ def test_foreign_traffic(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> N
             if number % 4 == 0:
                 assert both.run(driver.pulses()).a_pulses == 4
         peer.script = lambda _frame: []
-        before = traffic.sent
-        times_out(both, driver, lambda: driver.command(1.0), "abh3_can_cmdAY")
-        assert traffic.sent - before > RATE * SHORT / 10  # there was traffic all the time
+        for _ in range(10):
+            before = traffic.sent
+            times_out(both, driver, lambda: driver.command(1.0), "abh3_can_cmdAY")
+            if traffic.sent - before > RATE * SHORT / 10:  # there was traffic all the time
+                break
+        else:
+            pytest.fail("there was no traffic")
         peer.script = obliging
         assert both.run(driver.command(2.0)).a_velocity == 2.0
     finally:

@@ -169,14 +169,13 @@ def test_in_real_time(both: Both, hosts: Hosts, bare: Place) -> None:
         driver = hosts.connect(bare.near, **PATIENT)
         both.run(driver.reset_errors(tries=50))
         both.run(driver.set_inputs(GO))
+        began = time.monotonic()
         both.run(driver.command(100.0))
         until(lambda: device.state().moving)
-        began = time.monotonic()
         until(lambda: device.state().warnings)
-        warned = time.monotonic()
+        assert time.monotonic() - began >= 0.5
         until(lambda: device.state().errors)
-        assert warned - began > 0.25
-        assert time.monotonic() - began > 0.7
+        assert time.monotonic() - began >= 1.0
         assert not device.state().moving
         both.run(driver.command(100.0))
         assert "can_communication" in both.run(driver.errors()).errors

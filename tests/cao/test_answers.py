@@ -11,6 +11,8 @@ from orinkit.cao.answers import checked, no_answer
 from orinkit.errors import CallTimeout, ConnectionLost, ProtocolError
 from orinkit.variant import Variant, VarType
 
+pytestmark = pytest.mark.core
+
 
 def test_no_answer() -> None:
     late = no_answer(f.robot_move, None, 3.0)

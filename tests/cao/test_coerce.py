@@ -15,6 +15,8 @@ from orinkit.errors import CallError, InvalidArgument, PacketError
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from strategies import same, variants
 
+pytestmark = pytest.mark.core
+
 WHOLE = [VarType.I1, VarType.I2, VarType.I4, VarType.I8, VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8]
 READERS = [to_number, to_integer, to_real, to_handle, to_text]
 NO_NUMBER = [

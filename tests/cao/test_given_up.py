@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from contextvars import copy_context
 
+import pytest
+
 from orinkit.cao.results import begin_call, given_up
+
+pytestmark = pytest.mark.core
 
 
 def test_outside_a_call_nobody_has_given_up() -> None:

@@ -14,6 +14,8 @@ from orinkit.cao.options import Options
 from orinkit.errors import CallError
 from orinkit.poses import AT_COMMAND, AT_ENCODER, PassMark
 
+pytestmark = pytest.mark.core
+
 
 @pytest.mark.parametrize(
     ("text", "options"),

@@ -10,6 +10,8 @@ from orinkit import hresult, language
 from orinkit.cao.options import Options
 from orinkit.errors import CallError
 
+pytestmark = pytest.mark.core
+
 
 @pytest.mark.parametrize(
     ("text", "values"),

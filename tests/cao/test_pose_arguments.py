@@ -18,6 +18,8 @@ from orinkit.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, J, P, PassMark
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from strategies import variants
 
+pytestmark = pytest.mark.core
+
 I4, R4, R8, BSTR = VarType.I4, VarType.R4, VarType.R8, VarType.BSTR
 POSE = (190.0, -22.0, 180.0, 145.0, 0.0, 0.0, 261.0)
 JOINTS = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0)

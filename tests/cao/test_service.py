@@ -9,6 +9,8 @@ from orinkit.cao.service import ServiceOptions, read_options
 from orinkit.errors import CallError
 from orinkit.variant import Variant, VarType
 
+pytestmark = pytest.mark.core
+
 
 def text(value: str) -> list[Variant]:
     return [Variant(VarType.BSTR, value)]

@@ -21,6 +21,8 @@ from orinkit.errors import CallError, error_for
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from strategies import same, variants
 
+pytestmark = pytest.mark.core
+
 PROVIDER = "CaoProv.Test"
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from orinkit import hresult
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.session import Host, Numbers, Reply, Session
 from orinkit.errors import error_for
 from orinkit.variant import Variant, VarType, plain, variant
+
+pytestmark = pytest.mark.core
 
 
 def call(session: Session, name: str, *arguments: Any) -> Reply:

@@ -16,6 +16,8 @@ from orinkit.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, va
 from orinkit.variant_bytes import decode, encode, encode_variant
 from strategies import same
 
+pytestmark = pytest.mark.core
+
 I4, R4, R8, BSTR, UI1 = VarType.I4, VarType.R4, VarType.R8, VarType.BSTR, VarType.UI1
 POSES = {
     "P": (364.16, 0.0, 278.5355, 180.0, 0.0, 180.0, 5.0),

@@ -8,6 +8,8 @@ from orinkit import language
 from orinkit.cao.slave_lateness import COMMAND, Lateness, build_lateness, read_lateness
 from orinkit.variant import R8_ARRAY, Variant
 
+pytestmark = pytest.mark.core
+
 
 def test_what_is_built_can_be_read():
     late = Lateness(3, 0.1, 0.17)

@@ -22,6 +22,8 @@ from orinkit.cao.task_modes import StopMode, StopName, TaskMode, TaskName, TaskS
 from orinkit.client import _async, _async_motion, _async_nodes, _async_robot, _async_task
 from orinkit.variant import VarType
 
+pytestmark = pytest.mark.core
+
 SPEC = json.loads((Path(__file__).parent.parent / "vectors" / "functions.json").read_text())
 ENTRIES = list(FUNCTIONS.values())
 BY_ENTRY = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)

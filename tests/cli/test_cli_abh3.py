@@ -101,6 +101,28 @@ def test_it_says_ready_answers_and_stops_when_told(serve, bus, number):
     assert "Traceback" not in err
 
 
+def test_a_signal_ends_it_whenever_it_comes():
+    """Also while a lock of the wait is held: in a process of its own, which would hang."""
+    script = """
+import signal, sys
+from orinkit.cli import serve_abh3
+
+def look(*_):
+    global left
+    left -= 1
+    if left == 0:
+        signal.raise_signal(signal.SIGTERM)
+
+serve_abh3._LOOK = 0.001
+for left in range(1, 40):
+    with serve_abh3._told_to_stop() as wait:
+        sys.setprofile(look)
+        wait()
+        sys.setprofile(None)
+"""
+    subprocess.run([sys.executable, "-c", script], timeout=60, check=True)
+
+
 def test_several_drivers_with_options(serve, bus):
     serve("--address", "1", "--address", "3", "--host", "9", "--group", "16", "--broadcast", "2=20", "--dialect", "v2")
     ask(bus, 0x00EF0109, SERVO_ON, 0x00EF0901)
@@ -235,11 +257,17 @@ def test_monitor_ends_by_time_and_sends_nothing(run, bus):
     assert bus.recv(0) is None
 
 
-def test_monitor_ends_by_ctrl_c(run, traffic):
-    timer = threading.Timer(1, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+def test_monitor_ends_by_ctrl_c(run, traffic, when, monkeypatch):
+    written, write = threading.Event(), sys.stdout.write
+
+    def note(text: str) -> int:
+        count = write(text)
+        written.set()
+        return count
+
+    monkeypatch.setattr(sys.stdout, "write", note)
+    when(written.is_set, lambda: os.kill(os.getpid(), signal.SIGINT))
     done = run("abh3", "monitor", URL)
-    timer.join()
     assert (done.code, done.err) == (0, "")
     assert done.out
 

@@ -11,6 +11,8 @@ import re
 import select
 import signal
 import subprocess
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -18,20 +20,36 @@ from typing import Any
 import pytest
 
 from orinkit import language
+from orinkit.can_frame import CanFrame
+from orinkit.cli import _abh3_drive, _interrupts
 from orinkit.server.can_server import CanServer, serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
-from waiting import until
+from stopping import stopped
+from waiting import PATIENCE, until
 
 URL = "can://udp_multicast/239.74.163.2?port=43397"
 DRIVE = ("abh3", "drive", URL)
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SILENCE = {"command_timeout": 10_000, "error_timeout": 10_000}  # ms: a machine that stands still is no silent host
+BY_ITSELF = {"command_timeout": 500, "error_timeout": 1000}
+"""ms, as they usually are: the driver stops by itself."""
+
+
+class Counting(VirtualABH3):
+    """Counts the commands that it gets."""
+
+    commands = 0
+
+    def receive(self, frame: CanFrame) -> list[CanFrame]:
+        self.commands += frame.id == 0x00EF0102
+        return super().receive(frame)
 
 
 class Bench:
     """A virtual driver on the bus."""
 
     def __init__(self, **parameters: Any) -> None:
-        self.abh3 = VirtualABH3(Parameters(**parameters))
+        self.abh3 = Counting(Parameters(**{**SILENCE, **parameters}))
         self.server: CanServer = serve_can(self.abh3, at=URL)
 
     @property
@@ -60,6 +78,35 @@ def bench(serve) -> Bench:
     return serve()
 
 
+class Steady:
+    """A clock that goes on only while somebody sleeps by it: what holds the machine up takes no time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
+        self.now += seconds
+
+
+@pytest.fixture
+def steady(monkeypatch) -> None:
+    """The time of the command is that of a clock that is never held up; the driver's is real."""
+    clock = Steady()
+    for module in (_abh3_drive, _interrupts):
+        monkeypatch.setattr(module, "monotonic", clock.monotonic)
+        monkeypatch.setattr(module, "sleep", clock.sleep)
+
+
+@pytest.fixture(autouse=True)
+def _not_held_up(monkeypatch) -> None:
+    """A machine that stands still does not end a command in this process."""
+    monkeypatch.setattr(_abh3_drive, "_HELD_UP", PATIENCE)
+
+
 def turning(bench: Bench, least: float = 50) -> Callable[[], bool]:
     return lambda: abs(bench.abh3.state().a_velocity) > least
 
@@ -71,20 +118,21 @@ def lines(out: str) -> list[Any]:
 # --- what it does -----------------------------------------------------------------------------------------------------
 
 
-def test_it_turns_and_comes_to_rest(run, bench):
+def test_it_turns_and_comes_to_rest(run, serve, steady):
+    bench = serve(error_timeout=1000)
     until(lambda: bench.abh3.state().errors)  # nobody has talked to it for a second: that is reset
     done = run(*DRIVE, "--ay", "100", "--bx", "-50", "--seconds", "0.6")
     assert (done.code, done.err) == (0, "")
     first, *_, before_last, last = done.out.splitlines()
     assert first.startswith("0.00 s  A 0.0  B 0.0  Y 0.0  X 0.0 min^-1  pulses A ")
-    assert "  A 100.0  B -50.0  Y 25.0  X 75.0 min^-1" in before_last
+    assert before_last.startswith("0.50 s  A 100.0  B -50.0  Y 25.0  X 75.0 min^-1")
     assert "  A 0.0  B 0.0  Y 0.0  X 0.0 min^-1" in last
     assert "  current A/Y 0.00  B/X 0.00 %  load A 0  B 0 %" in last
     assert bench.at_rest
     assert bench.abh3.state().a_pulses > 0 > bench.abh3.state().b_pulses
 
 
-def test_json(run, bench):
+def test_json(run, bench, steady):
     done = run(*DRIVE, "--ay", "100", "--seconds", "0.5", "--period", "0.05", "--json")
     assert (done.code, done.err) == (0, "")
     told = lines(done.out)
@@ -98,7 +146,7 @@ def test_json(run, bench):
     assert bench.at_rest
 
 
-def test_the_second_dialect_and_other_numbers(run, serve):
+def test_the_second_dialect_and_other_numbers(run, serve, steady):
     bench = serve(dialect="v2", address=7, host=9, group=3)
     numbers = ("--address", "7", "--host", "9", "--group", "3", "--dialect", "v2")
     done = run(*DRIVE, *numbers, "--bx", "80", "--seconds", "0.5", "--json")
@@ -107,20 +155,26 @@ def test_the_second_dialect_and_other_numbers(run, serve):
     assert bench.at_rest
 
 
-def test_torque(run, bench, when):
-    seen: list[object] = []
-    when(turning(bench, 1), lambda: seen.append(bench.abh3.state()))
+def test_torque(run, bench, when, steady):
+    states = [bench.abh3.state()]
+
+    def turns() -> bool:
+        states.append(bench.abh3.state())
+        return abs(states[-1].a_velocity) > 1
+
+    when(turns, lambda: None)
     done = run(*DRIVE, "--ay", "10", "--torque", "--seconds", "0.5", "--json")
     assert done.code == 0
     assert max(line["values"]["ay_current_command"] for line in lines(done.out)) == 10
-    assert "ay_torque" in seen[0].inputs
+    until(lambda: abs(states[-1].a_velocity) > 1)
+    assert "ay_torque" in states[-1].inputs
     assert bench.at_rest
 
 
 @pytest.mark.parametrize(
     ("model", "a", "b"), [("motor", "a_velocity", "b_velocity"), ("travel", "y_velocity", "x_velocity")]
 )
-def test_a_vehicle(run, serve, model, a, b):
+def test_a_vehicle(run, serve, steady, model, a, b):
     bench = serve(model=model)
     measures = ("--wheel-diameter", "0.1", "--track", "0.5", "--gear", "0.1")
     done = run(*DRIVE, "--velocity", "0.05", "--turn", "0.1", *measures, "--seconds", "0.6", "--json")
@@ -156,16 +210,23 @@ def test_a_signal_ends_it(run, bench, when, number):
     assert bench.at_rest
 
 
-def test_many_signals_do_not_keep_it_from_coming_to_rest(run, serve, when):
+def test_many_signals_do_not_keep_it_from_coming_to_rest(run, serve):
     bench = serve(deceleration_time=10.0)
 
     def insist() -> None:
-        while turning(bench, 50)():  # not to the very end: then the signals are those of pytest again
+        until(turning(bench, 250))
+        while turning(bench, 50)():
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.05)
 
-    when(turning(bench, 250), insist)
-    assert run(*DRIVE, "--ay", "300", "--seconds", "60").code == 130
+    thread = threading.Thread(target=insist)
+    before = signal.signal(signal.SIGINT, lambda *_: None)  # the last one may come when all is over
+    thread.start()
+    try:
+        assert run(*DRIVE, "--ay", "300", "--seconds", "60").code == 130
+    finally:
+        thread.join()
+        signal.signal(signal.SIGINT, before)
     assert bench.at_rest
 
 
@@ -207,7 +268,7 @@ def test_the_driver_goes_away(run, bench, when):
 
 def test_a_long_way_to_rest(run, serve):
     bench = serve(deceleration_time=100.0)
-    done = run(*DRIVE, "--ay", "300", "--seconds", "1.5")
+    done = run(*DRIVE, "--ay", "300", "--seconds", "0.5")
     assert done.code == 1
     assert done.err.startswith("orinkit: the motors were not seen at rest within 5 s: ")
     assert not bench.abh3.state().ay_servo
@@ -216,12 +277,23 @@ def test_a_long_way_to_rest(run, serve):
 # --- as a program -----------------------------------------------------------------------------------------------------
 
 
+PATIENT = f"""
+import sys
+from orinkit.__main__ import main
+from orinkit.cli import _abh3_drive
+_abh3_drive._HELD_UP = {PATIENCE}
+sys.exit(main())
+"""
+
+
 @pytest.fixture
-def start(program) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Start it in a process of its own."""
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start it in a process of its own, which does not mind being held up unless it is told to."""
     started: list[subprocess.Popen[str]] = []
 
-    def start(*options: str, stdout: int = subprocess.PIPE) -> subprocess.Popen[str]:
+    def start(
+        *options: str, stdout: int = subprocess.PIPE, program: tuple[str, ...] = (sys.executable, "-c", PATIENT)
+    ) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [*program, *DRIVE, *options],
             stdout=stdout, stderr=subprocess.PIPE, text=True, encoding="utf-8", env={**os.environ, "ORINKIT_LANG": "en"},
@@ -264,10 +336,9 @@ def test_a_reader_that_does_not_read(start, bench, unread, number):
     process = start("--ay", "100", "--seconds", "60", "--period", "0.02", "--json", stdout=unread[1])
     until(turning(bench))
     until(fill(unread[1]))
-    end = time.monotonic() + 2  # it would have stopped without commands
-    while time.monotonic() < end:
-        assert bench.abh3.state().moving
-        time.sleep(0.01)
+    commands = bench.abh3.commands
+    until(lambda: bench.abh3.commands > commands + 75)  # it goes on
+    assert bench.abh3.state().moving
     process.send_signal(number)
     until(lambda: bench.at_rest)
     _, err = process.communicate(timeout=30)
@@ -288,8 +359,8 @@ def test_the_end_comes_though_nobody_reads(start, bench, unread):
 def test_a_reader_that_is_late_gets_all(start, bench, unread):
     ours, theirs = unread
     process = start("--ay", "100", "--seconds", "1", "--period", "0.02", "--json", stdout=theirs)
-    until(fill(theirs))
     until(lambda: bench.abh3.state().moving)
+    until(fill(theirs))
     written = b""
     while process.poll() is None or select.select([ours], [], [], 0)[0]:
         if select.select([ours], [], [], 0.1)[0]:
@@ -310,19 +381,20 @@ def test_a_full_disk(start, bench):
     assert bench.at_rest
 
 
-def test_a_program_that_was_held_up_does_not_go_on(start, bench):
-    process = start("--ay", "100", "--seconds", "60")
+def test_a_program_that_was_held_up_does_not_go_on(start, serve, program):
+    bench = serve(**BY_ITSELF)
+    process = start("--ay", "100", "--seconds", "60", program=program)
     until(turning(bench))
-    process.send_signal(signal.SIGSTOP)
-    until(lambda: not bench.abh3.state().moving)  # the driver stops by itself
-    process.send_signal(signal.SIGCONT)
+    with stopped(process.pid):
+        until(lambda: not bench.abh3.state().moving)  # the driver stops by itself
     _, err = process.communicate(timeout=30)
     assert process.returncode == 1
     assert "it is not started again" in err
     assert bench.at_rest
 
 
-def test_a_killed_program(start, bench):
+def test_a_killed_program(start, serve):
+    bench = serve(**BY_ITSELF)
     process = start("--ay", "100", "--seconds", "60")
     until(turning(bench))
     process.kill()
@@ -332,7 +404,7 @@ def test_a_killed_program(start, bench):
 def test_a_terminal_sees_one_live_line(start, bench):
     ours, theirs = pty.openpty()
     try:
-        process = start("--ay", "100", "--seconds", "0.5", stdout=theirs)
+        process = start("--ay", "100", "--seconds", "1", stdout=theirs)
         os.close(theirs)
         written = b""
         while select.select([ours], [], [], 30)[0]:
@@ -384,7 +456,7 @@ def test_a_command_line_that_cannot_be_used(refused, bench, options, words):
     assert bench.at_rest
 
 
-def test_in_japanese(run, refused, bench):
+def test_in_japanese(run, refused, bench, steady):
     language.use("ja")
     assert "指令がありません" in refused(*DRIVE, "--seconds", "1", code=2)
     assert " パルス A " in run(*DRIVE, "--ay", "10", "--seconds", "0.1").out

@@ -11,8 +11,9 @@ from typing import TextIO
 
 import pytest
 
+from orinkit.cli import _abh3_outlet
 from orinkit.cli._abh3_outlet import Outlet
-from waiting import until
+from waiting import PATIENCE, until
 
 
 @pytest.fixture
@@ -37,7 +38,8 @@ def outlets() -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name == "orinkit-outlet"]
 
 
-def test_all_is_written_in_its_order(pipe):
+def test_all_is_written_in_its_order(pipe, monkeypatch):
+    monkeypatch.setattr(_abh3_outlet, "_PATIENCE", PATIENCE)
     ours, stream = pipe
     outlet = Outlet(stream)
     for number in range(500):

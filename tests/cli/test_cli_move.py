@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import signal
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -13,13 +14,14 @@ import pytest
 import orinkit
 from orinkit import language
 from orinkit.cli.app import main
-from orinkit.virtual.clock import Clock
+from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from waiting import until
 
 HOME = [0, 45, 90, 0, 45, 0]
 THERE = [45, 30, 120, 0, -60, 0]
 POSE = "J(45,30,120,0,-60,0)"
+SLOWLY = ("--speed", "0.3")  # several seconds at twenty times the speed: nobody has to be quick
 SIGNALS = tuple(
     number
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -133,7 +135,7 @@ def test_an_error_that_is_there_already(refused, run, rc8, url):
 
 def test_an_error_on_the_way_is_told_once(refused, rc8, url, when):
     when(lambda: joints(rc8)[0] > 1, lambda: rc8.raise_error(0x83204071, "axis 1 is at its limit"))
-    line = refused("move", url, POSE, "--speed", "1")
+    line = refused("move", url, POSE, *SLOWLY)
     assert "STOPPED_DURING_PC_MOTION" in line
     assert line.count("axis 1 is at its limit") == 1
     assert "Controller_Execute ClearError" in line
@@ -141,7 +143,7 @@ def test_an_error_on_the_way_is_told_once(refused, rc8, url, when):
 
 def test_the_emergency_stop_is_told(refused, rc8, url, when):
     when(lambda: joints(rc8)[0] > 1, rc8.pendant.emergency_stop)
-    assert "the emergency stop is pressed" in refused("move", url, POSE, "--speed", "1")
+    assert "the emergency stop is pressed" in refused("move", url, POSE, *SLOWLY)
 
 
 def test_help_has_no_empty_default(run):
@@ -161,7 +163,7 @@ def test_ctrl_c_halts_the_arm(run, rc8, url, when, tmp_path, number):
     handlers = [signal.getsignal(each) for each in SIGNALS]
     when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), number))
     path = tmp_path / "motion.csv"
-    done = run("move", url, POSE, "--speed", "1", "--record", str(path))
+    done = run("move", url, POSE, *SLOWLY, "--record", str(path))
     assert (done.code, done.out, done.err) == (130, "", "orinkit: interrupted\n")
     assert [signal.getsignal(each) for each in SIGNALS] == handlers
     assert 1 < joints(rc8)[0] < 40
@@ -170,11 +172,22 @@ def test_ctrl_c_halts_the_arm(run, rc8, url, when, tmp_path, number):
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_ctrl_c_before_it_moves(run, rc8, url, when, number):
-    when(lambda: status(rc8, "motor") == ["switching on"], lambda: os.kill(os.getpid(), number))
-    assert run("move", url, POSE).code == 130
-    assert joints(rc8) == pytest.approx(HOME)
-    assert status(rc8, "motor", "arm_holder") == ["off", ""]
+def test_ctrl_c_before_it_moves(run, when, number):
+    clock = ManualClock()  # the motor is not on before it is told to be
+    device = VirtualRC8(clock=clock, language="en")
+
+    def interrupt() -> None:
+        os.kill(os.getpid(), number)
+        while status(device, "motor") != ["off"]:
+            clock.advance(0.05)
+            time.sleep(0.001)
+
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        when(lambda: status(device, "motor") == ["switching on"], interrupt)
+        assert run("move", server.url, POSE).code == 130
+        assert joints(device) == pytest.approx(HOME)
+        assert status(device, "motor", "arm_holder") == ["off", ""]
+    device.close()
 
 
 def test_another_one_halts(refused, rc8, url, when, tmp_path):
@@ -184,7 +197,7 @@ def test_another_one_halts(refused, rc8, url, when, tmp_path):
 
     when(lambda: joints(rc8)[0] > 1, halt)
     path = tmp_path / "motion.csv"
-    line = refused("move", url, POSE, "--speed", "1", "--record", str(path))
+    line = refused("move", url, POSE, *SLOWLY, "--record", str(path))
     assert "STOPPED_DURING_PC_MOTION" in line
     assert "somebody halted it" in line
     assert status(rc8, "motor", "arm_holder") == ["off", ""]
@@ -195,7 +208,7 @@ def test_the_controller_goes_away(capsys, when, tmp_path):
     device = VirtualRC8(clock=Clock(20))
     server = orinkit.serve(device, "tcp://127.0.0.1:0")
     when(lambda: joints(device)[0] > 1, server.close)
-    assert main(["move", server.url, POSE, "--speed", "1", "--record", str(tmp_path / "x.csv")]) == 1
+    assert main(["move", server.url, POSE, *SLOWLY, "--record", str(tmp_path / "x.csv")]) == 1
     error = capsys.readouterr().err
     assert "the motor may still be on" in error
     assert "connection" in error.splitlines()[-1]

@@ -11,11 +11,13 @@ import orinkit
 from devices import Recorder
 from orinkit import Device, command, language, variable
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
+from orinkit.cli import _connection
 from orinkit.errors import CallError, error_for
 from orinkit.gateway.abh3 import ABH3Provider
 from orinkit.server.can_server import serve_can
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import PATIENCE, until
 
 GRIPPER = "CaoProv.Example.Gripper"
 BUS = "can://udp_multicast/239.74.163.2?port=43398"
@@ -60,22 +62,32 @@ def gripper_url(gripper, request) -> Iterator[str]:
 
 # --- words ------------------------------------------------------------------------------------------------------------
 
+PATIENTLY = ("--timeout", f"{PATIENCE:g}")
 
+
+@pytest.fixture
+def _patient(monkeypatch) -> None:
+    """The words are waited for as long as everything else: over UDP they are asked for once."""
+    monkeypatch.setattr(_connection, "_ASKING", PATIENCE)
+
+
+@pytest.mark.usefixtures("_patient")
 def test_an_error_is_told_in_the_words_of_the_device(refused, gripper_url):
-    line = refused("get", gripper_url, "WIDTH", "--provider", GRIPPER)
+    line = refused("get", gripper_url, "WIDTH", "--provider", GRIPPER, *PATIENTLY)
     assert line.startswith("Variable_GetValue(")
     assert "0x80040201" in line
     assert "[61 mm: it opens from 0 " in line
     assert "\x1b" not in line
     assert line.count("61 mm") == 1
-    assert "[61 mm]" in refused("put", gripper_url, "WIDTH", "61", "--provider", GRIPPER)
+    assert "[61 mm]" in refused("put", gripper_url, "WIDTH", "61", "--provider", GRIPPER, *PATIENTLY)
     assert "[99 mm is too far]" in refused(
-        "call", gripper_url, "Controller_Execute", "Move", "99", "--provider", GRIPPER
+        "call", gripper_url, "Controller_Execute", "Move", "99", "--provider", GRIPPER, *PATIENTLY
     )
 
 
+@pytest.mark.usefixtures("_patient")
 def test_what_the_command_line_adds_is_still_there(refused, gripper_url):
-    line = refused("put", gripper_url, "WIDTH", "--provider", GRIPPER, "--", "-1")
+    line = refused("put", gripper_url, "WIDTH", "--provider", GRIPPER, *PATIENTLY, "--", "-1")
     assert "[-1 mm]" in line
     assert "On the command line: " in line
 
@@ -131,14 +143,14 @@ def test_a_device_without_words(refused, answer):
     assert device.asked == 1
 
 
-def test_a_device_that_does_not_answer_the_question(refused):
+def test_a_device_that_does_not_answer_the_question(refused, monkeypatch):
     """It is asked once, with one try; the first error is told."""
+    monkeypatch.setattr(_connection, "_ASKING", 0.05)
     device = Silent(None)
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         try:
-            line = refused(
-                "call", server.url, "Controller_Execute", "Any", "--provider", "Test.Silent", "--timeout", "0.05"
-            )
+            line = refused("call", server.url, "Controller_Execute", "Any", "--provider", "Test.Silent", *PATIENTLY)
+            until(lambda: device.asked)
         finally:
             device.release.set()
     assert "0x80040201" in line

@@ -11,7 +11,7 @@ import pytest
 import orinkit
 from orinkit import language
 from orinkit.cli.pendant import ACTIONS, PROVIDER
-from orinkit.virtual.clock import Clock
+from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import Mode, VirtualRC8
 from orinkit.virtual.rc8.control import CONTROL_NAMES, MODE_NAMES, PROVIDER_NAME, ControlProvider
 
@@ -90,14 +90,23 @@ def test_motor_and_jog(press, rc8):
     assert not rc8.state.arm.motor.on
 
 
-def test_jog_without_waiting(press, rc8):
-    press("mode", "manual")
-    press("deadman", "on")
-    press("motor", "on", "--wait")
-    press("jog", "1", "90")
-    press("deadman", "off")  # it stops, long before it is there
-    with rc8.state.cycles:
-        assert rc8.state.arm.queue.joints[0] < 90
+def test_jog_without_waiting(run):
+    clock = ManualClock()
+    rc8 = VirtualRC8(language="en", clock=clock)
+    with orinkit.serve(ControlProvider(rc8), "tcp://127.0.0.1:0") as server:
+
+        def press(*words: str, seconds: float = 0.0) -> None:
+            assert run("pendant", server.url, *words).code == 0
+            clock.advance(seconds)
+
+        press("mode", "manual", seconds=1)
+        press("deadman", "on")
+        press("motor", "on", seconds=2)
+        press("jog", "1", "90", seconds=0.5)
+        press("deadman", "off", seconds=10)  # it stops, long before it is there
+        with rc8.state.cycles:
+            assert 1 < rc8.state.arm.queue.joints[0] < 45
+    rc8.close()
 
 
 @pytest.mark.parametrize("code", ["MOTOR_NOT_ON", "motor_not_on", "0x81501003"])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-import time
+import subprocess
+import sys
 
 import pytest
 
@@ -12,6 +13,10 @@ from orinkit.bcap.packet import Packet
 from orinkit.cli import _demo_ve026a
 from orinkit.cli._errors import Failure
 from orinkit.cli._transcript import Transcript
+from orinkit.streaming import Lateness
+from orinkit.virtual.ve026a import VirtualVE026A
+from orinkit.virtual.ve026a.codes import SET_POINT_MISSED
+from waiting import until
 
 
 def test_the_procedure(run):
@@ -46,7 +51,21 @@ def test_a_wrong_answer(reply):
         demo._check(transcript.packets, "step")
 
 
-def test_a_busy_computer_gets_another_try(monkeypatch):
+@pytest.fixture
+def arms(monkeypatch) -> list[VirtualVE026A]:
+    """The arms of demos."""
+    made: list[VirtualVE026A] = []
+
+    class Noted(VirtualVE026A):
+        def __init__(self) -> None:
+            super().__init__()
+            made.append(self)
+
+    monkeypatch.setattr("orinkit.virtual.ve026a.VirtualVE026A", Noted)
+    return made
+
+
+def test_a_busy_computer_gets_another_try(monkeypatch, arms):
     """The detector finds a set-point missing: the error is cleared, and the wave begins anew from where the arm is."""
     said: list[str] = []
     wave, waves = _demo_ve026a.Demo._wave, []
@@ -56,7 +75,7 @@ def test_a_busy_computer_gets_another_try(monkeypatch):
         if len(waves) == 1:
             for cycle in range(1, 40):
                 robot.execute("slvMove", [angles[0] + 0.002 * cycle**2, *angles[1:]])
-            time.sleep(0.2)
+            until(lambda: arms[0].error == SET_POINT_MISSED)
             robot.execute("slvMove", angles)
         return wave(self, robot, angles)
 
@@ -66,3 +85,27 @@ def test_a_busy_computer_gets_another_try(monkeypatch):
     assert waves[0][0] != waves[1][0]
     assert any("too busy" in line for line in said)
     assert [step["number"] for step in told["steps"]] == [1, 2, 3, 4, 5, 6, 7]
+
+
+@pytest.mark.parametrize(("count", "told"), [(0, False), (3, True)])
+def test_late_set_points_are_told(monkeypatch, count, told):
+    said: list[str] = []
+    monkeypatch.setattr(VirtualVE026A, "lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
+    monkeypatch.setattr(_demo_ve026a.Demo, "_procedure", lambda *_: None)
+    _demo_ve026a.run(said.append, fields=False)
+    words = "3 late set-points, by up to 48 ms: this computer was busy. A real VE026A would have stopped."
+    assert any(words in line for line in said) is told
+
+
+def test_the_log_does_not_tell_it_too():
+    """Python writes warnings to stderr where nobody has set logging up."""
+    script = """
+import logging
+from orinkit.cli.demo import late_told_here
+with late_told_here():
+    logging.getLogger("orinkit.rc8").warning("unheard")
+    logging.getLogger("orinkit.ve026a").warning("unheard")
+logging.getLogger("orinkit.rc8").warning("heard")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, encoding="utf-8", check=True)
+    assert (done.stdout, done.stderr) == ("", "heard\n")

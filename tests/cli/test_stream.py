@@ -9,20 +9,23 @@ import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import orinkit
 from orinkit import language
-from orinkit.cli._stream_report import histogram
+from orinkit.cli._stream_report import Report, histogram
 from orinkit.cli._stream_trace import Trace, is_recording, read_trace, trace_of
 from orinkit.errors import InvalidValue
 from orinkit.poses import J
+from orinkit.slave.realtime import RealTime
 from orinkit.slave.record import open_recorder
 from orinkit.slave.samples import Sample
-from orinkit.streaming import Timing
+from orinkit.streaming import Lateness, StreamResult, Timing
 from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.rc8.slave.slave import Slave
 from waiting import until
 
 PERIOD = 0.008
@@ -191,7 +194,7 @@ def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path, number):
 def test_ctrl_c_before_it_streams(run, rc8, url, when, tmp_path, number):
     file = write(tmp_path / "away.csv", wave(amplitude=0.1, home=(40.0, *HOME[1:])))
     when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), number))
-    done = run("stream", url, file, "--move", "--speed", "10")
+    done = run("stream", url, file, "--move", "--speed", "2")
     assert (done.code, done.err) == (130, "orinkit: interrupted\n")
     assert 0.5 < joints(rc8)[0] < 39
 
@@ -253,6 +256,45 @@ def test_in_japanese(run, refused, url, file, tmp_path):
 
 
 # --- what is told -----------------------------------------------------------------------------------------------------
+
+
+LATE = {"count": 2, "longest": 0.048, "total": 0.06}
+
+
+@pytest.fixture
+def late_file(tmp_path, monkeypatch) -> str:
+    """A trajectory, of which the controller tells that two set-points were late."""
+
+    def lateness(slave: Slave, leave_out: int) -> Lateness:
+        return Lateness(**LATE) if slave.newest > (1.0,) and leave_out == 0 else Lateness()
+
+    monkeypatch.setattr(Slave, "lateness", property(lambda slave: partial(lateness, slave)))
+    return write(tmp_path / "half.csv", wave(0.8)[:51])
+
+
+@pytest.mark.parametrize(
+    ("lang", "told"),
+    [
+        ("en", ("late 2 late set-points, by up to 48 ms", "(a real controller would have stopped)")),
+        ("ja", ("遅延 遅延した位置指令 2 個 (最大 48 ms)", "(実機では停止していた指令です)")),
+    ],
+)
+def test_late_set_points_are_told(run, url, late_file, lang, told):
+    language.use(lang)
+    done = run("stream", url, late_file)
+    assert done.code == 0
+    words = [" ".join(line.split()) for line in done.out.splitlines()]
+    assert words[words.index(told[0]) + 1] == told[1]
+
+
+def test_late_set_points_in_json(run, url, late_file):
+    assert run("stream", url, late_file, "--json").json["late"] == LATE
+
+
+def test_what_was_in_time_is_not_told():
+    report = Report(StreamResult(51, 0, (), 0, Timing()), RealTime(0, False), Trace([], [], [], []))
+    assert not [line for line in report.lines() if line.startswith("late")]
+    assert report.document()["late"] == {"count": 0, "longest": 0.0, "total": 0.0}
 
 
 def test_a_histogram_has_few_lines_whatever_the_gaps():

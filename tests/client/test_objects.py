@@ -38,6 +38,7 @@ from orinkit.variant import VarType
 from orinkit.virtual.rc8 import VirtualRC8
 
 PROVIDER = "Test.Recorder"
+PATIENT = 20.0  # a time-out that no test may reach: nothing is sent twice
 
 
 @pytest.fixture
@@ -104,7 +105,9 @@ def path_of(interface: str) -> str:
 
 def test_every_function_is_reached_by_a_natural_method(both: Both, server: Server, recorder: Recorder) -> None:
     wire = Wire()
-    controller = both.connect(server.url, provider=PROVIDER, name="RC", option="MyOption=1", trace=wire)
+    controller = both.connect(
+        server.url, provider=PROVIDER, name="RC", option="MyOption=1", trace=wire, timeout=PATIENT
+    )
     assert recorder.calls == [Call("Controller_Connect", "", ("RC", "localhost", "MyOption=1"))]
     objects = {interface: open_object(both, controller, interface) for interface in ("Controller", *WHERE)}
     for function in FUNCTIONS.values():
@@ -141,7 +144,7 @@ def test_every_function_is_reached_by_a_natural_method(both: Both, server: Serve
 
 def test_every_function_is_reached_by_a_raw_call(both: Both, server: Server, recorder: Recorder) -> None:
     wire = Wire()
-    client = both.client(server.url, trace=wire)
+    client = both.client(server.url, trace=wire, timeout=PATIENT)
 
     def call(function: Any, *arguments: Any) -> Any:
         return both.run(client.call(function, *arguments))
@@ -242,7 +245,7 @@ def releases(recorder: Recorder) -> list[str]:
 
 def test_the_controller_releases_everything_newest_first(both: Both, server: Server, recorder: Recorder) -> None:
     wire = Wire()
-    controller = both.connect(server.url, provider=PROVIDER, name="RC", trace=wire)
+    controller = both.connect(server.url, provider=PROVIDER, name="RC", trace=wire, timeout=PATIENT)
     first = both.run(controller.variable("a"))
     robot = both.run(controller.robot("Arm"))
     below = both.run(robot.variable("b"))

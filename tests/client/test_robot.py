@@ -14,6 +14,7 @@ import pytest
 
 import orinkit
 from both import Both, only
+from clocks import HeldClock
 from devices import Call, Recorder
 from orinkit import J, P, T, V, aio, hresult, language
 from orinkit import functions as f
@@ -31,13 +32,13 @@ from orinkit.errors import (
 )
 from orinkit.poses import PassMark, Target, parse_target
 from orinkit.variant import Variant, plain
-from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from waiting import TooSlow, until, with_longer_times
 
 HOME = J(0, 45, 90, 0, 45, 0)
 THERE = J(45, 30, 120, 0, -60, 0)
 PATIENCE = 20.0
+SLOWLY = 0.1  # % of the speed: it takes far longer than a test does before something stops it
 SEVERAL = only("tcp", "udp", "http", because="a line has one client at a time")
 
 
@@ -251,8 +252,15 @@ def test_a_dropped_robot_is_released_before_the_next_object(both: Both, recorder
 
 
 @pytest.fixture
-def rc8() -> Iterator[VirtualRC8]:
-    device = VirtualRC8(clock=Clock(20), language="en")
+def clock() -> Iterator[HeldClock]:
+    made = HeldClock()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def rc8(clock: HeldClock) -> Iterator[VirtualRC8]:
+    device = VirtualRC8(clock=clock, language="en")
     yield device
     device.close()
 
@@ -282,12 +290,13 @@ def standing_at(joints: J) -> Any:
     return pytest.approx([*joints, *[0.0] * (8 - len(joints))], abs=1e-6)
 
 
-def progress_of(both: Both, motion: Any) -> list[float]:
+def progress_of(both: Both, motion: Any, then: Callable[[], object] = lambda: None) -> list[float]:
+    """What a motion gives until it is over; after each, something may be done."""
     if both.kind == "sync":
-        return list(motion)
+        return [(fraction, then())[0] for fraction in motion]
 
     async def collect() -> list[float]:
-        return [fraction async for fraction in motion]
+        return [(fraction, then())[0] async for fraction in motion]
 
     return both.run(collect())
 
@@ -307,24 +316,24 @@ def test_a_motion_that_is_waited_for(both: Both, moving: Any) -> None:
     assert both.run(moving.get_moving()) is False
 
 
-def test_a_motion_that_goes_on_by_itself(both: Both, moving: Any) -> None:
-    motion = both.run(moving.move(THERE, speed=5, wait=False))
-    assert both.run(moving.get_moving()) is True
-    assert both.run(moving.get_destination()) == standing_at(THERE)
-    fractions = progress_of(both, motion)
+def test_a_motion_that_goes_on_by_itself(both: Both, moving: Any, clock: HeldClock) -> None:
+    with clock.held():  # it takes 7 s
+        motion = both.run(moving.move(THERE, speed=5, wait=False))
+        assert both.run(moving.get_moving()) is True
+        assert both.run(moving.get_destination()) == standing_at(THERE)
+        fractions = progress_of(both, motion, lambda: clock.advance(0.6))
     assert fractions == sorted(fractions)
     assert len(set(fractions)) > 3
     assert fractions[-1] == 1.0
     assert all(0.0 <= fraction < 1.0 for fraction in fractions[:-1])
     assert both.run(motion.get_done()) is True
     finished(both, motion)
-    while not both.run(moving.motion_complete(1)):  # the encoders come to rest a moment later
-        time.sleep(0.005)
+    until(lambda: both.run(moving.motion_complete(1)))  # the encoders come to rest a moment later
     assert both.run(moving.get_joints()) == pytest.approx([*THERE, 0, 0], abs=0.1)
 
 
 def test_waiting_has_a_limit(both: Both, moving: Any) -> None:
-    motion = both.run(moving.move(THERE, speed=2, wait=False))
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     with pytest.raises(TimeoutError, match=r"after 0\.05 s"):
         both.run(motion.wait(0.05))
     assert both.run(moving.get_moving()) is True
@@ -351,15 +360,16 @@ def test_every_kind_of_motion_is_followed(both: Both, moving: Any, use: Callable
     assert both.run(moving.get_joints()) == pytest.approx(list(end), abs=1e-6)
 
 
-def test_motions_that_follow_each_other(both: Both, moving: Any) -> None:
+def test_motions_that_follow_each_other(both: Both, moving: Any, clock: HeldClock) -> None:
     """The first one is over when the robot is on its way to the end of the second, which begins where it ended."""
-    first = both.run(moving.move(THERE, "@P", speed=10, wait=False))
-    second = both.run(moving.move(HOME, speed=2, wait=False))
-    assert both.run(first.get_done()) is False
-    assert both.run(second.get_progress()) == 0.0
+    with clock.held():
+        first = both.run(moving.move(THERE, "@P", speed=10, wait=False))
+        second = both.run(moving.move(HOME, speed=SLOWLY, wait=False))  # it takes 350 s
+        assert both.run(first.get_done()) is False
+        assert both.run(second.get_progress()) == 0.0
     finished(both, first)
     assert both.run(second.get_done()) is False
-    fractions = progress_of(both, second)
+    fractions = progress_of(both, second, lambda: clock.advance(40))
     assert fractions == sorted(fractions)
     assert len(set(fractions)) > 2
     assert both.run(first.get_done()) is True
@@ -368,7 +378,7 @@ def test_motions_that_follow_each_other(both: Both, moving: Any) -> None:
 @SEVERAL
 def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url: str) -> None:
     first = both.run(moving.move(THERE, speed=50, wait=False))
-    second = both.run(moving.move(HOME, speed=1, wait=False))
+    second = both.run(moving.move(HOME, speed=SLOWLY, wait=False))
     finished(both, first)
     halt_from_elsewhere(url)
     with pytest.raises(CallError) as caught:
@@ -379,7 +389,7 @@ def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url
 
 @SEVERAL
 def test_a_stop_before_the_follower_has_begun_is_the_followers(both: Both, moving: Any, url: str) -> None:
-    both.run(moving.move(THERE, speed=1, wait=False))
+    both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     for pose in (HOME, P(380, 0, 250, 180, 0, 180, 5)):
         second = both.run(moving.move(pose, wait=False))
     halt_from_elsewhere(url)
@@ -394,7 +404,7 @@ def halt_from_elsewhere(url: str) -> None:
 
 @SEVERAL
 def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
-    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     assert both.run(motion.get_progress()) < 1
     halt_from_elsewhere(url)
     for ask in (motion.get_done, motion.get_progress, motion.wait, motion.get_done):
@@ -403,7 +413,7 @@ def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
         error = caught.value
         assert error.code == hresult.STOPPED_DURING_PC_MOTION
         assert (error.function, error.subject) == ("Robot_Move", "Arm")
-        assert error.arguments[1:] == (1, "J(45, 30, 120, 0, -60, 0)", "SPEED=1,NEXT")
+        assert error.arguments[1:] == (1, "J(45, 30, 120, 0, -60, 0)", "SPEED=0.1,NEXT")
         assert "the arm stands at J(" in str(error)
         assert "the motion ends at J(45, 30, 120, 0, -60, 0)" in str(error)
     with pytest.raises(CallError):
@@ -421,13 +431,13 @@ def test_another_client_halts_a_motion_that_is_waited_for(both: Both, moving: An
     thread = threading.Thread(target=halt)
     thread.start()
     with pytest.raises(CallError) as caught:
-        both.run(moving.move(THERE, speed=1))
+        both.run(moving.move(THERE, speed=SLOWLY))
     thread.join()
     assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
 
 
 def test_the_reason_of_a_stop_is_told(both: Both, moving: Any, rc8: VirtualRC8) -> None:
-    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     rc8.raise_error(0x83204071, "axis 1 is at its limit")
     rc8.raise_error(hresult.COMMAND_GENERATION_STOPPED)
     with pytest.raises(CallError, match=r"the controller reports 0x83204071 axis 1 is at its limit"):
@@ -435,7 +445,7 @@ def test_the_reason_of_a_stop_is_told(both: Both, moving: Any, rc8: VirtualRC8) 
 
 
 def test_the_emergency_stop_ends_a_motion(both: Both, moving: Any, rc8: VirtualRC8) -> None:
-    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     rc8.pendant.emergency_stop()
     with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
         finished(both, motion)
@@ -444,21 +454,23 @@ def test_the_emergency_stop_ends_a_motion(both: Both, moving: Any, rc8: VirtualR
 
 
 def test_halting_it_oneself(both: Both, moving: Any) -> None:
-    motion = both.run(moving.move(THERE, speed=1, wait=False))
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     both.run(motion.halt())
     assert both.run(moving.get_moving()) is False
     with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
         finished(both, motion)
 
 
-def test_a_paused_motion_is_not_over(both: Both, moving: Any) -> None:
-    motion = both.run(moving.move(THERE, speed=10, wait=False))
+def test_a_paused_motion_is_not_over(both: Both, moving: Any, clock: HeldClock) -> None:
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     both.run(moving.hold())
     assert both.run(motion.get_done()) is False
     until(lambda: both.run(motion.get_progress()) == both.run(motion.get_progress()))
+    clock.advance(1000)  # it would take 350 s
     assert both.run(motion.get_progress()) < 1
     assert both.run(motion.get_done()) is False
     both.run(moving.unhold())
+    clock.advance(400)
     finished(both, motion)
 
 
@@ -470,12 +482,12 @@ def test_a_machine_lock_is_no_stop(both: Both, robot: Any, rc8: VirtualRC8) -> N
     assert both.run(robot.get_joints()) == standing_at(HOME)
 
 
-def test_a_refused_motion_is_no_motion(both: Both, moving: Any) -> None:
-    motion = both.run(moving.move(THERE, speed=5, wait=False))
+def test_a_refused_motion_is_no_motion(both: Both, moving: Any, clock: HeldClock) -> None:
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))  # it takes 350 s
     for refused in (P(5000, 0, 0, 0, 0, 0), "P9999"):
         with pytest.raises(CallError):
             both.run(moving.move(refused, wait=False))
-    fractions = progress_of(both, motion)
+    fractions = progress_of(both, motion, lambda: clock.advance(40))
     assert len(set(fractions)) > 2
     assert fractions[-1] == 1.0
 
@@ -522,7 +534,7 @@ def test_settings(both: Both, moving: Any) -> None:
     assert both.run(moving.get_position()).x == pytest.approx(before.x - 100)
 
 
-def test_properties_of_the_synchronous_robot(url: str) -> None:
+def test_properties_of_the_synchronous_robot(url: str, clock: HeldClock) -> None:
     with orinkit.connect(url) as controller, controller.robot() as robot, robot.arm(), robot.motor():
         robot.ext_speed = 30
         robot.tool = 2
@@ -531,8 +543,9 @@ def test_properties_of_the_synchronous_robot(url: str) -> None:
         robot.tool = robot.work = 0
         assert robot.joints == robot.destination == standing_at(HOME)
         assert (robot.position.fig, robot.figure, robot.trans.fig) == (5, 5, 5)
-        motion = robot.move(THERE, wait=False)
-        assert [motion.done, motion.progress < 1] == [False, True]
+        with clock.held():
+            motion = robot.move(THERE, wait=False)
+            assert [motion.done, motion.progress < 1] == [False, True]
         for fraction in motion:
             assert 0 <= fraction <= 1
         assert (motion.done, motion.progress) == (True, 1.0)
@@ -571,7 +584,7 @@ def test_a_block_that_ends_well_waits_for_its_motion(both: Both, robot: Any, rc8
 
 def test_a_block_that_fails_halts(both: Both, robot: Any, rc8: VirtualRC8) -> None:
     def body() -> None:
-        both.run(robot.move(THERE, speed=1, wait=False))
+        both.run(robot.move(THERE, speed=SLOWLY, wait=False))
         raise Trouble
 
     with pytest.raises(Trouble) as caught:
@@ -584,7 +597,7 @@ def test_a_block_that_fails_halts(both: Both, robot: Any, rc8: VirtualRC8) -> No
 @SEVERAL
 def test_a_stop_in_a_block_comes_out_of_it(both: Both, robot: Any, rc8: VirtualRC8, url: str) -> None:
     def body() -> None:
-        both.run(robot.move(THERE, speed=1, wait=False))
+        both.run(robot.move(THERE, speed=SLOWLY, wait=False))
         halt_from_elsewhere(url)
 
     with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
@@ -622,24 +635,22 @@ def test_a_motor_that_cannot_go_on_gives_the_arm_back(both: Both, robot: Any, rc
 
 
 @only("tcp", "http", because="on the others nobody tells of it")
-def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str) -> None:
-    device = VirtualRC8(clock=Clock(20))
-    server = orinkit.serve(device, listen_at)
-    controller = both.connect(server.url)
+def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str, rc8: VirtualRC8) -> None:
+    server = orinkit.serve(rc8, listen_at)
+    controller = both.connect(server.url, timeout=3 * PATIENCE)
     robot = both.run(controller.robot())
 
     def body() -> None:
-        motion = both.run(robot.move(THERE, speed=1, wait=False))
+        motion = both.run(robot.move(THERE, speed=SLOWLY, wait=False))
         server.close()
         finished(both, motion)
 
     began = time.monotonic()
     with pytest.raises(TransportError) as caught:
         holding(both, robot, body)
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < PATIENCE  # no time-out has passed
     assert ["the connection is gone" in note for note in caught.value.__notes__] == [True]
     both.run(controller.close())
-    device.close()
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
@@ -655,7 +666,7 @@ def test_ctrl_c_while_a_motion_is_waited_for(rc8: VirtualRC8, url: str) -> None:
     thread = threading.Thread(target=interrupt)
     with pytest.raises(KeyboardInterrupt), robot.arm(), robot.motor():
         thread.start()
-        robot.move(THERE, speed=1)
+        robot.move(THERE, speed=SLOWLY)
     thread.join()
     until(lambda: status(rc8, "moving", "arm_holder") == [False, ""])
     assert status(rc8, "joints")[0][0] < 40
@@ -676,7 +687,7 @@ def test_ctrl_c_while_a_motion_goes_on_by_itself(rc8: VirtualRC8, url: str) -> N
         before = signal.signal(signal.SIGALRM, interrupt)
         try:
             with pytest.raises(KeyboardInterrupt), robot.arm(), robot.motor():
-                robot.move(THERE, speed=1, wait=False)
+                robot.move(THERE, speed=SLOWLY, wait=False)
                 signal.setitimer(signal.ITIMER_REAL, 0.01)
                 time.sleep(PATIENCE)
         finally:
@@ -691,10 +702,17 @@ def test_cancelling_a_motion_that_is_waited_for(rc8: VirtualRC8, url: str) -> No
         async with aio.connect(url) as controller:
             robot = await controller.robot()
             with pytest.raises(TimeoutError):
-                async with asyncio.timeout(0.2), robot.arm(), robot.motor():
-                    await robot.move(THERE, speed=0.5)
+                async with asyncio.timeout(PATIENCE) as limit, robot.arm(), robot.motor():
+                    passing = asyncio.create_task(pass_when_it_moves(limit))
+                    await robot.move(THERE, speed=SLOWLY)
+            await passing
             with pytest.raises(ConnectionClosed):
                 await robot.get_joints()
+
+    async def pass_when_it_moves(limit: asyncio.Timeout) -> None:
+        while status(rc8, "moving") != [True]:  # noqa: ASYNC110 - a thread moves it
+            await asyncio.sleep(0.002)
+        limit.reschedule(0.0)
 
     asyncio.run(body())
     until(lambda: status(rc8, "moving", "arm_holder") == [False, ""])
@@ -705,7 +723,7 @@ def test_cancelling_the_wait_for_a_motion(rc8: VirtualRC8, url: str) -> None:
         async with aio.connect(url) as controller:
             robot = await controller.robot()
             async with robot.arm(), robot.motor():
-                motion = await robot.move(THERE, speed=1, wait=False)
+                motion = await robot.move(THERE, speed=SLOWLY, wait=False)
                 with pytest.raises(TimeoutError):
                     async with asyncio.timeout(0.05):
                         await motion
@@ -801,10 +819,53 @@ def device() -> Scripted:
 @pytest.fixture
 def scripted(both: Both, listen_at: str, device: Scripted) -> Iterator[Any]:
     with orinkit.serve(device, listen_at) as server:
-        controller = both.connect(server.url, provider="Test.Scripted", timeout=0.25, service="")
+        controller = both.connect(server.url, provider="Test.Scripted", timeout=PATIENCE, service="")
         yield both.run(controller.robot())
         device.close()
         both.run(controller.close())
+
+
+SHORT = 0.1  # a time-out that is meant to pass
+
+
+def impatient(robot: Any, device: Scripted, *names: str) -> threading.Semaphore:
+    """Have the next calls of some commands, one each, time out soon after the device has got them.
+
+    Returns:
+        what is released once for each of these calls that has timed out.
+    """
+    conversation, given_up, left = robot.client._conversation, threading.Semaphore(0), list(names)
+    call = conversation.call
+
+    def impatiently(name: str, operation: Any) -> Any:
+        before = device.asked.count(name)
+        exchange = next(operation)
+        while True:
+            received = yield exchange
+            while received is None and device.asked.count(name) == before:  # it is still on its way
+                received = yield b"", SHORT
+            try:
+                exchange = operation.send(received)
+            except StopIteration as stop:
+                return stop.value
+            except CallTimeout:
+                left.remove(name)
+                given_up.release()
+                raise
+
+    def shortened(function: Any, arguments: tuple[Any, ...], seconds: float, **options: Any) -> Any:
+        name = arguments[1] if function is f.robot_execute else function.name.removeprefix("Robot_")
+        if name not in left:
+            return call(function, arguments, seconds, **options)
+        return impatiently(name, call(function, arguments, SHORT, **options))
+
+    conversation.call = shortened
+    return given_up
+
+
+def until_given_up(given_up: threading.Semaphore) -> Blocking:
+    """A command that is at work until its client does not wait for it any more."""
+    return Blocking(lambda: given_up.acquire(timeout=PATIENCE) and None)
 
 
 TAKEN = [("TakeArm", [0, 0]), ("Motor", [1, 0])]
@@ -876,24 +937,33 @@ def test_the_end_of_a_good_block_may_fail(both: Both, scripted: Any, device: Scr
     assert device.calls == [*TAKEN, ("Motor", [0, 0]), "Halt", "GiveArm"]
 
 
+@pytest.fixture
+def patient_with_halting(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("_sync_holding", "_async_holding"):
+        monkeypatch.setattr(f"orinkit.client.{module}._HALT_PATIENCE", PATIENCE)
+
+
 @TIMES_OUT
-def test_each_step_takes_one_timeout_at_most(both: Both, scripted: Any, device: Scripted) -> None:
+def test_each_step_takes_one_timeout_at_most(
+    both: Both, scripted: Any, device: Scripted, patient_with_halting: None
+) -> None:
     def body() -> None:
+        given_up = impatient(scripted, device, "Halt", "Motor", "Halt", "GiveArm")
         for name in ("Halt", "Motor", "GiveArm"):
-            device.answers[name] = [Blocking(lambda: time.sleep(0.6))]
+            device.answers[name] = [until_given_up(given_up)]
         raising()
 
-    began = time.monotonic()
     with pytest.raises(Trouble) as caught:
         holding(both, scripted, body)
-    assert time.monotonic() - began < 4 * 0.25 + 2
-    assert len(caught.value.__notes__) >= 2
+    assert device.calls == [*TAKEN, "Halt", ("Motor", [0, 0]), "Halt", "GiveArm"]  # each of the blocks halts
+    assert len(caught.value.__notes__) == 4
 
 
 @TIMES_OUT
 def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: Any, device: Scripted) -> None:
     """The controller does not answer within the time-out and is busy with the motion from then on."""
     device.answers["Move"] = [device.never]
+    impatient(scripted, device, "Move")
     with pytest.raises(CallTimeout) as caught:
         holding(both, scripted, lambda: both.run(scripted.move("P1")))
     assert any("closed to stop the arm" in note for note in caught.value.__notes__)
@@ -903,19 +973,26 @@ def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: 
 
 
 @only("http", because="elsewhere the controller is busy with the call before")
+@with_longer_times(0.05, 1.0, PATIENCE)
 def test_a_call_that_is_at_work_does_not_keep_the_arm_from_being_halted(
-    both: Both, scripted: Any, device: Scripted
+    both: Both, scripted: Any, device: Scripted, short: float
 ) -> None:
+    del device.calls[:]
     device.answers["Move"] = [device.never]
     move = (f.robot_move, scripted.handle, 1, "P1", "")
     with pytest.raises(CallTimeout) as caught:
-        holding(both, scripted, lambda: both.run(scripted.client.request(*move, timeout=0.05)))
+        holding(both, scripted, lambda: both.run(scripted.client.request(*move, timeout=short)))
+    if ("Move", "") not in device.calls:
+        raise TooSlow
     assert not hasattr(caught.value, "__notes__")
     assert device.calls == [*TAKEN, ("Move", ""), "Halt", *GIVEN]
 
 
 @TIMES_OUT
-def test_a_call_that_is_only_slow_is_waited_for(both: Both, scripted: Any, device: Scripted) -> None:
+def test_a_call_that_is_only_slow_is_waited_for(
+    both: Both, scripted: Any, device: Scripted, patient_with_halting: None
+) -> None:
+    impatient(scripted, device, "Slow")
     slow = Later[None]()
     device.answers["Slow"] = [slow]
 
@@ -933,7 +1010,7 @@ def test_a_call_that_is_only_slow_is_waited_for(both: Both, scripted: Any, devic
 
 @TIMES_OUT
 def test_taking_of_which_nobody_knows_is_undone(both: Both, scripted: Any, device: Scripted) -> None:
-    device.answers["Motor"] = [Blocking(lambda: time.sleep(0.35)), None]
+    device.answers["Motor"] = [until_given_up(impatient(scripted, device, "Motor")), None]
     with pytest.raises(CallTimeout):
         holding(both, scripted, lambda: None)
     assert device.calls == [*TAKEN, ("Motor", [0, 0]), "GiveArm"]
@@ -994,6 +1071,7 @@ def test_answers_that_are_no_numbers(both: Both, scripted: Any, device: Scripted
 @TIMES_OUT
 def test_a_busy_controller_is_told_so(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["Move"] = [device.never]
+    impatient(scripted, device, "Move")
     with pytest.raises(CallTimeout):
         both.run(scripted.move("P1"))
     with pytest.raises(BusyError):

@@ -6,7 +6,6 @@ import asyncio
 import os
 import signal
 import threading
-import time
 from collections.abc import Iterator
 
 import pytest
@@ -15,6 +14,7 @@ import orinkit
 import orinkit.aio
 from orinkit.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import PATIENCE, until
 
 GOAL = J(150, 45, 90, 0, 45, 0)
 
@@ -35,27 +35,40 @@ def stands(device: VirtualRC8) -> bool:
     return not arm.busy and arm.holder is None
 
 
+def is_on_its_way(device: VirtualRC8) -> bool:
+    return device.state.arm.queue.joints[0] > 1.0
+
+
 def check(device: VirtualRC8) -> None:
-    end = time.monotonic() + 5.0
-    while not stands(device):
-        assert time.monotonic() < end, "it goes on, and nobody waits for it"
-        time.sleep(0.01)
-    assert 0 < device.state.arm.queue.joints[0] < 100
+    until(lambda: stands(device))
+    assert 1.0 < device.state.arm.queue.joints[0] < 100, "it went on, and nobody waited for it"
 
 
 def test_ctrl_c(url: str, device: VirtualRC8) -> None:
-    timer = threading.Timer(0.8, os.kill, (os.getpid(), signal.SIGINT))
+    def interrupt() -> None:
+        until(lambda: is_on_its_way(device))
+        os.kill(os.getpid(), signal.SIGINT)
+
+    interrupting = threading.Thread(target=interrupt)
     with pytest.raises(KeyboardInterrupt), orinkit.connect(url) as rc8, rc8.robot() as robot, robot.arm():
-        timer.start()
-        robot.move(GOAL, "@E", speed=5)
+        interrupting.start()
+        robot.move(GOAL, "@E", speed=1)
+    interrupting.join()
     check(device)
 
 
 def test_a_task_that_is_cancelled(url: str, device: VirtualRC8) -> None:
     async def move() -> None:
         async with orinkit.aio.connect(url) as rc8, await rc8.robot() as robot, robot.arm():
-            async with asyncio.timeout(0.8):
-                await robot.move(GOAL, "@E", speed=5)
+            async with asyncio.timeout(PATIENCE) as limit:
+                passing = asyncio.create_task(pass_on_its_way(limit))
+                await robot.move(GOAL, "@E", speed=1)
+            await passing
+
+    async def pass_on_its_way(limit: asyncio.Timeout) -> None:
+        while not is_on_its_way(device):  # noqa: ASYNC110 - a thread moves it
+            await asyncio.sleep(0.002)
+        limit.reschedule(0.0)
 
     with pytest.raises(TimeoutError):
         asyncio.run(move())

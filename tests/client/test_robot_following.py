@@ -11,10 +11,10 @@ import pytest
 
 import orinkit
 from both import Both
+from clocks import HeldClock
 from orinkit import J, P, T, hresult
 from orinkit.client._motion_common import Way, same_place
 from orinkit.errors import CallError
-from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
 from waiting import until
 
@@ -23,6 +23,7 @@ LEFT = J(-30, 45, 90, 0, 45, 0)
 RIGHT = J(20, 45, 90, 0, 45, 0)
 PLACE = P(380, 0, 250, 180, 0, 180, 5)
 OTHER = P(364, 20, 290, 180, 0, 180, 5)
+SLOWLY = 0.1  # % of the speed: it takes far longer than a test does before something stops it
 
 MARKS = ("@P", "@10", "@0", "@E", "")
 FIRST: dict[str, Callable[[Any, str], Any]] = {
@@ -44,8 +45,15 @@ SECOND: dict[str, Callable[[Any], Any]] = {
 
 
 @pytest.fixture
-def rc8() -> Iterator[VirtualRC8]:
-    device = VirtualRC8(clock=Clock(20), language="en")
+def clock() -> Iterator[HeldClock]:
+    made = HeldClock()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def rc8(clock: HeldClock) -> Iterator[VirtualRC8]:
+    device = VirtualRC8(clock=clock, language="en")
     yield device
     device.close()
 
@@ -110,12 +118,15 @@ def test_a_chain_after_raw_motions(both: Both, moving: Any) -> None:
     assert both.run(moving.motion_complete())
 
 
-def test_a_chain_that_comes_back(both: Both, moving: Any) -> None:
+def test_a_chain_that_comes_back(both: Both, moving: Any, clock: HeldClock) -> None:
     """The same end twice: the third is not over because the first one has the same end."""
-    motions = [both.run(moving.move(pose, speed=3, wait=False)) for pose in (LEFT, HOME, LEFT, RIGHT)]
-    assert [both.run(motion.get_done()) for motion in motions] == [False] * 4
+    ways = ((LEFT, 3), (HOME, 3), (LEFT, 3), (RIGHT, SLOWLY))
+    with clock.held():
+        motions = [both.run(moving.move(pose, speed=speed, wait=False)) for pose, speed in ways]
+        assert [both.run(motion.get_done()) for motion in motions] == [False] * 4
     both.run(motions[2].wait())
     assert both.run(moving.get_joints())[0] < 0
+    clock.advance(1000)
     both.run(motions[3].wait())
     assert [both.run(motion.get_done()) for motion in motions] == [True] * 4
 
@@ -150,11 +161,16 @@ def test_a_block_ends_when_the_arm_stands(both: Both, url: str, rc8: VirtualRC8,
 
 @pytest.mark.parametrize("mark", MARKS)
 @pytest.mark.parametrize("name", SECOND)
-def test_a_stop_after_an_answered_motion_is_told(both: Both, moving: Any, url: str, name: str, mark: str) -> None:
+def test_a_stop_after_an_answered_motion_is_told(
+    both: Both, moving: Any, url: str, clock: HeldClock, name: str, mark: str
+) -> None:
     both.run(moving.move(LEFT, mark))
-    both.run(moving.put_ext_speed(2))
-    motion = both.run(SECOND[name](moving))
-    until(lambda: bool(both.run(motion.get_progress()) > 0))
+    with clock.held():
+        both.run(moving.put_ext_speed(2))
+        motion = both.run(SECOND[name](moving))
+        while both.run(motion.get_progress()) == 0:
+            clock.advance(0.1)
+        clock.pace(0.2)  # it would go on for seconds
     with orinkit.connect(url) as other:
         other.robot().halt()
     with pytest.raises(CallError) as caught:
@@ -178,7 +194,7 @@ def test_a_stop_after_an_answered_motion_is_told(both: Both, moving: Any, url: s
     ],
 )
 def test_why_it_was_stopped(both: Both, moving: Any, rc8: VirtualRC8, stop: Callable[..., Any], words: str) -> None:
-    motion = both.run(moving.move(LEFT, speed=1, wait=False))
+    motion = both.run(moving.move(LEFT, speed=SLOWLY, wait=False))
     result = stop(rc8, motion)
     if result is not None and both.kind == "async":
         both.run(result)
@@ -199,7 +215,7 @@ def test_ctrl_c_in_a_motion_is_told_once(rc8: VirtualRC8, url: str) -> None:
         thread = threading.Thread(target=interrupt)
         with pytest.raises(KeyboardInterrupt) as caught, robot.arm(), robot.motor():
             thread.start()
-            robot.move(LEFT, speed=1)
+            robot.move(LEFT, speed=SLOWLY)
         thread.join()
     (note,) = caught.value.__notes__
     assert note.endswith(

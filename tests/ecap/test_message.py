@@ -18,6 +18,8 @@ from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits, encode_variant
 from strategies import same
 
+pytestmark = pytest.mark.core
+
 MIB = 1 << 20
 PUT = b"Func=102,Arg1=3,Arg2="  # Variable_PutValue
 

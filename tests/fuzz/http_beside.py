@@ -23,6 +23,7 @@ from orinkit.cao.provider import CaoObject
 from orinkit.cao.session import Session
 from orinkit.server.background import Server
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import PATIENCE, until
 
 IDLE = 3.0  # s
 DESCRIPTORS = Path("/proc/self/fd")
@@ -61,7 +62,7 @@ class Neighbour:
 
     def _run(self) -> None:
         try:
-            with orinkit.connect(self._url, timeout=20.0, cafile=self._cafile) as controller:
+            with orinkit.connect(self._url, timeout=PATIENCE, cafile=self._cafile) as controller:
                 variable = controller.variable(self._variable)
                 while not self._stop.is_set():
                     variable.value = f"turn {self.turns}"
@@ -87,7 +88,7 @@ class Guest:
     def __init__(self, address: tuple[str, int], *, keeps_cookie: bool) -> None:
         self.cookie = b""
         self.handles: dict[str, list[int]] = {}
-        self._connection = http.client.HTTPConnection(*address, timeout=20.0)
+        self._connection = http.client.HTTPConnection(*address, timeout=PATIENCE)
         try:
             self._call(1, "InvokeTimeout=200" if keeps_cookie else "", keep=keeps_cookie)
             self._make("Workshop", 3, "", "Test.Workshop", "", "")
@@ -164,7 +165,7 @@ def settled(
     """Wait until every client has gone and nothing is left; returns what is left all the same."""
     pause = threading.Event()
     _wait_for_clients(server)
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + PATIENCE
     while True:
         left = [thing for key, thing in alive().items() if key not in before]
         if (not left and counted() == numbers) or time.monotonic() > end:
@@ -174,11 +175,10 @@ def settled(
 
 
 def _wait_for_clients(server: Server) -> None:
-    pause = threading.Event()
-    end = time.monotonic() + IDLE + 20.0
-    while server.clients and time.monotonic() < end:
-        pause.wait(0.05)
-    assert server.clients == 0
+    """Wait until the server has seen every client go, and nothing is at work for any of them."""
+    shared = server._server._connections
+    until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks), IDLE + PATIENCE)
+    until(lambda: not any(thread.name == "orinkit-worker" for thread in threading.enumerate()))
 
 
 class Breaks(logging.Filter):

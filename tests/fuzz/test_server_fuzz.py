@@ -16,6 +16,7 @@ import random
 import socket
 import struct
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -35,6 +36,7 @@ from orinkit.errors import ProtocolError
 from orinkit.server.background import Server
 from orinkit.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import VirtualRC8
+from waiting import PATIENCE, until
 
 MUTANTS = 100_000
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
@@ -208,7 +210,7 @@ def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int
     """Send everything, end the sending side, and read to the end: serials and codes, and whether it ended in order."""
     answers: list[tuple[int, int]] = []
     framer = Framer()
-    with socket.create_connection(address, 20.0) as connection:
+    with socket.create_connection(address, PATIENCE) as connection:
         in_order = True
         try:
             connection.sendall(data)
@@ -238,7 +240,7 @@ class Neighbour:
 
     def _run(self) -> None:
         try:
-            with orinkit.connect(self._url, timeout=20.0) as controller:
+            with orinkit.connect(self._url, timeout=PATIENCE) as controller:
                 variable = controller.variable("S99")
                 while not self._stop.is_set():
                     variable.value = f"turn {self.turns}"
@@ -306,18 +308,13 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count
         hresult.E_INVALIDRCVPACKET, hresult.E_PACKETSIZEOVER,
     ):  # fmt: skip
         assert codes[code] > 0, hresult.lookup(code).name
-    pause = threading.Event()
-    for _ in range(2000):
-        if server.clients == 0:
-            break
-        pause.wait(0.005)
-    assert server.clients == 0
+    shared = server._server._connections
+    until(lambda: not (shared.open or shared.all or shared.tasks))
     known = {id(thing) for thing in before}
-    for _ in range(100):  # the last connection is counted out before it is quite gone
-        left = [thing for thing in alive() if id(thing) not in known]
-        if not left:
-            break
-        pause.wait(0.02)
+    end = time.monotonic() + PATIENCE
+    while (left := [thing for thing in alive() if id(thing) not in known]) and time.monotonic() < end:
+        del left  # what is found keeps what it refers to
+        time.sleep(0.02)  # the last connection is counted out before it is quite gone
     assert left == []
 
 

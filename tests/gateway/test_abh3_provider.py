@@ -16,6 +16,7 @@ import pytest
 
 import orinkit
 from orinkit import hresult, language
+from orinkit.abh3.aio import AsyncDriver
 from orinkit.abh3.signals import V1, V2
 from orinkit.errors import CallError
 from orinkit.gateway.abh3 import ABH3Provider
@@ -49,10 +50,35 @@ def option(channel):
     return f"Interface=virtual, Channel={channel}, Address=1"
 
 
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch):
+    """Keep-alives do not end because the machine has other work to do; the driver is never silent here."""
+    real = AsyncDriver.keep_alive
+
+    async def keep_alive(driver, period, *, idle):
+        await real(driver, period, patience=30.0, idle=idle)
+
+    monkeypatch.setattr(AsyncDriver, "keep_alive", keep_alive)
+
+
+@pytest.fixture
+def provider():
+    return load(NAME)
+
+
 @pytest.fixture(params=["tcp", "http"])
-def server(request, device):
-    with orinkit.serve(load(NAME), f"{request.param}://127.0.0.1:0") as server:
+def server(request, device, provider):
+    with orinkit.serve(provider, f"{request.param}://127.0.0.1:0") as server:
         yield server
+
+
+def allow_silence(provider, seconds):
+    """Change the option Idle of all clients that are there: what came before did not depend on a short time."""
+    for controller in list(provider._clients):
+        controller._wanted = controller._wanted._replace(idle=seconds)
+        heart = controller.motor._heart
+        if heart is not None:
+            heart.idle = seconds
 
 
 def connect(server, option):
@@ -291,28 +317,35 @@ def test_clients_that_read_parameters_get_their_own(server, option):
         assert set(found) == {(0x4102, 1), (0x4117, 500), (0x4118, 1000)}
 
 
-def test_a_client_without_keep_alive_that_was_silent_is_told(server, device, option):
-    with connect(server, f"{option},KeepAlive=0,Idle=0.3") as motor:
+def test_a_client_without_keep_alive_that_was_silent_is_told(server, provider, device, option):
+    with connect(server, f"{option},KeepAlive=0,Idle=30") as motor:
         turn(motor)
         until(lambda: device.state().a_velocity > 0)
+        brake = motor.variable("BRAKE_RELEASE")
+        allow_silence(provider, 0.3)
         time.sleep(0.8)
-        error = refused(hresult.E_ABORT, setattr, motor.variable("BRAKE_RELEASE"), "value", False)
+        error = refused(hresult.E_ABORT, setattr, brake, "value", False)
         assert "silent for 0.3 s" in motor.error_description(error.code)
-        motor.variable("BRAKE_RELEASE").value = False
+        allow_silence(provider, 30)
+        brake.value = False
         assert at_rest(device)
 
 
-def test_a_silent_client_loses_the_motor(server, device, option):
-    with connect(server, f"{option}, Idle=0.4") as motor, connect(server, option) as other:
+def test_a_silent_client_loses_the_motor(server, provider, device, option):
+    with connect(server, f"{option}, Idle=30") as motor, connect(server, f"{option}, Idle=30") as other:
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
+        allow_silence(provider, 0.4)
         until(lambda: at_rest(device))
         error = refused(hresult.E_ABORT, setattr, motor.variable("COMMAND"), "value", [50.0, 50.0])
         assert "silent for 0.4 s" in motor.error_description(error.code)
+        allow_silence(provider, 30)
         assert motor.variable("COMMAND").value == [0.0, 0.0]
         turn(motor)  # once is enough
         until(lambda: device.state().a_velocity == 100.0)
+        allow_silence(provider, 0.4)
         until(lambda: at_rest(device))
+        allow_silence(provider, 30)
         until(lambda: _stops(other))
         turn(other, 5.0, 5.0)
         until(lambda: device.state().a_velocity == 5.0)
@@ -323,7 +356,7 @@ def test_a_silent_client_loses_the_motor(server, device, option):
 
 @pytest.mark.parametrize("reading", ["INPUTS", "COMMAND", "MAIN_VOLTAGE", "parameter"])
 def test_a_client_that_reads_is_not_silent(server, device, option, reading):
-    with connect(server, f"{option}, Idle=0.5") as motor:
+    with connect(server, f"{option}, Idle=1") as motor:
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
         end = time.monotonic() + 1.5
@@ -365,6 +398,8 @@ def test_a_bus_that_does_not_open_keeps_nobody_waiting(device, option, monkeypat
             wanted = f"Bus=can://socketcand/x?host={host}&port={port}"
             with ThreadPoolExecutor() as threads:
                 hanging = threads.submit(connect, server, wanted)
+                until(lambda: provider._buses._buses)  # its time has begun
+                monkeypatch.setattr("orinkit.gateway.abh3_buses.PATIENCE", 30.0)
                 with connect(server, option) as motor:
                     assert motor.execute("Init") == [0.0] * 4
                 assert isinstance(hanging.exception(), CallError)
@@ -401,7 +436,7 @@ def test_without_keep_alive_the_driver_stops_by_itself(server, device, option):
 
 def test_a_client_that_dies_stops_the_motor(server, device, option, tmp_path):
     if server.url.startswith("http"):
-        option += ", Idle=0.5"  # whether a client over HTTP is there shows by its calls only
+        option += ", Idle=1"  # whether a client over HTTP is there shows by its calls only
     script = tmp_path / "client.py"
     script.write_text(
         textwrap.dedent(
@@ -456,7 +491,7 @@ def test_the_server_stops_the_motor_when_it_stops(device, option):
 
 
 def test_a_server_may_decide_which_bus_it_is(device, channel):
-    provider = ABH3Provider(f"can://virtual/{channel}", address=1, timeout=0.5)
+    provider = ABH3Provider(f"can://virtual/{channel}", address=1, timeout=5)
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server:
         with connect(server, "") as motor:
             assert motor.execute("Init") == [0.0] * 4

@@ -10,7 +10,7 @@ import threading
 from typing import Any
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, chain, gateway
+from gateways import HTTP, LISTEN, PATIENCE, chain, gateway, hurry
 
 import orinkit
 from devices import Call, Recorder, Workshop
@@ -268,11 +268,14 @@ def test_nothing_is_left_when_a_gateway_is_closed() -> None:
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
 def test_work_that_outlasts_every_time_out(gateways: int, between: str) -> None:
     shop = Workshop()
+    made: list[RemoteProvider] = []
     with (
-        chain(shop, gateways, between, timeout=0.3) as url,
-        orinkit.connect(url, provider="Test.Workshop", timeout=0.3) as client,
+        chain(shop, gateways, between, made, service="WDT=100") as url,
+        orinkit.connect(url, provider="Test.Workshop", service="WDT=100") as client,
     ):
-        opening = threading.Timer(1.0, shop.gate.set)
+        hurry(made, 1.0)
+        client.client.timeout = 1.0
+        opening = threading.Timer(1.3, shop.gate.set)
         opening.start()
         assert client.execute("Wait", "done") == "done"
         assert client.execute("Block", [1.5]) == [1.5]
@@ -281,10 +284,13 @@ def test_work_that_outlasts_every_time_out(gateways: int, between: str) -> None:
 
 def test_a_controller_that_does_not_say_that_it_is_at_work() -> None:
     shop = Workshop()
-    with chain(shop, timeout=0.2, service="") as url, orinkit.connect(url, provider="Test.Workshop") as client:
+    made: list[RemoteProvider] = []
+    with chain(shop, made=made, service="") as url, orinkit.connect(url, provider="Test.Workshop") as client:
+        hurry(made, 0.2)
         with pytest.raises(CallError) as failed:
             client.execute("Wait", 1)
         assert failed.value.code == hresult.E_TIMEOUT
+        hurry(made, PATIENCE)
         with pytest.raises(BusyError):  # said by the controller: it is at it still
             client.execute("Echo", 2)
         shop.gate.set()
@@ -411,15 +417,20 @@ def test_an_rc8_over_every_wire(listen: str) -> None:
 def test_a_ve026a(listen: str) -> None:
     device = VirtualVE026A(motor_seconds=0.6, clear_seconds=0.05)
     with orinkit.serve(device, listen) as server:
-        provider = RemoteProvider(Upstream(server.url, dialect="ve026a", timeout=0.2))
+        provider = RemoteProvider(Upstream(server.url, dialect="ve026a"))
         assert provider.dialect is VE026A
         with orinkit.serve(provider, "tcp://127.0.0.1:0", "pty://") as gate:
             for url in gate.urls:
-                with orinkit.connect(url, provider="", timeout=0.2) as controller:
+                with orinkit.connect(url, provider="") as controller:
                     assert controller.client.dialect is VE026A
                     robot = controller.robot()
+                    before = controller.client.timeout
+                    hurry([provider], 0.2)  # a command that is known to take longer is waited for
+                    controller.client.timeout = 0.2
                     robot.execute("Motor", Variant(VarType.I2, 1))
                     assert device.servo_on
+                    hurry([provider], before)
+                    controller.client.timeout = before
                     controller.execute("ClearError", Variant(VarType.I2, 0))
                     with robot.variable("@CURRENT_ANGLE") as one, robot.variable("@CURRENT_ANGLE") as two:
                         assert one.value == two.value
@@ -515,14 +526,15 @@ def test_a_call_whose_client_waits_no_more_is_not_sent() -> None:
     """It waited behind another one; over e-CAP a client may have several at work."""
     workshop = Workshop()
     with orinkit.serve(workshop, LISTEN) as device, gateway(device.url, HTTP) as url:
-        assert post(url, "Func=1,Arg1=InvokeTimeout=200") == "0x00000000"
         handle = post(url, "Func=3,Arg1=,Arg2=Test.Workshop").rpartition(",")[2]
+        assert post(url, "Func=1,Arg1=InvokeTimeout=200") == "0x00000000"
         late = f"0x{hresult.E_TIMEOUT:08X}"
         assert post(url, f"Func=17,Arg1={handle},Arg2=Wait") == late
         assert post(url, f"Func=9,Arg1={handle},Arg2=never") == late
         with pytest.raises(TimeoutError):
             post(url, f"Func=9,Arg1={handle},Arg2=nor this", seconds=0.05)
         workshop.gate.set()
+        assert post(url, "Func=1,Arg1=InvokeTimeout=20000") == "0x00000000"
         assert post(url, f"Func=9,Arg1={handle},Arg2=after").startswith("0x00000000")
     assert workshop.made == ["after"]
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, gateway
+from gateways import HTTP, LISTEN, PATIENCE, gateway, hurry
 
 import orinkit
 from devices import Call, Recorder, Workshop
@@ -262,6 +262,7 @@ def test_attempts_become_rarer_and_then_the_controller_is_back() -> None:
 def test_a_controller_that_says_nothing_any_more() -> None:
     """Two calls without an answer: then the connection counts as dead."""
     script = Scripted()
+    made: list[RemoteProvider] = []
 
     def silent(line: Line) -> None:
         while True:
@@ -271,10 +272,11 @@ def test_a_controller_that_says_nothing_any_more() -> None:
 
     with (
         BadPeer(silent, script.serve) as peer,
-        gateway(peer.url, retry=0.02, timeout=0.1) as url,
+        gateway(peer.url, made=made, retry=0.02) as url,
         orinkit.connect(url) as rc8,
     ):
         variable = rc8.variable("v")
+        hurry(made, 0.1)
         assert code_of(lambda: variable.put_value(1)) == hresult.E_TIMEOUT
         assert peer.connections == 1
         assert code_of(lambda: variable.put_value(2)) == hresult.E_TIMEOUT

@@ -19,6 +19,8 @@ from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits, encode_variant
 from strategies import CONTENTS, same, strings, variants
 
+pytestmark = pytest.mark.core
+
 SINGLES = st.floats(width=32, allow_nan=False, allow_infinity=False)
 OF_TYPE = {
     VarType.I4: st.integers(-(2**31), 2**31 - 1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -12,6 +13,8 @@ from orinkit.errors import CallError, ProtocolError
 from orinkit.variant import VARIANT_ARRAY, Variant, VarType
 from orinkit.variant_bytes import decode, encode, encode_variant
 from strategies import variants
+
+pytestmark = pytest.mark.core
 
 KINDS = st.sampled_from(["P", "J", "T"])
 SENDS = st.sampled_from(sf.SEND_FORMATS).map(Send)

@@ -24,6 +24,8 @@ from orinkit.variant import Variant, VarType, variant
 from orinkit.variant_bytes import decode, encode
 from strategies import same, strings, variants
 
+pytestmark = pytest.mark.core
+
 ENTRIES = list(FUNCTIONS.values())
 I4 = st.integers(-(2**31), 2**31 - 1)
 SINGLES = st.floats(width=32, allow_nan=False, allow_infinity=False)

@@ -17,9 +17,9 @@ from orinkit.bcap.wire import DATAGRAM, LINE, Wire
 from orinkit.cao.provider import ClientInfo
 from orinkit.variant import Variant, plain
 from orinkit.variant_bytes import DEFAULT_LIMITS
+from waiting import PATIENCE
 
 START, STOP, CONNECT, GET_VARIABLE, EXECUTE, GET, PUT = 1, 2, 3, 9, 17, 101, 102
-PATIENCE = 20.0
 NOTHING = 0.15  # s in which an answer would have come long ago
 
 

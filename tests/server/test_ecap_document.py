@@ -49,7 +49,7 @@ def by_bare_client(url: str, body: str) -> str:
 
 def by_curl(url: str, body: str) -> str:
     done = subprocess.run(
-        ["curl", "-sS", "--data-binary", body, f"{url}/any/path"], capture_output=True, check=True, timeout=20
+        ["curl", "-sS", "--data-binary", body, f"{url}/any/path"], capture_output=True, check=True, timeout=60
     )
     return done.stdout.decode()
 

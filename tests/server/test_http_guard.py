@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import logging
 import random
+import select
 import socket
 import ssl
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from leaping import leap, see_broken, take_turns
 from test_http_server import EXECUTE, GET_VARIABLE, OK, PATIENCE, Web, certificate, connect, curl, request
 
 import orinkit
 from devices import Workshop
 from orinkit import hresult
-from orinkit.server import http_guard, http_sessions
+from orinkit.server import connections, http_guard, http_sessions
 from orinkit.server.background import Server
-from orinkit.server.http_guard import HELD, Joining, Stage
+from orinkit.server.http_guard import HELD, GuardedProtocol, Joining, Stage
 from orinkit.server.http_options import HttpOptions
 from waiting import until
 
 DESCRIPTORS = Path("/proc/self/fd")
-SOON = 0.3  # s
+LONG = 1000.0  # s
 
 __all__ = ["certificate"]  # the fixture
 
@@ -46,8 +47,28 @@ def server(workshop: Workshop) -> Iterator[Server]:
         yield served
 
 
-def patience(monkeypatch: pytest.MonkeyPatch, stage: Stage, seconds: float) -> None:
-    monkeypatch.setattr(stage, "seconds", seconds)
+def patience(monkeypatch: pytest.MonkeyPatch, stage: Stage) -> None:
+    """Give clients more time than anything takes here; it passes when a test says so."""
+    monkeypatch.setattr(stage, "seconds", LONG)
+
+
+def end_of(server: Server, web: Web) -> GuardedProtocol:
+    """Return the server's end of a connection, once it has read what has come there."""
+    name = "{}:{}/http".format(*web.socket.getsockname())
+
+    def found() -> list[GuardedProtocol]:
+        all_of_them = list(server._server._connections.all)
+        return [each for each in all_of_them if isinstance(each, GuardedProtocol) and each.name == name]
+
+    until(found)
+    take_turns(server)
+    return found()[0]
+
+
+def forget_broken(server: Server) -> None:
+    """Have the server forget a client whose connection broke in a call, once it has seen that."""
+    see_broken(server)
+    leap(server, http_sessions.FORGOTTEN_AFTER)
 
 
 def still_open(web: Web) -> bool:
@@ -71,7 +92,11 @@ def works(web: Web, handle: int, number: int) -> bool:
 
 
 @pytest.mark.parametrize("beginning", [b"", b"P", b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: a", "body"])
-def test_300_slow_connections_shut_nobody_out(server: Server, beginning: bytes | str) -> None:
+def test_300_slow_connections_shut_nobody_out(
+    server: Server, beginning: bytes | str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for stage in (Stage.NEW, Stage.HEADER, Stage.BODY):
+        patience(monkeypatch, stage)
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)
         slow = []
@@ -113,7 +138,10 @@ def test_connections_at_work_are_not_closed_for_others(workshop: Workshop, serve
         assert welcome.call(1).body == OK
 
 
-def test_one_that_was_used_lately_stays_longer_than_one_that_never_was(server: Server) -> None:
+def test_one_that_was_used_lately_stays_longer_than_one_that_never_was(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patience(monkeypatch, Stage.NEW)
     with Web(server.url) as used:
         assert used.call(1).body == OK
         never = [Web(server.url) for _ in range(62)]
@@ -129,73 +157,79 @@ def test_one_that_was_used_lately_stays_longer_than_one_that_never_was(server: S
 
 
 def test_a_connection_on_which_nothing_is_asked(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    patience(monkeypatch, Stage.NEW, SOON)
+    patience(monkeypatch, Stage.NEW)
     with Web(server.url) as web:
+        end_of(server, web)
+        leap(server, LONG - PATIENCE)
+        assert still_open(web)
+        leap(server, PATIENCE)
         assert web.ended()
 
 
 def test_a_header_that_comes_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    patience(monkeypatch, Stage.HEADER, SOON)
+    patience(monkeypatch, Stage.HEADER)
     with Web(server.url) as web:
         assert web.call(1).body == OK
-        head = web.head("Func=1")
-        begun = time.monotonic()
+        sent = 0
         with pytest.raises(OSError):
-            for byte in head[:-1]:
+            for byte in web.head("Func=1")[:-1]:
                 web.send(bytes([byte]))
-                time.sleep(SOON / 20)
-            web.send(b"")
-            raise BrokenPipeError
-        assert SOON / 2 < time.monotonic() - begun < PATIENCE
+                sent += 1
+                take_turns(server)
+                leap(server, LONG / 50)
+        assert 40 < sent < 60
         assert web.answer().status == 408
         assert web.ended()
 
 
 def test_a_body_that_comes_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    patience(monkeypatch, Stage.BODY, SOON)
+    patience(monkeypatch, Stage.BODY)
     with Web(server.url, keeps_cookies=True) as other, Web(server.url) as web:
         handle = connect(other)
         web.send(web.head("x" * 1000) + b"Func=1,")
-        answered = False
-        for _ in range(int(PATIENCE / SOON * 10)):
-            assert works(other, handle, 1)
-            try:
+        sent = 0
+        with pytest.raises(OSError):
+            while sent < 100:
+                assert works(other, handle, 1)
+                leap(server, LONG / 50)
                 web.send(b"x")
-            except OSError:
-                answered = True
-                break
-            time.sleep(SOON / 10)
-        assert answered
+                sent += 1
+        assert 40 < sent < 60
         answer = web.answer()
         assert (answer.status, answer.headers["connection"]) == (408, "close")
         assert server.clients == 1
 
 
 def test_a_refused_body_that_never_ends(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    patience(monkeypatch, Stage.BODY, SOON)
+    patience(monkeypatch, Stage.BODY)
     with Web(server.url) as web:
         web.send(web.head("x" * 1000, Content_Type="text/plain") + b"Func=1,")
+        end_of(server, web)
+        leap(server, LONG - PATIENCE)
+        assert still_open(web)
+        leap(server, PATIENCE)
         assert web.answer().status == 408
         assert web.ended()
 
 
-def test_an_idle_connection_is_closed_after_a_while(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    patience(monkeypatch, Stage.REST, SOON)
+def test_an_idle_connection_is_closed_after_a_while(server: Server) -> None:
     with Web(server.url) as web:
         for _ in range(3):
             assert web.call(1).body == OK
+            leap(server, http_guard.KEPT_ALIVE / 2)
+        leap(server, http_guard.KEPT_ALIVE / 2)
         assert web.ended()
 
 
-def test_work_takes_as_long_as_it_takes(server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
-    for stage in Stage:
-        if stage is not Stage.WORK:
-            patience(monkeypatch, stage, SOON)
+def test_work_takes_as_long_as_it_takes(server: Server, workshop: Workshop) -> None:
     with Web(server.url, keeps_cookies=True) as web, Web(server.url) as clock:
         body = request(EXECUTE, connect(web), "Wait", "8,done")
         web.send(web.head(body) + body.encode())
         assert workshop.at_work.acquire(timeout=PATIENCE)
-        assert clock.ended()  # so much time has passed
+        end_of(server, clock)
+        leap(server, max(stage.seconds for stage in Stage if stage is not Stage.WORK))
+        assert clock.ended()
+        assert still_open(web)
         workshop.gate.set()
         assert web.answer().result == "8,done"
 
@@ -205,32 +239,44 @@ def greedy(server: Server, result: int) -> Web:
     web = Web(server.url, keeps_cookies=True)
     handle = connect(web)
     web.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 100_000)
+    other_end = end_of(server, web).transport.get_extra_info("socket")
+    other_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 100_000)  # the system does not take all of it at once
     body = request(EXECUTE, handle, "Large", f"3,{result}")
     web.send(web.head(body, Connection="close") + body.encode())
     return web
 
 
-def test_an_answer_that_is_not_taken(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    for stage in (Stage.TAKING, Stage.LEAVING):
-        patience(monkeypatch, stage, SOON)
+def test_an_answer_that_is_not_taken(server: Server) -> None:
     before = len(list(DESCRIPTORS.iterdir()))
     web = greedy(server, 6_000_000)
-    until(lambda: len(list(DESCRIPTORS.iterdir())) == before + 1)  # its own end is all that is left
+    select.select([web.socket], [], [], PATIENCE)  # it has begun
+    leap(server, Stage.LEAVING.seconds / 2)
+    assert len(list(DESCRIPTORS.iterdir())) == before + 2
+
+    def closed() -> bool:
+        leap(server, Stage.LEAVING.seconds)
+        return len(list(DESCRIPTORS.iterdir())) == before + 1  # its own end is all that is left
+
+    until(closed)
     with pytest.raises((EOFError, ConnectionError)):
         web.answer()  # of which it is too late to take all
 
 
-def test_an_answer_that_is_taken_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    for stage in (Stage.TAKING, Stage.LEAVING):
-        patience(monkeypatch, stage, 2 * SOON)
+def test_an_answer_that_is_taken_slowly(server: Server) -> None:
     web = greedy(server, 6_000_000)
-    taken = 0
-    begun = time.monotonic()
+    transport = end_of(server, web).transport
+    taken = len(web.socket.recv(65536))  # it has begun
+    take_turns(server)
+    leaps = 0
+    while unsent := transport.get_write_buffer_size():
+        while transport.get_write_buffer_size() >= unsent:
+            taken += len(web.socket.recv(65536))
+        leap(server, Stage.LEAVING.seconds * 0.9)
+        leaps += 1
     while data := web.socket.recv(65536):
         taken += len(data)
-        time.sleep(SOON / 30)
     assert taken > 12_000_000
-    assert time.monotonic() - begun > 3 * SOON
+    assert leaps > 5
 
 
 # --- gone -------------------------------------------------------------------------------------------------------------
@@ -289,12 +335,10 @@ def whole(web: Web, body: str) -> bytes:
 def test_the_end_of_a_client_is_seen_whatever_it_has_sent_behind_its_call(
     workshop: Workshop,
     certificate: tuple[Path, Path],
-    monkeypatch: pytest.MonkeyPatch,
     behind: str,
     later: bool,
     secure: bool,
 ) -> None:
-    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", SOON)
     cert, key = certificate
     options = HttpOptions(cert=str(cert), key=str(key)) if secure else HttpOptions()
     context = ssl.create_default_context(cafile=str(cert)) if secure else None
@@ -320,16 +364,14 @@ def test_the_end_of_a_client_is_seen_whatever_it_has_sent_behind_its_call(
             for piece in (more[: len(more) // 2], more[len(more) // 2 :]):
                 web.send(piece)
         web.close()
+        forget_broken(server)
         assert workshop.cancelled.acquire(timeout=PATIENCE)
         until(lambda: server.clients == 0)
         assert (workshop.made, workshop.released) == (["kept"], ["kept", "Controller"])
 
 
-def test_the_end_of_a_client_is_seen_that_would_rather_speak_http_2(
-    server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_end_of_a_client_is_seen_that_would_rather_speak_http_2(server: Server, workshop: Workshop) -> None:
     """Programs in Java say so with each request, and send header and body one after the other."""
-    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", SOON)
     for number in range(5):
         web = Web(server.url, keeps_cookies=True)
         body = request(EXECUTE, connect(web), "Wait")
@@ -339,6 +381,7 @@ def test_the_end_of_a_client_is_seen_that_would_rather_speak_http_2(
         web.send(body.encode())
         assert workshop.at_work.acquire(timeout=PATIENCE)
         web.close()
+        forget_broken(server)
         assert workshop.cancelled.acquire(timeout=PATIENCE), number
 
 
@@ -410,6 +453,7 @@ def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
         handle = connect(web)
         web.send(whole(web, request(EXECUTE, handle, "Wait", "8,first")))
         assert workshop.at_work.acquire(timeout=PATIENCE)
+        web.socket.settimeout(3 * PATIENCE)  # for all that is sent together
         sender = threading.Thread(target=web.send, args=(echoes(web, handle, texts),))
         sender.start()
         until(lambda: max(kept) >= HELD)
@@ -422,7 +466,7 @@ def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
         assert web.answer().result == "8,first"
         for text in texts:
             assert web.answer().result == f"8,{text}"
-        sender.join(PATIENCE)
+        sender.join(3 * PATIENCE)
         assert max(kept) < HELD + 2 * 65536
         assert works(web, handle, 1)
 
@@ -430,9 +474,7 @@ def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
 # --- TLS --------------------------------------------------------------------------------------------------------------
 
 
-def test_handshakes_that_never_end_shut_nobody_out(
-    workshop: Workshop, certificate: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_handshakes_that_never_end_shut_nobody_out(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
     cert, key = certificate
     trusting = ssl.create_default_context(cafile=str(cert))
     options = HttpOptions(cert=str(cert), key=str(key))
@@ -449,8 +491,11 @@ def test_handshakes_that_never_end_shut_nobody_out(
             with Web(server.url, context=trusting) as late:
                 assert late.call(1).body == OK
             assert sum(map(still_open, slow)) <= 64
-            monkeypatch.setattr(http_guard, "_TO_SHAKE_HANDS", SOON)
             with Web(server.url) as one:
+                with Web(server.url, context=trusting) as later:
+                    assert later.call(1).body == OK  # so the one before it has been taken
+                assert still_open(one)
+                leap(server, http_guard._TO_SHAKE_HANDS)
                 assert one.ended()
             assert works(web, handle, 1)
         one = Web(server.url)  # is in the middle of it when the server is closed
@@ -480,7 +525,10 @@ def test_tls_clients_that_vanish(workshop: Workshop, certificate: tuple[Path, Pa
 # --- logs -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_flood_of_garbage_is_no_flood_of_warnings(server: Server, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_flood_of_garbage_is_no_flood_of_warnings(
+    server: Server, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "_QUIET", LONG)
     caplog.set_level(logging.INFO)
     for _ in range(30):
         with Web(server.url) as web:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from leaping import going, leap, see_broken, take_turns
 from test_http_server import EXECUTE, FORM, GET, GET_VARIABLE, OK, PATIENCE, PUT, Web, connect, curl, request
 
 import orinkit
@@ -24,13 +25,14 @@ from orinkit.server.connections import Connections
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import HttpSessions
 from orinkit.variant_bytes import DEFAULT_LIMITS
-from orinkit.virtual.clock import Clock
+from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
 from waiting import until
 
 EXECUTING = {"Orinkit_Executing": "400"}
 STILL = 0.25  # s in which nothing is to happen
+IDLE = HttpOptions(idle=1000.0)
 
 
 @pytest.fixture(autouse=True)
@@ -48,10 +50,6 @@ def workshop() -> Workshop:
 def server(workshop: Workshop) -> Iterator[Server]:
     with orinkit.serve(workshop, "http://127.0.0.1:0") as served:
         yield served
-
-
-def forgotten_after(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
-    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", seconds)
 
 
 def echo(web: Web, handle: int) -> int:
@@ -320,7 +318,7 @@ def test_a_handle_of_a_client_that_has_gone_is_never_another_ones(server: Server
 def test_objects_are_released_newest_first_after_silence() -> None:
     recorder = Recorder()
     with (
-        orinkit.serve(recorder, "http://127.0.0.1:0", http=HttpOptions(idle=0.3)) as server,
+        orinkit.serve(recorder, "http://127.0.0.1:0") as server,
         Web(server.url, keeps_cookies=True) as web,
     ):
         web.call(1)
@@ -328,6 +326,7 @@ def test_objects_are_released_newest_first_after_silence() -> None:
         robot = web.call(7, controller, "Arm", "").handle
         web.call(GET_VARIABLE, controller, "a", "")
         web.call(62, robot, "b", "")
+        leap(server, 60.0)
         assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
         assert [call.path for call in recorder.calls[-4:]] == ["RC/Arm/b", "RC/a", "RC/Arm", "RC"]
         until(lambda: server.clients == 0)
@@ -338,28 +337,30 @@ def test_objects_are_released_newest_first_after_silence() -> None:
 
 def test_whoever_says_something_stays(workshop: Workshop) -> None:
     with (
-        orinkit.serve(workshop, "http://127.0.0.1:0", http=HttpOptions(idle=0.4)) as server,
-        Web(server.url, keeps_cookies=True) as web,
-        Web(server.url, keeps_cookies=True) as clock,
+        orinkit.serve(workshop, "http://127.0.0.1:0", invoke_timeout=1e6, http=IDLE) as server,
+        Web(server.url, keeps_cookies=True) as first,
+        Web(server.url, keeps_cookies=True) as waiting,
     ):
-        handle = connect(web)
-        body = request(EXECUTE, connect(clock), "Wait", "")
-        clock.send(clock.head(body, Orinkit_Executing="100") + body.encode())
-        while clock.line():
-            pass
-        for _ in range(10):  # a second goes by
-            assert clock.line() == b"1"
-            assert (clock.line(), clock.line()) == (b"", b"")
-            assert echo(web, handle) == 0
+        handle = connect(first)
+        body = request(EXECUTE, connect(waiting), "Wait", "8,done")
+        waiting.send(waiting.head(body) + body.encode())
+        assert workshop.at_work.acquire(timeout=PATIENCE)
+        for _ in range(10):
+            leap(server, IDLE.idle / 2)
+            with Web(server.url) as web:
+                web.cookie = first.cookie
+                assert echo(web, handle) == 0
         assert workshop.released == []  # neither is one silent whose call is at work
+        assert server.clients == 2
         workshop.gate.set()
+        assert waiting.answer().result == "8,done"
 
 
 def test_a_client_whose_connection_breaks_in_a_call_is_given_little_time(
     workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    forgotten_after(monkeypatch, 0.3)
-    with orinkit.serve(workshop, "http://127.0.0.1:0") as server:
+    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", 100.0)
+    with orinkit.serve(workshop, "http://127.0.0.1:0", http=IDLE) as server:
         web = Web(server.url, keeps_cookies=True)
         handle = connect(web)
         web.call(GET_VARIABLE, handle, "v", "")
@@ -367,7 +368,10 @@ def test_a_client_whose_connection_breaks_in_a_call_is_given_little_time(
         web.send(web.head(body) + body.encode())
         assert workshop.at_work.acquire(timeout=PATIENCE)
         web.reset()
-        assert not workshop.cancelled.acquire(timeout=0.1)  # it may come back
+        see_broken(server)
+        leap(server, 100.0 - PATIENCE)
+        assert not workshop.cancelled.acquire(blocking=False)  # it may come back
+        leap(server, PATIENCE)
         assert workshop.cancelled.acquire(timeout=PATIENCE)
         assert workshop.let_go.acquire(timeout=PATIENCE)
         until(lambda: server.clients == 0)
@@ -460,14 +464,12 @@ def test_calls_that_the_client_waits_for_no_more_do_not_keep_others_out(server: 
 
 
 @pytest.mark.parametrize("how", ["silence", "broken", "broken with another request begun"])
-def test_an_arm_whose_client_is_gone_stops_within_its_limits(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if how != "silence":
-        forgotten_after(monkeypatch, 0.2)
-    device = VirtualRC8(clock=Clock(2), motor=True)
-    options = HttpOptions(idle=0.4 if how == "silence" else 60.0)
+def test_an_arm_whose_client_is_gone_stops_within_its_limits(how: str) -> None:
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
     with (
-        orinkit.serve(device, "http://127.0.0.1:0", "tcp://127.0.0.1:0", http=options) as server,
-        orinkit.connect(server.urls[1]) as watcher,
+        orinkit.serve(device, "http://127.0.0.1:0", "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.urls[1], timeout=PATIENCE) as watcher,
     ):
         arm = device.state.arm
         watching = watcher.robot("Arm")
@@ -480,15 +482,24 @@ def test_an_arm_whose_client_is_gone_stops_within_its_limits(how: str, monkeypat
         web.send(web.head(move) + move.encode())
         if how == "silence":
             assert web.answer().code == 0
-        until(lambda: arm.queue.joints[0] > 5)
+        until(lambda: arm.busy)
+        while arm.queue.joints[0] <= 5:
+            clock.advance(PERIOD)
         with pytest.raises(orinkit.CallError) as caught:
             watching.execute("TakeArm", [0, 0])
         assert caught.value.code == hresult.ARM_NOT_TAKEN
         if how == "broken with another request begun":
             web.send(b"POST /")
-        if how != "silence":
+        if how == "silence":
+            leap(server, HttpOptions().idle)
+        else:
             web.close()
-        until(lambda: not arm.busy)
+            see_broken(server)
+            leap(server, http_sessions.FORGOTTEN_AFTER)
+        until(lambda: server.clients == 1)
+        take_turns(server)
+        while arm.busy:
+            clock.advance(PERIOD)
         watching.execute("StopLog")
         assert 5 < arm.queue.joints[0] < 149
         check_limits(device)
@@ -508,12 +519,22 @@ def check_limits(device: VirtualRC8) -> None:
 
 
 def test_a_motion_outlasts_the_silence_of_one_who_waits_for_it() -> None:
-    device = VirtualRC8(clock=Clock(20), motor=True)
-    with orinkit.serve(device, "http://127.0.0.1:0", http=HttpOptions(idle=0.1)) as server, Web(server.url) as web:
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
+    with orinkit.serve(device, "http://127.0.0.1:0", invoke_timeout=1e6) as server, Web(server.url) as web:
         web.keeps_cookies = True
         robot = web.call(7, web.call(3, "", "CaoProv.DENSO.VRC", "", "").handle, "Arm", "").handle
         assert web.call(64, robot, "TakeArm", "8195,0,0").code == 0
-        assert web.call(72, robot, 1, "8,J(100, 45, 90, 0, 45, 0)", "SPEED=3").body == OK
+        move = request(72, robot, 1, "8,J(100, 45, 90, 0, 45, 0)", "SPEED=3")
+        web.send(web.head(move) + move.encode())
+        until(lambda: device.state.arm.busy)
+        for _ in range(10):
+            clock.advance(0.5)
+            leap(server, HttpOptions().idle)
+        assert server.clients == 1
+        assert device.state.arm.busy
+        with going(clock, 0.5):
+            assert web.answer().body == OK
         assert device.state.arm.queue.joints[0] == pytest.approx(100)
 
 
@@ -523,11 +544,12 @@ def test_a_motion_outlasts_the_silence_of_one_who_waits_for_it() -> None:
 def test_clients_are_logged(workshop: Workshop, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "orinkit.server")
     with (
-        orinkit.serve(workshop, "http://127.0.0.1:0", http=HttpOptions(idle=0.1)) as server,
+        orinkit.serve(workshop, "http://127.0.0.1:0") as server,
         Web(server.url, keeps_cookies=True) as web,
     ):
         host, port = web.socket.getsockname()
         connect(web)
+        leap(server, HttpOptions().idle)
         until(lambda: server.clients == 0)
         web.call(1)
         web.call(2)

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from leaping import settle
 
 import orinkit
 from devices import Workshop
@@ -166,17 +167,6 @@ def left_over() -> dict[str, int]:
         "tasks": sum(isinstance(thing, asyncio.Task) and not thing.done() for thing in gc.get_objects()),
         "sessions": sum(isinstance(thing, Session) for thing in gc.get_objects()),
     }
-
-
-def settle(server: Server) -> None:
-    """Wait until the server has seen every client go."""
-    pause = threading.Event()
-    for _ in range(2000):
-        if server.clients == 0:
-            break
-        pause.wait(0.005)
-    assert server.clients == 0
-    pause.wait(0.05)  # cancelled handlers have a turn of the loop to go
 
 
 def test_a_thousand_connections_leave_nothing_behind(

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import orinkit
-from orinkit.bcap import packet
 from orinkit.server.background import Server
-from orinkit.virtual.clock import Clock
+from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import RawClient
+from waiting import until
 
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
 P1 = [350.0, 50.0, 300.0, 180.0, 0.0, 180.0, 5.0]
@@ -57,10 +56,7 @@ def raw(server: Server) -> Iterator[RawClient]:
 def motor_on(device: VirtualRC8) -> None:
     """Switch the motor on at the pendant."""
     device.pendant.motor()
-    end = time.monotonic() + 20
-    while not device.state.arm.motor.on:
-        assert time.monotonic() < end
-        time.sleep(0.005)
+    until(lambda: device.state.arm.motor.on)
 
 
 def same_but_serial(answer: bytes, wanted: bytes) -> bool:
@@ -139,20 +135,21 @@ def test_list_3_3(raw: RawClient, device: VirtualRC8) -> None:
     assert raw.ask(SERVICE_STOP) is None
 
 
-def test_a_long_move_says_that_it_is_executing(raw: RawClient, device: VirtualRC8) -> None:
+def test_a_long_move_says_that_it_is_executing() -> None:
     """With WDT=100 a Move without NEXT is answered when it is done, and S_EXECUTING comes meanwhile (RC8 table 3-1)."""
-    assert raw.ask(SERVICE_START, "WDT=100") is None
-    controller = raw.ask(CONNECT, *CONTROLLER)
-    robot = raw.ask(GET_ROBOT, controller, "Arm", "")
-    assert raw.ask(ROBOT_EXECUTE, robot, "TakeArm", [0, 0]) is None
-    motor_on(device)
-    serial = raw.request(ROBOT_MOVE, robot, 1, "J(60, 45, 90, 0, 45, 0)", "TIME=20000")
-    codes = []
-    while True:
-        answer = packet.decode(raw.frame())
-        assert answer.serial == serial
-        codes.append(answer.code)
-        if answer.code != 0x900:
-            break
-    assert codes[-1] == 0
-    assert codes.count(0x900) >= 2
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, RawClient(server.url) as raw:
+        assert raw.ask(SERVICE_START, "WDT=100") is None
+        controller = raw.ask(CONNECT, *CONTROLLER)
+        robot = raw.ask(GET_ROBOT, controller, "Arm", "")
+        assert raw.ask(ROBOT_EXECUTE, robot, "TakeArm", [0, 0]) is None
+        serial = raw.request(ROBOT_MOVE, robot, 1, "J(60, 45, 90, 0, 45, 0)", "TIME=20000")
+        for seconds in (0.0, 10.0, 9.0):
+            clock.advance(seconds)
+            answer = raw.packet()
+            assert (answer.serial, answer.code) == (serial, 0x900)
+        clock.advance(2.0)
+        while answer.code == 0x900:
+            answer = raw.packet()
+        assert (answer.serial, answer.code) == (serial, 0)

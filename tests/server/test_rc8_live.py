@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from leaping import going, take_turns
 
 import orinkit
 from orinkit import functions as f
@@ -20,9 +21,8 @@ from orinkit.variant import variant
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
-from waiting import until
+from waiting import PATIENCE, until
 
-PATIENCE = 30.0
 MOVES: list[tuple[int, Any, str]] = [
     (1, "@P J(30, 40, 100, 10, 40, 20)", "NEXT"),
     (1, "@E J(20, 45, 90, 0, 45, 0)", ""),
@@ -32,7 +32,7 @@ MOVES: list[tuple[int, Any, str]] = [
 KILLED = """
 import orinkit, sys
 from orinkit import functions as f
-rc8 = orinkit.connect(sys.argv[1])
+rc8 = orinkit.connect(sys.argv[1], timeout=30)
 robot = rc8.robot("Arm")
 robot.execute("TakeArm", [0, 0])
 print("moving", flush=True)
@@ -94,19 +94,25 @@ def test_a_scaled_clock_gives_the_same_trajectories_sample_by_sample(scale):
 
 def test_a_client_that_is_killed_leaves_an_arm_that_stops(tmp_path):
     """kill -9 in the middle of a move: the arm decelerates within its limits, and another client takes over."""
-    device = VirtualRC8(clock=Clock(2), motor=True)
-    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url) as rc8:
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, timeout=PATIENCE) as rc8:
         robot = rc8.robot("Arm")
         robot.execute("StartLog")
         with subprocess.Popen([sys.executable, "-c", KILLED, server.url], stdout=subprocess.PIPE, text=True) as client:
             assert client.stdout is not None
             assert client.stdout.readline() == "moving\n"
-            until(lambda: device.state.arm.queue.joints[0] > 10)
+            until(lambda: device.state.arm.busy)
+            while device.state.arm.queue.joints[0] <= 10:
+                clock.advance(PERIOD)
             with pytest.raises(CallError) as caught:
                 robot.execute("TakeArm", [0, 0])
             assert caught.value.code == hresult.ARM_NOT_TAKEN
             client.send_signal(signal.SIGKILL)
-        until(lambda: not device.state.arm.busy)
+        until(lambda: server.clients == 1)
+        take_turns(server)
+        while device.state.arm.busy:
+            clock.advance(PERIOD)
         robot.execute("StopLog")
         assert 10 < device.state.arm.queue.joints[0] < 149
         samples = np.array(moving_samples(device, device.state.arm.model.home))
@@ -117,14 +123,16 @@ def test_a_client_that_is_killed_leaves_an_arm_that_stops(tmp_path):
             assert np.abs(acceleration[:, axis]).max() <= limits.acceleration * 1.001
         assert device.state.arm.motor.on
         robot.execute("TakeArm", [0, 0])
-        rc8.client.call(f.robot_move, robot.handle, 1, "J(0, 45, 90, 0, 45, 0)", "")
+        with going(clock):
+            rc8.client.call(f.robot_move, robot.handle, 1, "J(0, 45, 90, 0, 45, 0)", "")
         assert robot.execute("CurJnt")[:6] == pytest.approx([0, 45, 90, 0, 45, 0], abs=20)
         assert device.state.arm.queue.joints == (0, 45, 90, 0, 45, 0)
 
 
 def test_halt_from_a_second_connection_ends_the_first_ones_move():
-    device = VirtualRC8(clock=Clock(1), motor=True)
-    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url) as first:
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, timeout=PATIENCE) as first:
         robot = first.robot("Arm")
         robot.execute("TakeArm", [0, 0])
         outcome: list[int] = []
@@ -137,8 +145,10 @@ def test_halt_from_a_second_connection_ends_the_first_ones_move():
 
         thread = threading.Thread(target=move)
         thread.start()
-        until(lambda: device.state.arm.queue.joints[0] > 5)
-        with orinkit.connect(server.url) as second:
+        until(lambda: device.state.arm.busy)
+        while device.state.arm.queue.joints[0] <= 5:
+            clock.advance(PERIOD)
+        with orinkit.connect(server.url, timeout=PATIENCE) as second, going(clock):
             second.robot("Arm").halt()
             assert not device.state.arm.busy
         thread.join(PATIENCE)
@@ -149,11 +159,11 @@ def test_halt_from_a_second_connection_ends_the_first_ones_move():
 def test_fifty_clients_read_while_one_moves():
     """Reading takes nothing from the motion: no cycle is left out."""
     device = VirtualRC8(clock=Clock(1), motor=True)
-    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url) as first:
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, timeout=PATIENCE) as first:
         robot = first.robot("Arm")
         robot.execute("TakeArm", [0, 0])
         robot.execute("StartLog")
-        readers = [orinkit.connect(server.url) for _ in range(50)]
+        readers = [orinkit.connect(server.url, timeout=PATIENCE) for _ in range(50)]
         robots = [reader.robot("Arm") for reader in readers]
         first.client.call(f.robot_move, robot.handle, 1, "J(60, 45, 90, 0, 45, 0)", "SPEED=20,NEXT")
         while not robot.execute("MotionComplete", [-1, 0]):

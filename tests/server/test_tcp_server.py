@@ -23,11 +23,12 @@ from orinkit.server.background import Server
 from orinkit.variant_bytes import Limits
 from orinkit.virtual.rc8 import VirtualRC8
 from peers import Gone, RawClient
+from waiting import until
 
 START, STOP, CONNECT, DISCONNECT, GET_VARIABLE, EXECUTE = 1, 2, 3, 4, 9, 17
 GET, PUT, RELEASE = 101, 102, 111
 VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
-PATIENT = 20.0
+PATIENT = 30.0
 
 
 pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
@@ -484,6 +485,7 @@ def test_an_object_made_for_a_client_that_has_gone_is_released(server: Server, w
             assert other.ask(EXECUTE, handle, "Echo", 1) == 1
     workshop.gate.set()
     assert workshop.let_go.acquire(timeout=PATIENT)
+    until(lambda: len(workshop.released) == 3)
     assert (workshop.made, sorted(workshop.released)) == (["slow"], ["Controller", "Controller", "slow"])
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, PUT, START, STOP, Counting, UdpRaw
+from leaping import LeapingLoop, leap
 
 import orinkit
 from devices import Call, Recorder, Workshop
@@ -58,8 +59,11 @@ def raw(server: Server) -> Iterator[UdpRaw]:
         yield client
 
 
-def forgotten_after(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
-    monkeypatch.setattr(udp, "FORGOTTEN_AFTER", seconds)
+@pytest.fixture
+def long(monkeypatch: pytest.MonkeyPatch) -> float:
+    """Seconds after which a client is forgotten: more than anything takes here; they pass when a test says so."""
+    monkeypatch.setattr(udp, "FORGOTTEN_AFTER", 1000.0)
+    return 1000.0
 
 
 # --- requests and answers ---------------------------------------------------------------------------------------------
@@ -126,19 +130,6 @@ def test_a_retry_of_a_call_at_work_is_told_that_it_is(raw: UdpRaw, shop: Countin
     answer = raw.packet()
     assert (answer.serial, answer.code, answer.arguments) == (105, 0, [1])
     assert shop.counts == [1]
-
-
-class LeapingLoop(asyncio.SelectorEventLoop):
-    """An event loop whose time can leap.
-
-    Attributes:
-        ahead: seconds by which it has.
-    """
-
-    ahead = 0.0
-
-    def time(self) -> float:
-        return super().time() + self.ahead
 
 
 class Sent(asyncio.DatagramTransport):
@@ -326,7 +317,10 @@ def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
             assert server.clients == 2
 
 
-def test_many_who_are_refused_do_not_fill_the_log(shop: Counting, caplog: pytest.LogCaptureFixture) -> None:
+def test_many_who_are_refused_do_not_fill_the_log(
+    shop: Counting, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("orinkit.server.connections._QUIET", 1000.0)
     caplog.set_level(logging.DEBUG, "orinkit.server")
     with orinkit.serve(shop, "udp://127.0.0.1:0", clients=1) as server, UdpRaw(server.url) as one:
         assert one.ask(START) is None
@@ -364,62 +358,65 @@ def test_service_stop_releases_everything_and_its_answer_is_kept(server: Server,
     assert raw.open_workshop() == 2
 
 
-def test_a_client_that_falls_silent_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    forgotten_after(monkeypatch, 0.5)
+def test_a_client_that_falls_silent_is_forgotten(long: float) -> None:
     recorder = Recorder()
     with orinkit.serve(recorder, "udp://127.0.0.1:0") as server, UdpRaw(server.url) as raw:
         controller = raw.ask(CONNECT, "RC", "Test.Recorder", "", "")
         robot = raw.ask(7, controller, "Arm", "")
         raw.ask(GET_VARIABLE, controller, "a", "")
         raw.ask(62, robot, "b", "")
+        leap(server, long - PATIENCE)
         assert server.clients == 1
+        leap(server, PATIENCE)
         assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
         assert [call.path for call in recorder.calls[-4:]] == ["RC/Arm/b", "RC/a", "RC/Arm", "RC"]
         until(lambda: server.clients == 0)
         assert raw.ask(GET, robot) == hresult.E_HANDLE  # it may come back, as a new one
 
 
-def test_a_client_that_talks_is_not_forgotten(server: Server, shop: Counting, monkeypatch: pytest.MonkeyPatch) -> None:
-    forgotten_after(monkeypatch, 0.5)
+def test_a_client_that_talks_is_not_forgotten(server: Server, shop: Counting, long: float) -> None:
     with UdpRaw(server.url) as busy, UdpRaw(server.url) as silent:
         handle = busy.open_workshop()
         for _ in range(3):
             assert silent.ask(START) is None
-            while server.clients == 2:
+            assert server.clients == 2
+            for _ in range(2):
+                leap(server, long / 2)
                 assert busy.ask(EXECUTE, handle, "Echo", 1) == 1
+            assert server.clients == 1
         assert shop.released == []
-    until(lambda: server.clients == 0)
+    leap(server, long)
+    assert server.clients == 0
     assert shop.released == ["Controller"]
 
 
-def test_a_client_whose_call_is_at_work_is_not_forgotten(
-    server: Server, shop: Counting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_client_whose_call_is_at_work_is_not_forgotten(shop: Counting, long: float) -> None:
     """And then it has the whole time again, from the end of the call on."""
-    forgotten_after(monkeypatch, 0.4)
-    with UdpRaw(server.url) as patient, UdpRaw(server.url) as clock:
+    with orinkit.serve(shop, "udp://127.0.0.1:0", invoke_timeout=1e6) as server, UdpRaw(server.url) as patient:
         handle = patient.open_workshop()
         serial = patient.request(EXECUTE, handle, "Wait", "done")
         assert shop.at_work.acquire(timeout=PATIENCE)
         for _ in range(3):
-            assert clock.ask(START) is None
-            until(lambda: server.clients == 1)
+            leap(server, long)
         shop.gate.set()
         answer = patient.packet()
         assert (answer.serial, answer.arguments) == (serial, ["done"])
+        leap(server, long - PATIENCE)
         assert patient.ask(EXECUTE, handle, "Echo", 1) == 1
-    until(lambda: server.clients == 0)
+        assert shop.released == []
+        leap(server, long)
+        assert server.clients == 0
 
 
-def test_those_who_said_goodbye_are_forgotten_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    forgotten_after(monkeypatch, 0.1)
+def test_those_who_said_goodbye_are_forgotten_too(server: Server, long: float) -> None:
     with UdpRaw(server.url) as raw:
         assert raw.ask(STOP) is None
         assert len(known(server)) == 1
-    until(lambda: not known(server))
+    leap(server, long)
+    assert not known(server)
 
 
-def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting) -> None:
+def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting, long: float) -> None:
     """Anybody can say Service_Stop from thousands of addresses within ten seconds."""
     with orinkit.serve(shop, "udp://127.0.0.1:0", clients=5) as server:
         for _ in range(50):
@@ -430,10 +427,7 @@ def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting) -> Non
         assert len(known(server)) == 5
 
 
-def test_clients_that_come_and_go_leave_nothing_behind(
-    server: Server, shop: Counting, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    forgotten_after(monkeypatch, 0.3)
+def test_clients_that_come_and_go_leave_nothing_behind(server: Server, shop: Counting, long: float) -> None:
     gc.collect()
     before = sum(isinstance(thing, (Session, udp.UdpCaller)) for thing in gc.get_objects())
     for number in range(200):
@@ -444,7 +438,13 @@ def test_clients_that_come_and_go_leave_nothing_behind(
                 raw.ask(STOP)
             elif number % 3 == 1:
                 raw.request(EXECUTE, handle, "EchoLater", [number, 2])
-    until(lambda: server.clients == 0 and not known(server))
+
+    def all_are_forgotten() -> bool:
+        leap(server, long)
+        return not known(server)
+
+    until(all_are_forgotten)
+    assert server.clients == 0
     assert shop.released.count("v") == shop.released.count("Controller") == 200
     shop.visitors.clear()  # they know the way back to their clients
     gc.collect()

@@ -14,6 +14,7 @@ import pytest
 import orinkit
 from orinkit.bcap import packet
 from orinkit.virtual.ve026a import VirtualVE026A
+from waiting import PATIENCE
 
 PRINTED = [
     each
@@ -24,7 +25,6 @@ REQUESTS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if ea
 ANSWERS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if each["kind"] == "response"}
 ORDER = (1, 3, 9, 11, 16, 19, 22, 23, 70, 71, 5, 7)  # as a client would say them: start, connect, ..., disconnect, stop
 MEASURED = (70, 71)  # answered with the angles of the arm
-PATIENCE = 20.0
 
 
 def ask(line: int, data: bytes) -> bytes:

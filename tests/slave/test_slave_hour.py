@@ -73,33 +73,32 @@ def target(rng: random.Random, arm: Arm, seconds: float) -> tuple[float, ...]:
     return tuple(rng.choice((axis.lower, axis.upper)) for axis in axes)
 
 
-def stream(arm: Arm, seconds: float, scale: float) -> Monitor:
-    """Set targets at uneven times for so many seconds of the controller's time."""
+def stream(arm: Arm, seconds: float) -> Monitor:
+    """Set targets at uneven times for so many seconds of the controller's time, which a busy machine makes longer."""
     rng = random.Random(4)
     monitor = Monitor(arm)
     with orinkit.connect(arm.url) as rc8:
         robot = rc8.robot()
         with robot.arm(), robot.motor(), robot.slave_mode() as live:
-            end = time.monotonic() + seconds / scale
-            while (now := time.monotonic()) < end:
-                live.target = J(*target(rng, arm, now * scale))
+            while monitor.cycles < seconds / PERIOD:
+                live.target = J(*target(rng, arm, time.monotonic()))
                 if not rng.randrange(20):
                     with pytest.raises(InvalidValue):
                         live.target = (math.nan, *HOME[1:])
-                time.sleep(rng.choice((0.0, 0.001, 0.004, 0.03, 0.3)) / scale)
+                time.sleep(rng.choice((0.0, 0.001, 0.004, 0.03, 0.3)))
     return monitor
 
 
 def check(arm: Arm, monitor: Monitor, seconds: float) -> None:
     assert monitor.bad == []
     assert arm.errors == []
-    assert monitor.cycles > 0.5 * seconds / PERIOD  # a busy machine leaves cycles out
+    assert monitor.cycles >= seconds / PERIOD
     assert (monitor.moved > 10).all()
 
 
 def test_random_targets_over_the_wire() -> None:
     with served() as arm:
-        check(arm, stream(arm, 4.0, 1.0), 4.0)
+        check(arm, stream(arm, 4.0), 4.0)
         assert arm.mode == 0
 
 

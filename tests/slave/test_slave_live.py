@@ -9,9 +9,9 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,6 +23,7 @@ import orinkit
 from orinkit import hresult
 from orinkit.errors import CallTimeout, ConnectionLost, OrinError, StreamError
 from orinkit.poses import J
+from stopping import stopped
 from waiting import until
 
 PROGRAM = """
@@ -30,6 +31,10 @@ import orinkit, os, signal, sys, time
 from orinkit.poses import J
 url, feed, end = sys.argv[1:]
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+def moved(stream):
+    while stream.latest.joints[0] < 8:
+        time.sleep(0.001)
 
 def points():
     angle, speed = 0.0, 0.0
@@ -46,19 +51,21 @@ with orinkit.connect(url) as rc8:
                 print("streaming", stream._streaming._process.pid, flush=True)
                 if feed == "target":
                     stream.target = J(160, 45, 90, 0, 45, 0)
-                    time.sleep(0.3)
                     if end == "raise":
+                        moved(stream)
                         raise RuntimeError("mine")
                     time.sleep(60)
                 elif feed == "push":
                     for number, point in enumerate(points()):
                         if end == "raise" and number > 180:
+                            moved(stream)
                             raise RuntimeError("mine")
                         stream.push(point)
                 else:
                     def until_raised():
                         for number, point in enumerate(points()):
                             if end == "raise" and number > 100:
+                                moved(stream)
                                 raise RuntimeError("mine")
                             yield point
                             if number > 25:
@@ -123,11 +130,10 @@ def test_killed_program(arm: Arm, feed: str) -> None:
 def test_stopped_program(arm: Arm, feed: str) -> None:
     with program(arm.url, feed) as (process, streamer):
         until(lambda: arm.arm.queue.joints[0] > 5)
-        process.send_signal(signal.SIGSTOP)
-        until(arm.standing)
-        came_to_rest(arm)
-        assert arm.arm.holder is not None
-        process.send_signal(signal.SIGCONT)
+        with stopped(process.pid):
+            until(arm.standing)
+            came_to_rest(arm)
+            assert arm.arm.holder is not None
         if feed != "target":  # that one sleeps
             output, errors = process.communicate(timeout=PATIENCE)
             assert "SIGSTOP" in output
@@ -242,18 +248,14 @@ class Cable:
 
 
 def test_cut_cable(arm: Arm) -> None:
-    with Cable(arm.url) as cable:
-        begun = time.monotonic()
-        with pytest.raises((CallTimeout, ConnectionLost)), orinkit.connect(cable.url) as rc8:
-            robot = rc8.robot()
-            with robot.arm(), robot.motor(), robot.slave_mode() as stream:
-                stream.target = J(160, 45, 90, 0, 45, 0)
-                until(lambda: arm.arm.queue.joints[0] > 5)
-                cable.cut.set()
-                begun = time.monotonic()
-                until(lambda: stream.error is not None)
-                stream.target = J(*HOME)
-        assert time.monotonic() - begun < PATIENCE
+    with Cable(arm.url) as cable, pytest.raises((CallTimeout, ConnectionLost)), orinkit.connect(cable.url) as rc8:
+        robot = rc8.robot()
+        with robot.arm(), robot.motor(), robot.slave_mode() as stream:
+            stream.target = J(160, 45, 90, 0, 45, 0)
+            until(lambda: arm.arm.queue.joints[0] > 5)
+            cable.cut.set()
+            until(lambda: stream.error is not None)
+            stream.target = J(*HOME)
     until(arm.free)
     assert arm.errors == [hresult.COMMAND_DELAY]
     assert arm.within_limits()
@@ -309,7 +311,7 @@ def enter_and_leave(arm: Arm, times: int) -> None:
                 with robot.slave_mode(mode=number % 3) as stream:
                     if number % 2:
                         stream.target = J(0.001 * number, 45, 90, 0, 45, 0)
-            assert left() == before
+            until(lambda: left() == before)  # other programs have shared memory too
     assert arm.errors == []
 
 
@@ -323,18 +325,45 @@ def test_nothing_is_left_of_five_hundred(arm: Arm) -> None:
     enter_and_leave(arm, 500)
 
 
+BUSY = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parents[2] / "bench")!r})
+import stream
+with stream.busy(int(sys.argv[2])):
+    outcome = stream.ours(sys.argv[1], float(sys.argv[3]), 2)
+for moment, text in outcome.failures:
+    print("failure", moment, text)
+print("underflows", outcome.underflows)
+"""
+
+
+def streamed_by_a_busy_program(url: str, threads: int, seconds: float) -> list[str]:
+    """Stream from a program with threads that count and make garbage; returns what it prints, the underflows last."""
+    done = subprocess.run(
+        [sys.executable, "-c", BUSY, url, str(threads), str(seconds)], stdout=subprocess.PIPE, text=True, check=True
+    )
+    return done.stdout.splitlines()
+
+
 @pytest.mark.parametrize("threads", [1, 4])
 def test_busy_threads_do_not_starve_the_arm(arm: Arm, threads: int) -> None:
-    """The short form of what ``make bench`` does for ten minutes."""
-    seconds = 2.0
-    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[2] / 'bench')!r}); import stream\n"
-    code += f"with stream.busy({threads}):\n    print(stream.ours(sys.argv[1], {seconds}, 2).underflows)\n"
-    done = subprocess.run(
-        [sys.executable, "-c", code, arm.url], capture_output=True, text=True, timeout=PATIENCE + 60, check=False
-    )
-    assert done.stdout.strip() == "0", done.stderr
+    assert streamed_by_a_busy_program(arm.url, threads, 2.0) == ["underflows 0"]
     assert arm.errors == []
     assert arm.within_limits()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("threads", [1, 4])
+def test_busy_threads_make_nothing_late(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The short form of what ``make bench`` does for ten minutes, in strict time; stalls of the machine are no fault of ours."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "bench"))
+    bench, stalls = import_module("stream"), import_module("stalls")
+    with stalls.watched() as watched, bench.controller() as url:
+        *failures, underflows = streamed_by_a_busy_program(url, threads, 20.0)
+    moments = [float(line.split()[1]) for line in failures]
+    excused = [moment for moment in moments if watched.between(moment - bench.NEAR_A_STALL, moment)]
+    assert moments == excused
+    assert underflows == "underflows 0"
 
 
 def test_the_state_of_a_process_is_told(arm: Arm) -> None:

@@ -20,7 +20,9 @@ import orinkit
 from orinkit import aio
 from orinkit.errors import InvalidValue, OrinError, StreamError
 from orinkit.poses import J
+from orinkit.slave.shared import Shared
 from orinkit.streaming import Limits
+from stopping import stopped
 from waiting import until
 
 
@@ -43,6 +45,11 @@ def at(angle: float) -> J:
     return J(angle, 45, 90, 0, 45, 0)
 
 
+def sent(stream: Any) -> int:
+    """How many set-points of trajectories have been sent."""
+    return int(stream._streaming.shared.sent)
+
+
 FORKED = """
 import orinkit, os, sys, time
 from orinkit.poses import J
@@ -51,7 +58,7 @@ with orinkit.connect(sys.argv[1]) as rc8:
     with robot.arm(), robot.motor(), robot.slave_mode() as stream:
         child = os.fork()
         if child == 0:
-            time.sleep(20)
+            time.sleep(600)
             os._exit(0)
         stream.target = J(160, 45, 90, 0, 45, 0)
         print(child, flush=True)
@@ -66,7 +73,7 @@ def test_a_killed_program_that_has_forked(arm: Arm) -> None:
         try:
             until(lambda: arm.arm.queue.joints[0] > 5)
             program.kill()
-            until(lambda: not arm.arm.busy and arm.mode == 0, 5.0)
+            until(arm.standing)
         finally:
             os.kill(child, signal.SIGKILL)
     assert arm.errors == []
@@ -74,17 +81,20 @@ def test_a_killed_program_that_has_forked(arm: Arm) -> None:
 
 
 def test_a_run_that_is_cancelled_brings_the_arm_to_rest(arm: Arm) -> None:
-    async def main() -> float:
+    async def main() -> int:
         async with aio.connect(arm.url) as rc8:
             robot = await rc8.robot()
             async with robot.arm(), robot.motor(), robot.slave_mode() as stream:
-                begun = time.monotonic()
-                with pytest.raises(TimeoutError):
-                    await asyncio.wait_for(stream.run(sine(20.0)), 1.0)
+                running = asyncio.ensure_future(stream.run(sine(20.0)))
+                while sent(stream) < 100:  # noqa: ASYNC110 - another process
+                    await asyncio.sleep(0.001)
+                running.cancel()
+                with pytest.raises(asyncio.CancelledError):
+                    await running
                 await stream.wait()
-                return time.monotonic() - begun
+                return sent(stream)
 
-    assert asyncio.run(main()) < 10
+    assert asyncio.run(main()) < 2000
     assert arm.errors == []
     assert arm.within_limits()
 
@@ -97,9 +107,8 @@ def test_an_iterator_that_raises_brings_the_arm_to_rest(arm: Arm, robot: orinkit
     with robot.slave_mode() as stream:
         with pytest.raises(RuntimeError, match="mine"):
             stream.run(points())
-        begun = time.monotonic()
         stream.wait()
-        assert time.monotonic() - begun < 5
+        assert sent(stream) < 1000
     assert arm.errors == []
 
 
@@ -126,15 +135,19 @@ def test_a_slow_iterator_can_be_broken_off(arm: Arm) -> None:
     assert asyncio.run(main()) == 20
 
 
-def test_a_stop_that_is_cancelled_is_over(arm: Arm) -> None:
+def test_a_stop_that_is_cancelled_is_over(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Shared, "order_done", False)  # it is cancelled before it is over, however long that takes
+
     async def main() -> None:
         async with aio.connect(arm.url) as rc8:
             robot = await rc8.robot()
             async with robot.arm(), robot.motor(), robot.slave_mode() as stream:
                 stream.target = at(60)
                 await asyncio.sleep(0.3)
+                samples = stream.latest.number
                 stopping = asyncio.ensure_future(stream.stop())
-                await asyncio.sleep(0.005)
+                while stream.latest.number < samples + 2:  # noqa: ASYNC110 - another process
+                    await asyncio.sleep(0.001)
                 stopping.cancel()
                 with pytest.raises(asyncio.CancelledError):
                     await stopping
@@ -151,7 +164,7 @@ def test_what_breaks_a_run_off_is_said(arm: Arm, robot: orinkit.Robot, what: str
     with robot.slave_mode() as stream:
 
         def later() -> None:
-            time.sleep(0.5)
+            until(lambda: arm.arm.queue.joints[0] > 0.5)
             if what == "stop":
                 stream.stop()
             else:
@@ -193,30 +206,30 @@ def test_the_end_of_the_queue_is_the_last_set_point(arm: Arm, robot: orinkit.Rob
 
 def test_pauses_between_ways_of_feeding_are_no_idleness(arm: Arm, robot: orinkit.Robot) -> None:
     wave = sine(0.6, amplitude=2.0)
-    with robot.slave_mode(idle=0.3) as stream:
+    with robot.slave_mode(idle=1.0) as stream:
         stream.run(wave)
-        time.sleep(0.5)
+        time.sleep(1.1)
         stream.run(wave)
         stream.target = at(2)
         stream.wait()
-        time.sleep(0.5)
+        time.sleep(1.1)
         stream.target = at(0)
         stream.wait()
         stream.push(HOME)
         stream.stop()
-        time.sleep(0.5)
+        time.sleep(1.1)
         stream.push(HOME)
         stream.wait()
     assert arm.errors == []
 
 
 def test_a_streaming_process_that_hangs_is_ended(arm: Arm, robot: orinkit.Robot, monkeypatch: Any) -> None:
-    monkeypatch.setattr("orinkit.slave.launch._PATIENCE", 1.0)
     with pytest.raises(OrinError), robot.slave_mode() as stream:
         assert stream._streaming is not None
-        os.kill(stream._streaming._process.pid, signal.SIGSTOP)
-        with pytest.raises(StreamError, match="killed"):
-            stream.wait()
+        with stopped(stream._streaming._process.pid):
+            monkeypatch.setattr("orinkit.slave.launch._PATIENCE", 1.0)
+            with pytest.raises(StreamError, match="killed"):
+                stream.wait()
         robot.get_joints()
     until(lambda: arm.arm.holder is None)
 

@@ -370,7 +370,7 @@ def test_closing_does_not_wait_for_a_slow_clock(threads):
     (thread,) = threads()
     began = time.monotonic()
     cycles.close()
-    assert time.monotonic() - began < 4
+    assert time.monotonic() - began < 7
     assert not thread.is_alive()
 
 

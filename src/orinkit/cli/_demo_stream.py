@@ -59,7 +59,7 @@ def carry_out(
     while True:
         tries += 1
         try:
-            with robot.slave_mode(mode, "J", ("time", "joints")) as stream:
+            with robot.slave_mode(mode, "J", ("time", "joints"), idle=None) as stream:
                 entered()
                 result = _run(stream, points, say)
             return Report(result, stream.real_time, trace_of(result.samples, "J", PERIOD)), compare(result, points)
@@ -125,7 +125,7 @@ def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
 
 
 class _Lines:
-    """Shows where the arm is in lines."""
+    """Shows where the arm is in lines, one of them when all has been sent."""
 
     def __init__(self, stream: Stream, say: Callable[[str], None]) -> None:
         self._stream = stream
@@ -136,8 +136,9 @@ class _Lines:
         sample = self._stream.latest
         if progress.sent < self._next or sample is None or sample.joints is None:
             return
-        self._next = progress.sent + _LINES
-        self._say(f"{joints_line(sample.joints[:6])}  {progress.sent:5}/{progress.total}")
+        sent, total = progress
+        self._next = sent + _LINES if total in (None, sent) else min(sent + _LINES, total)
+        self._say(f"{joints_line(sample.joints[:6])}  {sent:5}/{total}")
 
 
 def joints_line(joints: Sequence[float]) -> str:

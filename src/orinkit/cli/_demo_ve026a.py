@@ -47,15 +47,27 @@ class Demo:
             Failure: an answer is not as the document says.
         """
         import orinkit
+        from orinkit.bcap.wire import MOST_TRIES
         from orinkit.virtual.ve026a import VirtualVE026A
 
-        with orinkit.serve(VirtualVE026A(), _URL) as server:
+        arm = VirtualVE026A()
+        with orinkit.serve(arm, _URL) as server:
             self.say(pick(f"A virtual VE026A is at {server.url}.", f"仮想 VE026A を {server.url} で起動しました。"))
             rc = self._step(
-                "3", "connect", "接続", lambda: orinkit.connect(server.url, provider="", trace=self._transcript)
+                "3",
+                "connect",
+                "接続",
+                lambda: orinkit.connect(server.url, provider="", tries=MOST_TRIES, trace=self._transcript),
             )
             with rc:
                 self._procedure(rc)
+            if arm.lateness.count:
+                self.say(
+                    pick(
+                        f"\n{arm.lateness}: this computer was busy. A real VE026A would have stopped.",
+                        f"\n{arm.lateness}: 計算機の負荷が高い状態でした。実機では停止していた指令です。",
+                    )
+                )
 
     def _procedure(self, controller: orinkit.Controller) -> None:
         from orinkit.variant import Variant, VarType

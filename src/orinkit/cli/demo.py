@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
+from logging import NullHandler, getLogger
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 _URL: Final = "tcp://127.0.0.1:0"
 _INTERVAL: Final = 0.15
+_PATIENCE: Final = 30.0  # s for an answer: the controller is a program on this machine, which may be busy
+_LOGS: Final = ("orinkit.rc8", "orinkit.ve026a")
 
 
 def demo(
@@ -52,16 +56,30 @@ def demo(
     from orinkit.cli._output import print_json
 
     say: Callable[[str], None] = (lambda _line: None) if json else print
-    if device == "rc8":
-        told = _demo_rc8(say, picture, fields=fields)
-    elif picture is not None:
+    if picture is not None and device != "rc8":
         raise unusable("--picture is for rc8", "--picture は rc8 専用です")
-    else:
-        from orinkit.cli import _demo_ve026a
+    with late_told_here():
+        if device == "rc8":
+            told = _demo_rc8(say, picture, fields=fields)
+        else:
+            from orinkit.cli import _demo_ve026a
 
-        told = _demo_ve026a.run(say, fields=fields)
+            told = _demo_ve026a.run(say, fields=fields)
     if json:
         print_json(told)
+
+
+@contextmanager
+def late_told_here() -> Iterator[None]:
+    """Keep the logs of the virtual controllers off stderr: the demo itself tells of late set-points."""
+    handler = NullHandler()
+    for name in _LOGS:
+        getLogger(name).addHandler(handler)
+    try:
+        yield
+    finally:
+        for name in _LOGS:
+            getLogger(name).removeHandler(handler)
 
 
 def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) -> dict[str, Any]:
@@ -143,7 +161,7 @@ def run_program(
         )
         say(pick(f"A virtual RC8 listens at {server.url}.", f"仮想 RC8 を {server.url} で起動しました。"))
         transcript = Transcript()
-        with orinkit.open_client(server.url, trace=transcript) as client:
+        with orinkit.open_client(server.url, timeout=_PATIENCE, trace=transcript) as client:
             run = Run(client, rc8, transcript, Watch(server.url, say, recording), fields=fields)
             for number, step in enumerate(program.steps, 1):
                 say(f"\n{bold(f'{number:2}. {step.title}')}  [{step.section}]")
@@ -200,13 +218,18 @@ class Watch:
         import orinkit
         from orinkit.cli._demo_stream import joints_line
 
-        with orinkit.connect(self._url) as rc8, rc8.robot("Arm") as robot, ThreadPoolExecutor(1) as pool:
+        with (
+            orinkit.connect(self._url, timeout=_PATIENCE) as rc8,
+            rc8.robot("Arm") as robot,
+            ThreadPoolExecutor(1) as pool,
+        ):
             robot.execute("StartLog")
+            self.say(joints_line(robot.execute("CurJnt")[:6]))
             at_work = pool.submit(call)
-            while not at_work.done():
+            while wait([at_work], _INTERVAL).not_done:
                 self.say(joints_line(robot.execute("CurJnt")[:6]))
-                wait([at_work], _INTERVAL)
             robot.execute("StopLog")
+            self.say(joints_line(robot.execute("CurJnt")[:6]))
             if log and self.recording is not None:
                 count = robot.execute("GetLogCount")
                 self.recording.records = [robot.execute("GetLogRecord", index) for index in range(count)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from time import sleep
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from cyclopts import Group, Parameter
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _DRIVER: Final = Group(pick("Driver", "ドライバ"), sort_key=7)
 _MODE: Final = re.compile(r"([0-7])=(\d{1,4})", re.ASCII)
 _BROADCASTS: Final = 8
-_LOOK: Final = 0.5  # s: Windows tells of Ctrl-C only where something returns now and then
+_LOOK: Final = 0.1  # s between two looks whether there was a signal
 
 
 _WEB: Final = Web()
@@ -193,15 +193,15 @@ def _only_here() -> str:
 @contextmanager
 def _told_to_stop() -> Iterator[Callable[[], None]]:
     """Give what waits for SIGINT or SIGTERM; the same signal a second time ends the process at once."""
-    stop = threading.Event()
+    told: list[int] = []  # no threading.Event: to set one here, while wait() holds its lock, would wait for ever
 
     def handle(number: int, _frame: object) -> None:
         signal.signal(number, signal.SIG_DFL)
-        stop.set()
+        told.append(number)
 
     def wait() -> None:
-        while not stop.wait(_LOOK):
-            pass
+        while not told:
+            sleep(_LOOK)
 
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -162,7 +162,7 @@ class AsyncStream(AsyncSlaveMode):
         """Wait until what was pushed has been sent, or the live target is reached, and the arm stands."""
         shared = self._alive().shared
         from_now = shared.samples + 1  # one that knows what was wanted just now
-        while shared.samples <= from_now or not shared.at_rest or shared.waiting:
+        while shared.samples <= from_now or not shared.rested or shared.waiting:
             self._alive()
             await apause(common.POLL)
         shared.hold()

@@ -27,6 +27,9 @@ BEHIND: Final = 15
 """Cycles by which an arm may be behind: 3 set-points that the controller queues (RC8 table 4-4), and some 0.1 s until the
 encoders follow (reference: feedback in slave mode)."""
 
+RESTS: Final = 3
+"""Equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)."""
+
 _MOST_VALUES: Final = 13  # of a pose with extra axes
 _MOST_AXES: Final = 8
 _MOST_USER: Final = 64  # bytes of user I/O
@@ -323,6 +326,11 @@ class Shared:
     def at_rest(self) -> bool:
         """Whether the command stands still."""
         return bool(self._words[_Word.RESTS])
+
+    @property
+    def rested(self) -> bool:
+        """Whether the controller knows that it does, and has been asked how late set-points were."""
+        return self._words[_Word.RESTS] >= RESTS
 
     @property
     def settled(self) -> bool:

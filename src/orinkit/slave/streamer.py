@@ -28,11 +28,10 @@ from orinkit.slave.channel import Channel
 from orinkit.slave.flow import FLOWS, Call, Delivery
 from orinkit.slave.planners import Planner
 from orinkit.slave.setup import Setup
-from orinkit.slave.shared import Feed, Order, RawSample, Shared
+from orinkit.slave.shared import RESTS, Feed, Order, RawSample, Shared
 from orinkit.transport.drive import Link, run, say_goodbye
 from orinkit.variant import ARRAY, Variant, VarType
 
-_RESTS: Final = 3  # equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)
 _AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
 _WATCH: Final = 0.02  # s between two looks at the program's process
 _MOST_SECONDS: Final = 1.0  # for the answer to a set-point
@@ -276,7 +275,7 @@ class Streamer:
         while True:
             reason = reason or self._reason()
             self._deliver(self._command(reason))
-            if self._rests >= _RESTS:
+            if self._rests >= RESTS:
                 if reason:
                     return reason
                 if self._shared.wanted is Order.HALT:
@@ -368,7 +367,7 @@ class Streamer:
         self._rests = self._rests + 1 if command == self._previous else 0
         self._moved = self._moved or not self._rests
         self._previous = command
-        if self._rests >= _RESTS and self._moved:
+        if self._rests >= RESTS and self._moved:
             self._moved = False
             self._ask_lateness()
         self._shared.add(self._sample(command, delivery))

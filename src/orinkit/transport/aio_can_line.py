@@ -28,7 +28,7 @@ _BURST: Final = 64  # frames taken at a time, before others in the loop have the
 _DRAINED: Final = 10_000  # frames that clearing takes at most
 _PATIENCE: Final = 0.05  # s that the loop waits for an interface to take a frame
 _LEAVING: Final = 2.0  # s that the thread gets to end
-_SETTLING: Final = 0.02  # s in which the thread comes to the end of what has arrived
+_GLANCES: Final = 40  # until the thread has handed over what has arrived; no time, for the machine may stand still
 _GLANCE: Final = 5e-4  # s
 
 
@@ -201,11 +201,13 @@ class AsyncCanLine:
         if self._watched >= 0:
             self._take(_DRAINED)
             return
-        end = monotonic() + _SETTLING
-        while self._thread is not None:
-            quiet = self._thread.quiet and not self._bus.waiting()
+        for _ in range(_GLANCES):
+            if self._thread is None:
+                return
+            # in this order: what was taken is held until it is among the thread's frames
+            quiet = not self._bus.waiting() and not self._bus.holds and self._thread.quiet
             self._came()
-            if quiet or monotonic() > end:
+            if quiet:
                 return
             await asyncio.sleep(_GLANCE)
 

@@ -37,6 +37,7 @@ _FILTERED: Final = (
 )
 _LONGEST_LINE: Final = 4096  # bytes of a line of slcan; python-can would keep any number
 _FULL: Final = (errno.ENOBUFS, errno.EAGAIN)
+_LATE_WRITE: Final = "SerialTimeoutException"  # of pyserial
 
 
 def open_bus(address: CanAddress) -> can.BusABC:
@@ -114,10 +115,14 @@ class Bus:
         # python-can keeps nothing in memory where these have a descriptor
         self.tells = queue is not None or (watched and not modules.isdisjoint((*_SOCKETS, *_PORTS)))
         """Whether :meth:`waiting` is true whenever something has arrived."""
+        self.holds = False
+        """Whether :meth:`receive`, in another thread, may have taken something that it has not returned yet, where that is known."""
         self._nothing: Callable[[], bool] = self._unreadable if queue is None else queue.empty
         # slcan looks for bytes a thousand times a second, serial knows no time-out: the system waits better
         waits = watched and not modules.isdisjoint(_PORTS)
         self._get: Callable[[float], can.Message | None] = self._when_readable if waits else bus.recv
+        if queue is not None:
+            self._arrived, self._get = queue, self._when_queued
         line = vars(bus).get("_buffer")  # of slcan: what has come of a line
         self._line = line if isinstance(line, bytearray) else bytearray()
         # of serial, which knows no time-out when it sends
@@ -149,9 +154,10 @@ class Bus:
                 self._set_limit(seconds)
             self._bus.send(message, self._limit)
         except Exception as error:
-            if _is_full(error):
+            if not _is_full(error):
+                raise self._gone(error) from error
+            if not self._is_taken(error):
                 raise self._not_taken(error) from error
-            raise self._gone(error) from error
 
     def _set_limit(self, seconds: float) -> None:
         # powers of two: slcan sets up its port anew whenever the time-out is another one
@@ -159,6 +165,14 @@ class Bus:
         if self._port is not None:
             self._port.write_timeout = self._limit
         self._asked = seconds
+
+    def _is_taken(self, error: BaseException) -> bool:
+        """Whether a port has taken a frame all the same: pyserial looks at the time after it has written.
+
+        The time was not spent waiting for the port if it takes more: this program was held up.
+        """
+        late = type(error.__cause__).__name__ == _LATE_WRITE
+        return late and self._descriptor >= 0 and os.name != "nt" and _takes_more(self._descriptor)
 
     def _not_taken(self, reason: object) -> TransportError:
         return TransportError(
@@ -227,12 +241,21 @@ class Bus:
         return self._bus.filters is not None and fruitless < _FILTERED
 
     def _when_readable(self, seconds: float) -> can.Message | None:
+        self.holds = False
         if not self._ready(seconds):
             return None
+        self.holds = True  # until it is asked for the next one
         message = self._bus.recv(0)
         if len(self._line) > _LONGEST_LINE:
             self._line.clear()
         return message
+
+    def _when_queued(self, seconds: float) -> can.Message | None:
+        self.holds = False
+        with self._arrived.not_empty:
+            self._arrived.not_empty.wait_for(lambda: self._arrived.queue, max(0.0, seconds))
+        self.holds = True
+        return self._bus.recv(0)
 
     def _ready(self, seconds: float) -> bool:
         if os.name == "nt":  # sockets only, and no poll
@@ -318,6 +341,13 @@ def shut(bus: can.BusABC) -> None:
             port.close()
 
 
+def _takes_more(descriptor: int) -> bool:
+    """Whether something can be written at once."""
+    poll = select.poll()
+    poll.register(descriptor, select.POLLOUT)
+    return any(event & select.POLLOUT for _, event in poll.poll(0))
+
+
 def _is_full(error: BaseException) -> bool:
     """Whether a frame was not taken because others wait to be sent."""
     import can
@@ -331,6 +361,6 @@ def _is_full(error: BaseException) -> bool:
         isinstance(error, can.CanTimeoutError)
         or not numbers.isdisjoint(_FULL)
         or "full" in str(error).lower()
-        or type(error.__cause__).__name__ == "SerialTimeoutException"  # slcan wraps it
+        or type(error.__cause__).__name__ == _LATE_WRITE  # slcan wraps it
         or "one or more recipients" in str(error)  # of virtual: somebody's queue is full
     )

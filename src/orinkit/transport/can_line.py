@@ -31,7 +31,7 @@ SIZE: Final = 256
 _SLICE: Final = 0.25  # s after which a wait finds that the line was closed
 _LEAVING: Final = 2.0  # s that a thread that reads gets to leave the bus
 _DRAINING: Final = 0.5  # s that clearing may take, though more and more comes
-_SETTLING: Final = 0.02  # s in which a thread that reads comes to the end of what has arrived
+_GLANCES: Final = 100  # until a thread that reads has handed out all; no time, for the machine may stand still
 _GLANCE: Final = 2e-4  # s
 _LOOK: Final = 2e-3  # s
 
@@ -241,7 +241,7 @@ class CanLine:
             self._check(port)
         if self._bus.tells and not self._bus.waiting() and self._reader is None and not port.frames:
             return  # in this order: what a thread took that was reading until now has reached the port
-        end = 0.0
+        glances = _GLANCES
         reads = False
         try:
             while True:
@@ -253,8 +253,9 @@ class CanLine:
                 if reads:
                     self._drain()
                     break
-                end = end or monotonic() + _SETTLING
-                if (self._quiet and not self._bus.waiting()) or monotonic() > end:
+                # in this order: what was taken is held until it is handed out
+                glances -= 1
+                if (not self._bus.waiting() and not self._bus.holds and self._quiet) or glances <= 0:
                     break
                 sleep(_GLANCE)
         finally:
