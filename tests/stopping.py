@@ -37,6 +37,7 @@ def stopped(pid: int) -> Iterator[None]:
             if ending.wait(_PAUSE):
                 return
 
+    _send(pid, signal.SIGSTOP)
     thread = threading.Thread(target=hold, name="stopping")
     thread.start()
     try:

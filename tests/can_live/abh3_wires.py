@@ -28,7 +28,7 @@ from orinkit import abh3
 from orinkit.abh3 import aio, ids
 from orinkit.can_frame import CanFrame
 from orinkit.server.can_server import serve_can
-from orinkit.transport.can_bus import shut
+from orinkit.transport.can_bus import _is_interrupted, shut
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from orinkit.virtual.clock import Clock
 
@@ -285,7 +285,11 @@ class Peer:
 
     def send(self, *messages: can.Message) -> None:
         for each in messages:
-            self.bus.send(each)
+            try:
+                self.bus.send(each)
+            except can.CanOperationError as error:
+                if not _is_interrupted(error):
+                    raise
 
     @property
     def data(self) -> list[str]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import select
+import errno
+import termios
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from itertools import count
 from typing import Any
 
@@ -323,7 +322,7 @@ def test_a_late_answer_that_a_thread_has_in_hand(
 def test_a_frame_that_was_taken_while_the_program_stood_still(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """pyserial says that it was too late, for it looks at the time after it has written. A full port is told all the same."""
+    """pyserial says that it was too late, for it looks at the time after it has written. One that takes nothing is told of."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     bus = vars(driver.bus._line._bus._bus)
@@ -337,14 +336,27 @@ def test_a_frame_that_was_taken_while_the_program_stood_still(
     with monkeypatch.context() as patched:
         patched.setattr(port, "write", stands_still)
         assert both.run(driver.command(5.0)).a_velocity == 5.0
-    assert bare.cable is not None
-    bare.cable.stall()
-    while select.select([], [port.fileno()], [], 0.05)[1]:  # a little room comes back by itself
-        with suppress(BlockingIOError):
-            os.write(port.fileno(), b"\r")  # means nothing to either of them
+    termios.tcflow(port.fileno(), termios.TCOOFF)
     with hosts.in_vain(driver, SHORT), pytest.raises(TransportError, match="could not be sent"):
         both.run(driver.command(6.0))
-    bare.cable.go_on()
+    termios.tcflow(port.fileno(), termios.TCOON)
+    assert both.run(driver.command(7.0)).a_velocity == 7.0
+
+
+@only_on("slcan", because="it waits until a frame was sent")
+def test_a_program_that_is_stopped_and_continued_while_a_frame_is_sent(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python does not begin that wait again; the frame has been taken."""
+    peer.script = obliging
+    driver = hosts.connect(bare.near, timeout=PATIENCE)
+
+    def interrupted() -> None:
+        raise termios.error(errno.EINTR, "Interrupted system call")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(driver.bus._line._bus._bus.serialPortOrig, "flush", interrupted)
+        assert both.run(driver.command(5.0)).a_velocity == 5.0
     assert both.run(driver.command(7.0)).a_velocity == 7.0
 
 

@@ -29,7 +29,7 @@ FAULTY = "Sub Main\n  I[1] = 1\n  I[2] = 1 / (I[1] - 1)\nEnd Sub\n"
 def controller(both: Both, listen_at: str) -> Iterator[Any]:
     device = VirtualRC8(clock=Clock(20), language="en")
     with orinkit.serve(device, listen_at) as server:
-        made = both.connect(server.url)
+        made = both.connect(server.url, timeout=PATIENCE)  # the first start of a program makes the compiler
         yield made
         both.run(made.close())
     device.close()

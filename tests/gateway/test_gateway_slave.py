@@ -1,4 +1,4 @@
-"""Slave mode through a gateway that is a process of its own: a set-point every 8 ms."""
+"""Slave mode through a gateway that is a process of its own."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
 from gateways import PATIENCE
 
 import orinkit
+from hand import Hand
 from orinkit.poses import J
+from orinkit.streaming import Lateness, StreamResult
+from orinkit.virtual.clock import ManualClock
+from orinkit.virtual.rc8 import VirtualRC8
 
 GATEWAY = """
 import sys
@@ -44,10 +49,14 @@ def process(*arguments: str) -> Iterator[str]:
             served.wait(PATIENCE)
 
 
-def test_no_underflow_through_a_gateway() -> None:
-    count = round(SECONDS / PERIOD)
-    points = [(*HOME[:5], 20.0 * (number / count) ** 2 * (3 - 2 * number / count)) for number in range(count + 1)]
-    with process(*CONTROLLER) as controller, process("-c", GATEWAY, controller) as url, orinkit.connect(url) as rc8:
+def trajectory(seconds: float) -> list[tuple[float, ...]]:
+    count = round(seconds / PERIOD)
+    return [(*HOME[:5], 20.0 * (number / count) ** 2 * (3 - 2 * number / count)) for number in range(count + 1)]
+
+
+def stream_through(url: str, points: list[tuple[float, ...]]) -> StreamResult:
+    """Stream, and check that all of it has arrived."""
+    with orinkit.connect(url) as rc8:
         robot = rc8.robot()
         with robot.arm(), robot.motor():
             robot.move(J(*HOME), "@E")
@@ -57,3 +66,23 @@ def test_no_underflow_through_a_gateway() -> None:
             assert result.sent >= len(points)
             assert abs(robot.joints[5] - 20.0) < 0.01
         assert rc8.errors() == []
+    return result
+
+
+def test_no_underflow_through_a_gateway() -> None:
+    """The controller's clock is moved by hand, and never past a set-point that is still on its way."""
+    clock = ManualClock()
+    device = VirtualRC8(clock=clock, motor=True)
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as controller, process("-c", GATEWAY, controller.url) as url:
+        hand = Hand(device, clock)
+        try:
+            result = stream_through(url, trajectory(SECONDS))
+        finally:
+            hand.close()
+    assert result.late == Lateness()
+
+
+@pytest.mark.soak
+def test_a_minute_through_a_gateway_in_real_time() -> None:
+    with process(*CONTROLLER) as controller, process("-c", GATEWAY, controller) as url:
+        stream_through(url, trajectory(60.0))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from gateways import HTTP, LISTEN, chain
+from gateways import HTTP, LISTEN, PATIENCE, chain
 from hypothesis import given, settings
 
 import orinkit
@@ -85,7 +85,7 @@ class Way(NamedTuple):
 
 @pytest.fixture(scope="module", params=[LISTEN, HTTP], ids=["tcp", "http"])
 def way(keeper: Keeper, request: pytest.FixtureRequest) -> Iterator[Way]:
-    with chain(keeper, 2, request.param) as url, orinkit.open_client(url) as raw:
+    with chain(keeper, 2, request.param, timeout=PATIENCE) as url, orinkit.open_client(url, timeout=PATIENCE) as raw:
         yield Way(raw, raw.call(f.controller_connect, "", "", "", ""), request.param == HTTP)
 
 

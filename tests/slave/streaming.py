@@ -1,16 +1,16 @@
-"""What the tests of streaming share: a virtual RC8 on the wire that keeps a log of what its arm did, and moves its clock."""
+"""What the tests of streaming share: a virtual RC8 on the wire that keeps a log of what its arm did."""
 
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 import orinkit
+from hand import Hand
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.cycle import PERIOD
@@ -18,7 +18,6 @@ from orinkit.virtual.rc8.cycle import PERIOD
 PATIENCE = 30.0
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 ROUNDING = 1e-6
-SLOW = 5.0  # deg/s, from which an arm may stop at once
 
 
 def sine(
@@ -114,64 +113,12 @@ def served(
         yield Arm(device, server.url)
 
 
-class Hand:
-    """Moves the clock of a controller on, cycle by cycle, but never past a set-point that is missing: no stall makes one late.
-
-    In mode 1 a client repeats a set-point until a cycle has taken it: one that comes again is none while the arm moves.
-
-    Args:
-        arm: of the controller.
-        clock: of the controller; nobody else moves it.
-
-    Attributes:
-        breaks: conditions; the hand stands as soon as the first one is met, and goes on to the next one then.
-        standing: whether it does; to be set to ``False`` to have it go on.
-    """
-
-    def __init__(self, arm: Arm, clock: ManualClock) -> None:
-        self.breaks: list[Callable[[], bool]] = []
-        self.standing = False
-        self._slave = arm.arm.slave
-        self._cycles = arm.device.state.cycles
-        self._clock = clock
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hand")
-        self._thread.start()
-
-    def _run(self) -> None:
-        while not self._ending.wait(0.0005):
-            with self._cycles:
-                if self.breaks and self.breaks[0]():
-                    del self.breaks[0]
-                    self.standing = True
-                elif not self.standing and not self._slave.starving and not self._repeated():
-                    self._clock.advance(PERIOD)
-
-    def _repeated(self) -> bool:
-        queue, buffer = self._slave._arm.queue, self._slave._buffer
-        again = self._slave.overwrites and self._slave.taking and bool(buffer) and buffer[-1].joints == queue.joints
-        return again and max(abs(b - a) for a, b in zip(queue.before, queue.joints, strict=True)) > SLOW * PERIOD
-
-    def let_pass(self, seconds: float) -> bool:
-        """Let time pass if a set-point is missing, which the next cycle needs; returns whether one is."""
-        with self._cycles:
-            if self._slave.starving:
-                self._clock.advance(seconds)
-                return True
-        return False
-
-    def close(self) -> None:
-        """Move it no more."""
-        self._ending.set()
-        self._thread.join()
-
-
 @contextmanager
 def by_hand(**options: Any) -> Iterator[tuple[Arm, Hand]]:
     """Serve a virtual RC8 whose clock is moved by hand."""
     clock = ManualClock()
     with served(clock=clock, **options) as arm:
-        hand = Hand(arm, clock)
+        hand = Hand(arm.device, clock)
         try:
             yield arm, hand
         finally:

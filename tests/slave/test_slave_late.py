@@ -6,15 +6,15 @@ The controller's clock is moved by hand, and stands still while the streaming pr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from math import nan
 from typing import Any
 
 import pytest
-from streaming import HOME, PERIOD, Arm, Hand, by_hand, sine
+from streaming import HOME, PERIOD, Arm, by_hand, sine
 
 from both import Both
+from hand import Hand
 from orinkit import hresult
 from orinkit.cao.slave_lateness import COMMAND, Lateness
 from orinkit.errors import CallError, error_for
@@ -22,7 +22,6 @@ from orinkit.poses import J
 from orinkit.variant import R8_ARRAY, Variant
 from orinkit.virtual.rc8.robot.commands import ROBOT_COMMANDS, RobotCommand
 from stopping import stopped
-from waiting import until
 
 POINTS = sine(0.8, 5.0)
 
@@ -43,24 +42,22 @@ class Bench:
 
     @contextmanager
     def late(self, stream: Any, *seconds: float) -> Iterator[None]:
-        """Have a set-point be late by so much each time that the first joint passes another degree."""
-        self._stand(1)
-        with ThreadPoolExecutor() as threads:
-            stopping = threads.submit(self._stop, stream._streaming._process.pid, seconds)
-            yield
-            stopping.result()
+        """Have a set-point be late by so much each time that the first joint has gone on a little."""
+        left = list(seconds)
+        joint = 1.0
 
-    def _stop(self, pid: int, seconds: tuple[float, ...]) -> None:
-        for part, each in enumerate(seconds, 1):
-            until(lambda: self.hand.standing)
-            with stopped(pid):
-                self.hand.standing = False  # it goes on until the controller's buffer is empty
-                until(lambda each=each: self.hand.let_pass(PERIOD + each))
-                if part < len(seconds):
-                    self._stand(part + 1)
+        def between() -> None:
+            nonlocal joint
+            if left and self.arm.arm.queue.joints[0] > joint:
+                with stopped(stream._streaming._process.pid):
+                    while not self.hand.let_pass(PERIOD + left[0]):  # until the controller's buffer is empty
+                        self.hand.move()
+                    del left[0]
+                    joint = self.arm.arm.queue.joints[0] + 0.2
 
-    def _stand(self, part: int) -> None:
-        self.hand.breaks = [lambda: self.arm.arm.queue.joints[0] > part]
+        self.hand.between = between
+        yield
+        assert left == []
 
 
 @pytest.fixture

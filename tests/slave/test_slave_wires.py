@@ -37,7 +37,7 @@ def test_a_live_target(arm: Arm) -> None:
 def test_kill_9_of_the_program(arm: Arm) -> None:
     """The streaming process has the connection, brings the arm to rest, and leaves slave mode."""
     with program(arm.url, "target") as (process, streamer):
-        until(lambda: len(arm.commands) and abs(arm.commands[-1][0]) > 5)
+        until(lambda: arm.arm.queue.joints[0] > 5)
         process.kill()
         until(arm.standing)
         until(lambda: gone(streamer))
@@ -52,7 +52,7 @@ def test_the_server_goes_away() -> None:
         robot.arm().__enter__()
         stream = robot.slave_mode().__enter__()
         stream.target = J(20, 45, 90, 0, 45, 0)
-        until(lambda: len(arm.commands) and arm.commands[-1][0] > 1)
+        until(lambda: arm.arm.queue.joints[0] > 1)
     until(lambda: stream.error is not None)
     assert isinstance(stream.error, ConnectionLost | CallTimeout)
     with pytest.raises(OrinError):
@@ -69,7 +69,7 @@ def test_a_client_that_closes_while_it_streams(listen: str) -> None:
         robot.arm().__enter__()
         stream = robot.slave_mode().__enter__()
         stream.target = J(20, 45, 90, 0, 45, 0)
-        until(lambda: len(arm.commands) and arm.commands[-1][0] > 1)
+        until(lambda: arm.arm.queue.joints[0] > 1)
         rc8.client.close()
         until(arm.free, 5.0)
         assert arm.within_limits()

@@ -154,6 +154,8 @@ class Bus:
                 self._set_limit(seconds)
             self._bus.send(message, self._limit)
         except Exception as error:
+            if _is_interrupted(error):
+                return
             if not _is_full(error):
                 raise self._gone(error) from error
             if not self._is_taken(error):
@@ -346,6 +348,11 @@ def _takes_more(descriptor: int) -> bool:
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
     return any(event & select.POLLOUT for _, event in poll.poll(0))
+
+
+def _is_interrupted(error: BaseException) -> bool:
+    """Whether a port has taken a frame, and the wait until it was sent ended early: this program was stopped and continued."""
+    return getattr(error.__cause__, "args", ())[:1] == (errno.EINTR,)  # termios.error, of tcdrain; slcan wraps it
 
 
 def _is_full(error: BaseException) -> bool:
