@@ -22,6 +22,7 @@ from orinkit.poses import J
 from orinkit.variant import R8_ARRAY, Variant
 from orinkit.virtual.rc8.robot.commands import ROBOT_COMMANDS, RobotCommand
 from stopping import stopped
+from waiting import until
 
 POINTS = sine(0.8, 5.0)
 
@@ -50,8 +51,7 @@ class Bench:
             nonlocal joint
             if left and self.arm.arm.queue.joints[0] > joint:
                 with stopped(stream._streaming._process.pid):
-                    while not self.hand.let_pass(PERIOD + left[0]):  # until the controller's buffer is empty
-                        self.hand.move()
+                    until(lambda: self.hand.let_pass(PERIOD + left[0]) or self.hand.move())  # its buffer is empty
                     del left[0]
                     joint = self.arm.arm.queue.joints[0] + 0.2
 
@@ -111,6 +111,7 @@ def test_strict_time_waits_for_nobody(both: Both) -> None:
             with bench.late(stream, 0.0), pytest.raises(CallError) as told:
                 both.run(stream.run(POINTS))
             assert told.value.code == hresult.COMMAND_DELAY
+            until(lambda: not arm.arm.busy)
 
         bench.stream(body)
         assert arm.errors == [hresult.COMMAND_DELAY]
@@ -123,6 +124,7 @@ def test_a_controller_does_not_wait_for_ever(bench: Bench) -> None:
         with bench.late(stream, 0.26), pytest.raises(CallError, match="250 ms") as told:
             bench.both.run(stream.run(POINTS))
         assert told.value.code == hresult.COMMAND_DELAY
+        until(lambda: not bench.arm.arm.busy)
 
     bench.stream(body)
     assert bench.arm.errors == [hresult.COMMAND_DELAY]
