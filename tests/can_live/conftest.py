@@ -7,6 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ if not hasattr(os, "openpty"):
 from abh3_wires import KINDS, Hosts, Peer, Place, place, raw_bus, served
 
 from both import Both
+from orinkit.abh3.multipacket import exchange
 
 _LEFT = 10.0
 
@@ -73,6 +75,13 @@ def hosts(both: Both) -> Iterator[Hosts]:
     found = Hosts(both)
     yield found
     found.close()
+
+
+@pytest.fixture(autouse=True)
+def _patient_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A multi-packet message is not given up because the machine has other work to do."""
+    for name in ("_sync_shared", "_async_shared"):
+        monkeypatch.setattr(f"orinkit.abh3.{name}.exchange", partial(exchange, seconds=5.0))
 
 
 @pytest.fixture(autouse=True)

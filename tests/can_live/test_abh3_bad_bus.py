@@ -33,6 +33,7 @@ from abh3_wires import (
 )
 
 from both import Both
+from orinkit.abh3.multipacket import exchange
 from orinkit.errors import DriverFault, DriverTimeout, ProtocolError, TransportError
 from orinkit.transport.can_line import SIZE
 from waiting import until
@@ -266,7 +267,9 @@ def test_errors_that_stay(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> 
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_messages_that_break_off(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_messages_that_break_off(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Multi-packet messages: an abort is told at once, silence after a while; commands go on."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
@@ -278,6 +281,8 @@ def test_messages_that_break_off(both: Both, hosts: Hosts, bare: Place, peer: Pe
     with pytest.raises(ProtocolError):
         both.run(driver.read_parameter(0x4102))
     peer.script = obliging
+    for name in ("_sync_shared", "_async_shared"):
+        monkeypatch.setattr(f"orinkit.abh3.{name}.exchange", exchange)
     with pytest.raises(DriverTimeout):
         both.run(driver.read_parameter(0x4102))
     assert both.run(driver.command(4.0)).a_velocity == 4.0
