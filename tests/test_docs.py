@@ -17,7 +17,7 @@ Addresses are written as a reader would type them. While a page is run, ``127.0.
 as plain ``192.168.0.1``) become the address of one virtual RC8, which the test serves unless the page does; any other
 ``127.0.0.1:PORT`` becomes a free port, the same one throughout the page, for what the page serves itself. Port 0 stays.
 A pseudo-terminal that ``serve`` has shown (``/dev/pts/3``) becomes the one that it has opened. Output is compared with the
-addresses as they are written.
+addresses as they are written. Pages with a CAN bus by multicast, which the whole machine has in common, wait for each other.
 
 A motor on CAN stops by itself where an answer, or a command, does not come for half a second. A machine that does much else may
 take so long: while a page is run, these times are longer.
@@ -48,7 +48,7 @@ import orinkit
 from orinkit.abh3.aio import AsyncDriver
 from orinkit.abh3.driver import Driver
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import PATIENCE
+from waiting import PATIENCE, until
 
 ROOT = Path(__file__).parent.parent
 TWINS = ("README.md", "README.ja.md")
@@ -58,6 +58,8 @@ DOCUMENTS = [*TWINS, "CHANGELOG.md", *sorted(str(page.relative_to(ROOT)) for pag
 
 ADDRESS = re.compile(r"127\.0\.0\.1:(\d+)|192\.168\.0\.1(?::5007)?(?![\d.:])")
 TERMINAL = re.compile(r"/dev/(?:pts/|ttys)\d+")
+MULTICAST = "udp_multicast"
+MULTICAST_PORT = 43113
 VIRTUAL = "127.0.0.1:5007"
 SERVES_VIRTUAL = re.compile(r"^\$ orinkit serve(?!.*127\.0\.0\.1:(?!5007))(?! ve026a| device| abh3)", re.MULTILINE)
 LISTENING = ("--tcp", "--udp", "--serial", "--pty", "--http")
@@ -277,6 +279,22 @@ def virtual(page: str, addresses: Addresses) -> Iterator[None]:
             yield
 
 
+@contextlib.contextmanager
+def bus_of_its_own(page: str) -> Iterator[None]:
+    """Wait until no other run of this page has the bus; the TCP port of the same number is held meanwhile."""
+    with socket.socket() as lock:
+        if MULTICAST in (ROOT / page).read_text(encoding="utf-8"):
+            until(lambda: _bound(lock))
+        yield
+
+
+def _bound(lock: socket.socket) -> bool:
+    with contextlib.suppress(OSError):
+        lock.bind(("127.0.0.1", MULTICAST_PORT))
+        return True
+    return False
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_page_does_what_it_shows(page, tmp_path, monkeypatch):
     if CURL.search((ROOT / page).read_text(encoding="utf-8")) and shutil.which("curl") is None:
@@ -289,7 +307,7 @@ def test_page_does_what_it_shows(page, tmp_path, monkeypatch):
     terminal = Terminal(addresses)
     namespace: dict[str, object] = {"__name__": "page"}
     try:
-        with virtual(page, addresses):
+        with bus_of_its_own(page), virtual(page, addresses):
             for block in blocks(page):
                 if block.skipped or block.language not in ("python", "console"):
                     continue

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import socket
 import struct
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from urllib.parse import parse_qsl, urlsplit
 import can
 import pytest
 
+import multicast
 import orinkit
 from both import Both
 from can_ptys import CrossedPtys
@@ -43,7 +43,6 @@ def only_on(*kinds: str, because: str) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("bare", kinds, indirect=True)
 
 
-GROUP = "239.74.163.2"
 _NUMBERS = count()
 _ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(orinkit.__file__).parent.parent)}
 
@@ -75,12 +74,6 @@ def wait(both: Both, condition: Callable[[], object], seconds: float = PATIENCE)
 
 
 # --- where a bus is ---------------------------------------------------------------------------------------------------
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return int(probe.getsockname()[1])
 
 
 @dataclass
@@ -123,7 +116,7 @@ def place(kind: str, folder: Path) -> Iterator[Place]:
         url = f"can://virtual/abh3-{os.getpid()}-{next(_NUMBERS)}"
         yield Place(kind, url, url)
     elif kind == "udp_multicast":
-        url = f"can://udp_multicast/{GROUP}?port={free_port()}"
+        url = multicast.bus()
         yield Place(kind, url, url)
     else:
         cable = CrossedPtys()

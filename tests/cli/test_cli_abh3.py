@@ -19,15 +19,17 @@ import can
 import cantools
 import pytest
 
+import multicast
 import orinkit
+from multicast import GROUP, free_port
 from orinkit import language
 from orinkit.abh3.decoder import Decoder
 from orinkit.can_frame import CanFrame
 from orinkit.cli._abh3_logs import read_line
 from orinkit.cli._abh3_table import Rows
 
-PORT = 43393
-URL = f"can://udp_multicast/239.74.163.2?port={PORT}"
+PORT = free_port()
+URL = multicast.bus(PORT)
 SERVO_ON = bytes.fromhex("e803000003300000")
 LOG = [
     (0x00EF0102, "0000000003300000"),
@@ -65,7 +67,7 @@ def serve(program) -> Iterator[Serve]:
 
 @pytest.fixture
 def bus() -> Iterator[can.BusABC]:
-    with can.Bus(interface="udp_multicast", channel="239.74.163.2", port=PORT, ignore_config=True) as bus:
+    with can.Bus(interface="udp_multicast", channel=GROUP, port=PORT, ignore_config=True) as bus:
         yield bus
 
 
@@ -215,7 +217,7 @@ def traffic() -> Iterator[None]:
     ending = threading.Event()
 
     def send() -> None:
-        with can.Bus(interface="udp_multicast", channel="239.74.163.2", port=PORT, ignore_config=True) as bus:
+        with can.Bus(interface="udp_multicast", channel=GROUP, port=PORT, ignore_config=True) as bus:
             while not ending.wait(0.02):
                 for number, data in LOG:
                     bus.send(can.Message(arbitration_id=number, data=bytes.fromhex(data)))

@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+import multicast
 from orinkit import language
 from orinkit.can_frame import CanFrame
 from orinkit.cli import _abh3_drive, _interrupts
@@ -27,7 +28,7 @@ from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from stopping import stopped
 from waiting import PATIENCE, until
 
-URL = "can://udp_multicast/239.74.163.2?port=43397"
+URL = multicast.bus()
 DRIVE = ("abh3", "drive", URL)
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SILENCE = {"command_timeout": 10_000, "error_timeout": 10_000}  # ms: a machine that stands still is no silent host

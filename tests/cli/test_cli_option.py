@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+import multicast
 import orinkit
 from devices import Recorder
 from orinkit import Device, command, language, variable
@@ -20,7 +21,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 from waiting import PATIENCE, until
 
 GRIPPER = "CaoProv.Example.Gripper"
-BUS = "can://udp_multicast/239.74.163.2?port=43398"
+BUS = multicast.bus()
 
 
 class Gripper(Device):

@@ -11,6 +11,8 @@ from itertools import count
 import can
 import pytest
 
+import multicast
+from multicast import GROUP, free_port
 from orinkit import language
 from orinkit.can_frame import CanFrame
 from orinkit.errors import ConnectFailed, InvalidAddress, InvalidValue
@@ -19,7 +21,8 @@ from orinkit.virtual.clock import Clock, ManualClock
 from waiting import until
 
 CHANNELS = count()
-BY_MULTICAST = "can://udp_multicast/239.74.163.2?port=43391"
+PORT = free_port()
+BY_MULTICAST = multicast.bus(PORT)
 
 
 class Device:
@@ -196,7 +199,7 @@ def test_its_own_frames_are_no_frames_for_it():
     devices = [Device(1), Device(3)]
     with (
         serve_can(*devices, at=BY_MULTICAST) as server,
-        can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43391, ignore_config=True) as peer,
+        can.Bus(interface="udp_multicast", channel=GROUP, port=PORT, ignore_config=True) as peer,
     ):
         assert server.url == BY_MULTICAST
         for device in devices:

@@ -18,6 +18,7 @@ from typing import Any
 import can
 import pytest
 
+import multicast
 from both import Both
 from can_ptys import CrossedPtys, crossed_ptys
 from orinkit.can_frame import CanFrame, CanOperation, Turn
@@ -38,7 +39,7 @@ from waiting import PATIENCE, interrupted_at, until
 pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 KINDS = ["virtual", "udp_multicast", *(["slcan", "serial"] if os.name != "nt" else [])]
 REQUEST, ANSWER, OTHER = 0x18EF0102, 0x18EF0201, 0x18FF5501
-GROUP = ("239.74.163.2", 43200 + os.getpid() % 1000)  # tests run beside each other
+GROUP = (multicast.GROUP, multicast.free_port())
 _numbers = count()
 
 
@@ -1183,7 +1184,7 @@ def test_a_line_belongs_to_its_loop() -> None:
 
 
 async def _made() -> AsyncCanLine:
-    return await AsyncCanLine.open(address_of("can://udp_multicast/239.74.163.2?port=43116"))
+    return await AsyncCanLine.open(address_of(multicast.bus()))
 
 
 def test_opening_can_be_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from time import process_time
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -227,9 +229,10 @@ def test_a_damaged_program_loads_or_is_refused(source, mutations):
     ],
     ids=range(17),
 )
-@pytest.mark.timeout(30)
 def test_a_hostile_text_is_answered_soon(source):
+    began = process_time()  # of this process: the machine may have other work to do
     loads_or_is_refused(source)
+    assert process_time() - began < 20
 
 
 def test_deep_blocks_run():

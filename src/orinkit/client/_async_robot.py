@@ -72,7 +72,7 @@ class AsyncRobot(AsyncMover):
         speed: float = 100.0,
         period: float = 0.008,
         queue: int = 100,
-        idle: float | None = 1.0,
+        idle: float | None = 5.0,
         on_range: OnRange = "clamp",
         record: str | os.PathLike[str] | None = None,
         mini: int | None = None,

@@ -34,7 +34,7 @@ from orinkit.variant import ARRAY, Variant, VarType
 
 _AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
 _WATCH: Final = 0.02  # s between two looks at the program's process
-_MOST_SECONDS: Final = 1.0  # for the answer to a set-point
+_MOST_SECONDS: Final = 3.0  # for the answer to a set-point
 _CYCLES: Final = 1.5  # that a set-point waits for its answer before it is sent again, where packets may be lost
 _TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
 _WRAP_US: Final = 1 << 31
