@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import random
 import socket
+from itertools import cycle
 
 GROUP = "239.74.163.2"
-_PORTS = range(10_000, 15_000)  # below those of tests/test_docs.py, and of Linux's outgoing connections
-_held: list[socket.socket] = []
+_BLOCKS = range(10_000, 15_000, 50)  # below the ports of tests/test_docs.py, and of Linux's outgoing connections
 
 
-def free_port() -> int:
-    """Return a UDP port that no other process gets here: the TCP port of the same number is held as long as this one runs."""
-    for port in random.sample(_PORTS, len(_PORTS)):
+def _hold() -> tuple[socket.socket, int]:
+    """Return the first port of a block that no other process has: who holds the TCP port of this number has the block."""
+    for port in random.sample(_BLOCKS, len(_BLOCKS)):
         lock = socket.socket()
         try:
             lock.bind(("127.0.0.1", port))
         except OSError:
             lock.close()
         else:
-            _held.append(lock)
-            return port
-    raise AssertionError("no port is free")
+            return lock, port
+    raise AssertionError("no ports are free")
+
+
+_lock, _first = _hold()
+_ports = cycle(range(_first, _first + _BLOCKS.step))
+
+
+def free_port() -> int:
+    """Return a UDP port that no other process gets here."""
+    return next(_ports)
 
 
 def bus(port: int | None = None) -> str:

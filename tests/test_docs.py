@@ -50,6 +50,8 @@ from orinkit.abh3.driver import Driver
 from orinkit.virtual.rc8 import VirtualRC8
 from waiting import PATIENCE, until
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parent.parent
 TWINS = ("README.md", "README.ja.md")
 # the Japanese README has the same code as the English one, as is tested below

@@ -37,6 +37,8 @@ from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from stopping import stopped
 from waiting import until
 
+pytestmark = pytest.mark.slow
+
 PATIENT = {"timeout": PATIENCE}
 HOLDING = {"patience": PATIENCE}
 """Of keep-alives that are not to end because the machine has other work to do."""

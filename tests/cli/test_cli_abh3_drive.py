@@ -28,6 +28,8 @@ from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from stopping import stopped
 from waiting import PATIENCE, until
 
+pytestmark = pytest.mark.slow
+
 URL = multicast.bus()
 DRIVE = ("abh3", "drive", URL)
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

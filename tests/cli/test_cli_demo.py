@@ -41,6 +41,8 @@ from orinkit.streaming import StreamResult, Timing
 from orinkit.variant import VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
 
+pytestmark = pytest.mark.slow
+
 STEPS = [step for program in LISTS.values() for step in program.steps]
 CALLS = [step for step in STEPS if isinstance(step, Step)]
 SET_POINTS = 304

@@ -33,6 +33,8 @@ from orinkit.variant import Variant, VarType
 from peers import BadPeer, Line, executing, reply
 from waiting import TooSlow, with_longer_times
 
+pytestmark = pytest.mark.slow
+
 PATIENT = 20.0  # a time-out that no test may reach
 SHORT = 0.15  # a time-out that is meant to pass
 HELLO = "hello"  # is answered at once

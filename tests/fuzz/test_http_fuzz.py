@@ -32,6 +32,8 @@ from orinkit.server.http_options import HttpOptions
 from orinkit.variant_bytes import Limits
 from orinkit.virtual.rc8 import VirtualRC8
 
+pytestmark = pytest.mark.slow
+
 REQUESTS = 2_000
 LIMITS = Limits(packet=4 << 20)
 RELEASES = {entry.name for entry in FUNCTIONS.values() if entry.releases}

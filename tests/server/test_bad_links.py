@@ -23,7 +23,7 @@ PACES = (1, 3, 9)
 EARLY = 0.005  # s by which a clock may be early
 
 
-pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
+pytestmark = [pytest.mark.usefixtures("no_errors_are_logged"), pytest.mark.slow]
 
 
 # --- a client that counts ---------------------------------------------------------------------------------------------

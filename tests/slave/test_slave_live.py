@@ -26,6 +26,8 @@ from orinkit.poses import J
 from stopping import stopped
 from waiting import until
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import orinkit, os, signal, sys, time
 from orinkit.poses import J

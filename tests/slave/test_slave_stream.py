@@ -22,6 +22,8 @@ from orinkit.slave.shared import Shared
 from orinkit.slave.trajectory import TrajectoryError
 from waiting import until
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def arm() -> Iterator[Arm]:

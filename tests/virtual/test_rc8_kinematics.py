@@ -14,6 +14,8 @@ from orinkit.virtual.rc8.frames import matrix_of_position, position_of_matrix, t
 from orinkit.virtual.rc8.kinematics import Kinematics
 from orinkit.virtual.rc8.kinematics.figures import LIMIT_TOLERANCE, around, figure_of
 
+pytestmark = pytest.mark.slow
+
 ARMS = {name: Kinematics(load_model(name)) for name in MODEL_NAMES}
 CLOSED_FORM = [name for name in MODEL_NAMES if name != "COBOTTA"]
 MANY = 100_000
