@@ -15,11 +15,13 @@ from typing import Annotated, Final
 from cyclopts import Group, Parameter
 
 from orinkit.cao.provider import Provider
-from orinkit.cli._errors import unusable, whole_number
+from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._web import Web
+from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.transport.address import Address, HttpAddress, parse_address
+from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 
 _CONTROL_CLIENTS: Final = 16
 _WITH_PORTS: Final = ("tcp", "udp", "http", "https")
@@ -84,6 +86,15 @@ class Listening:
             converter=whole_number, help=pick("Most objects of one client.", "1 クライアントのオブジェクト数の上限。")
         ),
     ] = 1000
+    dead_after: Annotated[
+        float,
+        Parameter(
+            help=pick(
+                "Seconds after which a TCP client is given up whose machine does not answer any more.",
+                "相手のマシンが応答しなくなった TCP クライアントを切断するまでの時間 (秒)。",
+            )
+        ),
+    ] = DEAD_AFTER
     verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=pick("Log more.", "詳細なログを出力する。"))] = (
         False
     )
@@ -93,12 +104,16 @@ def check(listening: Listening) -> None:
     """Refuse numbers and addresses that cannot be, before anything is opened.
 
     Raises:
-        Failure: a number is less than 1, or an address is of another kind than its option.
+        Failure: a number is out of its range, or an address is of another kind than its option.
         InvalidAddress: one is no address.
     """
     for option, number in (("--clients", listening.clients), ("--objects", listening.objects)):
         if number < 1:
             raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
+    try:
+        check_dead_after(listening.dead_after)
+    except InvalidValue as error:
+        raise Failure(f"--dead-after: {error}", 2) from None
     _urls(listening)
     listening.web.options()
 
@@ -167,7 +182,12 @@ async def _serve(
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:
             server = AsyncServer(
-                providers, *urls, clients=listening.clients, objects=listening.objects, http=listening.web.options()
+                providers,
+                *urls,
+                clients=listening.clients,
+                objects=listening.objects,
+                dead_after=listening.dead_after,
+                http=listening.web.options(),
             )
             await servers.enter_async_context(server)
             ready = [*before, *(f"ready {url}" for url in server.urls)]

@@ -40,6 +40,7 @@ from orinkit.client._common import (
 )
 from orinkit.client._robot_common import sendable
 from orinkit.errors import CallError, ObjectNotFound, OrinError
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -406,6 +407,7 @@ async def open_controller(
     dialect: str | None = None,
     token: str = "",
     cafile: str = "",
+    dead_after: float = DEAD_AFTER,
 ) -> AsyncController:
     """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
 
@@ -431,10 +433,12 @@ async def open_controller(
             otherwise the first.
         token: for HTTP, what lets a client in; it is sent as ``Authorization: Bearer``.
         cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
+        dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as lost
+            (cable pulled, machine off): 2 to 7,200.
 
     Raises:
         InvalidAddress: the URL cannot be used.
-        InvalidValue: there is no such dialect.
+        InvalidValue: there is no such dialect, or another value cannot be used.
         ConnectFailed: nobody there.
         CallTimeout: nobody answers.
         CallError: the controller refuses.
@@ -442,7 +446,7 @@ async def open_controller(
     """
     known = dialect_of(dialect, provider)
     client = await AsyncClient.open(
-        url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile
+        url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after
     )
     try:
         client.dialect = known or client.dialect

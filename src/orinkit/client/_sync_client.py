@@ -20,6 +20,7 @@ from orinkit.cao.table import Function
 from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after
 from orinkit.client._opening import access_to, conversation, opening_of, parting
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.transport.drive import Deadline, LentLink, Link, run, say_goodbye
 from orinkit.transport.links import open_link
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
@@ -122,6 +123,7 @@ class Client:
         trace: Trace | None = None,
         token: str = "",
         cafile: str = "",
+        dead_after: float = DEAD_AFTER,
     ) -> Self:
         """Open a connection and nothing more: Service_Start is yours to call.
 
@@ -139,15 +141,19 @@ class Client:
             trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
             token: for HTTP, what lets a client in; it is sent as ``Authorization: Bearer``.
             cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
+            dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as
+                lost (cable pulled, machine off): 2 to 7,200.
 
         Raises:
             InvalidAddress: the URL cannot be used.
-            InvalidValue: timeout or tries cannot be used.
+            InvalidValue: timeout, tries or dead_after cannot be used.
             ConnectFailed: nobody there; with UDP and HTTP that shows with the first call.
             MissingExtra: serial lines need serialx, HTTP needs httpx2.
         """
         address, wire, seconds = opening_of(url, timeout, tries)
-        link = open_link(address, seconds, access_to(address, token, cafile), limits.packet)
+        link = open_link(
+            address, seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after)
+        )
         return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, wire=wire)
 
     def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:

@@ -44,6 +44,7 @@ from orinkit.errors import (
 )
 from orinkit.language import pick
 from orinkit.transport.address import HttpAddress
+from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.gateway")
@@ -86,6 +87,8 @@ class Upstream:
         keep_alive: seconds of silence after which a harmless call (Controller_GetName) is made, so that the controller
             does not forget a client that is still there; 0 for never. By default a third of what the wire allows (UDP,
             HTTP), never with TCP and on serial lines.
+        dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as lost:
+            2 to 7,200.
         limits: bounds on what is received.
 
     Raises:
@@ -104,6 +107,7 @@ class Upstream:
     cafile: str = ""
     retry: float = 0.5
     keep_alive: float | None = None
+    dead_after: float = DEAD_AFTER
     limits: Limits = DEFAULT_LIMITS
 
     def __post_init__(self) -> None:
@@ -113,6 +117,7 @@ class Upstream:
             from orinkit.transport import aio_http_link  # noqa: F401 - takes long; later other clients would wait for it
         dialect_of(self.dialect, self.url)
         _check_seconds("retry", self.retry)
+        check_dead_after(self.dead_after)
         if self.keep_alive is not None:
             _check_seconds("keep_alive", self.keep_alive)
 
@@ -145,6 +150,7 @@ class Upstream:
             limits=self.limits,
             token=self.token,
             cafile=self.cafile,
+            dead_after=self.dead_after,
         )
         try:
             client.dialect = self.spoken

@@ -15,6 +15,7 @@ from orinkit.server.connections import Connections, Listener
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.tcp import TcpListener
 from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.links import for_drivers
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -39,6 +40,8 @@ class AsyncServer:
         objects: how many objects one client may hold.
         limits: bounds on packets.
         invoke_timeout: seconds that a call may take unless the client says otherwise.
+        dead_after: seconds without an answer from a client's machine after which its TCP connection counts as lost
+            (cable pulled, machine off): 2 to 7,200.
         http: who is let in over HTTP, and the server's certificate for https.
 
     Use it with ``async with``, or call :meth:`start` and :meth:`close`.
@@ -55,12 +58,13 @@ class AsyncServer:
         objects: int = 1000,
         limits: Limits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
+        dead_after: float = DEAD_AFTER,
         http: HttpOptions = DEFAULT_HTTP,
     ) -> None:
         self._http = http
         self._addresses = [_place(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
-        self._connections = Connections(self._host, limits, clients, invoke_timeout)
+        self._connections = Connections(self._host, limits, clients, invoke_timeout, dead_after)
         self._listeners: list[Listener] = []
         self.urls: list[str] = []
 

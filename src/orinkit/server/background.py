@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from orinkit.cao.provider import Provider
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ def serve(
     objects: int = 1000,
     limits: Limits = DEFAULT_LIMITS,
     invoke_timeout: float = 180.0,
+    dead_after: float = DEAD_AFTER,
     http: HttpOptions = DEFAULT_HTTP,
 ) -> Server:
     """Serve providers beside the program until the server is closed; use it in a ``with`` statement.
@@ -111,6 +113,7 @@ def serve(
             objects=objects,
             limits=limits,
             invoke_timeout=invoke_timeout,
+            dead_after=dead_after,
             http=http,
         )
     )

@@ -8,6 +8,7 @@ import math
 from typing import Final, Protocol
 
 from orinkit.cao.session import Host, Numbers
+from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import Limits
 
 _CHUNK: Final = 65536
@@ -46,6 +47,7 @@ class Connections:
         limits: bounds on packets; the wire may have narrower ones.
         clients: how many clients at a time; one more is answered with E_MAX_CONNECT.
         invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
+        dead_after: seconds without an answer from a client's machine after which its TCP connection is given up.
 
     Attributes:
         open: the clients.
@@ -59,11 +61,14 @@ class Connections:
         view: where data is read to; all connections share it, for it is handled at once.
     """
 
-    def __init__(self, host: Host, limits: Limits, clients: int, invoke_timeout: float) -> None:
+    def __init__(
+        self, host: Host, limits: Limits, clients: int, invoke_timeout: float, dead_after: float = DEAD_AFTER
+    ) -> None:
         self.host = host
         self.limits = limits
         self.clients = clients
         self.invoke_timeout = invoke_timeout
+        self.dead_after = check_dead_after(dead_after)
         self.open: set[Client] = set()
         self.all: set[Client] = set()
         self.opening = 0

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-import socket
 import ssl
 import sys
 from collections.abc import Callable
@@ -24,6 +23,7 @@ from uvicorn.server import ServerState
 
 from orinkit.language import pick
 from orinkit.server.connections import Connections
+from orinkit.transport.dead_peers import prepare
 
 logger = logging.getLogger("orinkit.server")
 
@@ -203,7 +203,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self.gone:
             return
         super().connection_made(cast("asyncio.Transport", transport))
-        self.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
         if self.scheme == "http":  # the entrance to TLS has been through this
             self._shared.opening -= 1
         early, self._early = self._early, None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from typing import Final, Self
 
 from orinkit.bcap.server import Execute
@@ -12,6 +11,7 @@ from orinkit.cao.provider import ClientInfo
 from orinkit.server.connections import Connections
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
+from orinkit.transport.dead_peers import prepare
 
 _BACKLOG: Final = 512
 _TO_BE_TOLD: Final = 5.0  # seconds in which one client too many may ask once and be told
@@ -36,9 +36,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._transport = transport
         self._send = transport.write
         self._is_gone = transport.is_closing
-        peer = transport.get_extra_info("socket")
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        prepare(transport.get_extra_info("socket"), self._shared.dead_after)
         host, port = (transport.get_extra_info("peername") or ("", 0))[:2]
         self._place = (host, port)
         self._name = f"{host}:{port}"

@@ -8,7 +8,6 @@ httpx2 is one of :mod:`orinkit.transport.aio_stream`, which can be closed at onc
 from __future__ import annotations
 
 import asyncio
-import socket
 import ssl
 from collections.abc import AsyncIterator
 from contextlib import aclosing
@@ -19,6 +18,7 @@ from orinkit.extra import require
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.aio_stream import AsyncStreamLink
+from orinkit.transport.dead_peers import DEAD_AFTER, prepare
 from orinkit.transport.http_reply import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
 from orinkit.transport.socket_link import CHUNK
@@ -45,18 +45,20 @@ class AsyncHttpLink(Reached):
         access: what lets a client in.
         most: bytes of a reply.
         known: what is known of the server already.
+        dead_after: seconds without an answer from the server's machine after which a connection is given up.
 
     Raises:
         InvalidValue: the token cannot be sent, or there are no certificates in the file.
     """
 
     def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
-    ) -> None:
+        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        dead_after: float = DEAD_AFTER,
+    ) -> None:  # fmt: skip
         self._loop = asyncio.get_running_loop()
-        super().__init__(address, access, most, known=known)
+        super().__init__(address, access, most, known=known, dead_after=dead_after)
         self._url = url_of(self._contact)
-        self._transport = _Transport(self._contact, self._url, self._known.context)
+        self._transport = _Transport(self._known, self._url)
         self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
         self._asked: _Asked | None = None
 
@@ -252,13 +254,14 @@ class _Transport(httpx2.AsyncBaseTransport):
         connecting: it is being opened.
     """
 
-    def __init__(self, contact: Contact, url: httpx2.URL, context: ssl.SSLContext | None) -> None:
+    def __init__(self, known: Known, url: httpx2.URL) -> None:
+        contact = known.contact
         self.connecting = False
         self._contact = contact
         self._url = httpcore2.URL(
             scheme=url.raw_scheme, host=url.raw_host, port=contact.address.port, target=url.raw_path
         )
-        self._context = context
+        self._known = known
         self._connection: httpcore2.AsyncHTTP11Connection | None = None
         self._stream: _Stream | None = None
 
@@ -283,7 +286,7 @@ class _Transport(httpx2.AsyncBaseTransport):
         self.hang_up()
         self.connecting = True
         try:
-            wire = await _Wire.open(self._contact.address, self._context)
+            wire = await _Wire.open(self._known)
         finally:
             self.connecting = False
         self._stream = _Stream(wire, self._contact)
@@ -330,21 +333,25 @@ class _Transport(httpx2.AsyncBaseTransport):
 class _Wire(AsyncStreamLink, asyncio.BufferedProtocol):
     """A TCP connection, perhaps with TLS; :meth:`open` makes one."""
 
-    def __init__(self) -> None:
+    def __init__(self, dead_after: float) -> None:
         super().__init__()
+        self._dead_after = dead_after
         self._view = memoryview(bytearray(CHUNK))
 
     @classmethod
-    async def open(cls, address: HttpAddress, context: ssl.SSLContext | None) -> Self:
+    async def open(cls, known: Known) -> Self:
         """Connect.
 
         Raises:
             ConnectFailed: that could not be done.
         """
         loop = asyncio.get_running_loop()
+        address, context = known.contact.address, known.context
         name = None if context is None else address.host
         try:
-            _, wire = await loop.create_connection(cls, address.host, address.port, ssl=context, server_hostname=name)
+            _, wire = await loop.create_connection(
+                lambda: cls(known.dead_after), address.host, address.port, ssl=context, server_hostname=name
+            )
         except (OSError, ValueError) as error:
             if context is not None and isinstance(error, _TLS_FAILURES):
                 raise tls_failed(address, error) from error
@@ -354,9 +361,7 @@ class _Wire(AsyncStreamLink, asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The link is up."""
         super().connection_made(transport)
-        peer = transport.get_extra_info("socket")
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        prepare(transport.get_extra_info("socket"), self._dead_after)
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Where to put what comes next: a view, for with TLS asyncio fills slices of it, which must not be copies."""

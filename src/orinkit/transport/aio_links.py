@@ -6,13 +6,18 @@ import os
 
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.drive import AsyncLink
 from orinkit.transport.links import for_drivers, for_servers
 from orinkit.variant_bytes import DEFAULT_LIMITS
 
 
 async def open_link(
-    address: AnyAddress, seconds: float, access: Access = NOTHING, most: int = DEFAULT_LIMITS.packet
+    address: AnyAddress,
+    seconds: float,
+    access: Access = NOTHING,
+    most: int = DEFAULT_LIMITS.packet,
+    dead_after: float = DEAD_AFTER,
 ) -> AsyncLink:
     """Open a link to an address.
 
@@ -21,6 +26,7 @@ async def open_link(
         seconds: that it may take.
         access: for HTTP.
         most: bytes of a reply over HTTP.
+        dead_after: seconds without an answer from the controller's machine after which a TCP connection is given up.
 
     Raises:
         InvalidAddress: it is one for servers, or of a CAN bus.
@@ -34,11 +40,11 @@ async def open_link(
             return await AsyncUdpLink.connect(address, seconds)
         from orinkit.transport.aio_tcp import AsyncTcpLink
 
-        return await AsyncTcpLink.connect(address, seconds)
+        return await AsyncTcpLink.connect(address, seconds, dead_after)
     if isinstance(address, HttpAddress):
         from orinkit.transport.aio_http_link import AsyncHttpLink
 
-        return AsyncHttpLink(address, access, most)
+        return AsyncHttpLink(address, access, most, dead_after=dead_after)
     if isinstance(address, SerialAddress):
         if os.name == "nt":
             from orinkit.transport.aio_port_link import AsyncPortLink

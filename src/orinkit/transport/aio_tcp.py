@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from typing import Self
 
 from orinkit.transport.address import Address
 from orinkit.transport.aio_stream import AsyncStreamLink
+from orinkit.transport.dead_peers import DEAD_AFTER, prepare
 from orinkit.transport.link_errors import connect_failed
 from orinkit.transport.socket_link import CHUNK
 
@@ -19,14 +19,20 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
     more than the rest of a call.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, dead_after: float = DEAD_AFTER) -> None:
         super().__init__()
+        self._dead_after = dead_after
         self._buffer = bytearray(CHUNK)
         self._view = memoryview(self._buffer)
 
     @classmethod
-    async def connect(cls, address: Address, seconds: float) -> Self:
+    async def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:
         """Connect.
+
+        Args:
+            address: of the controller.
+            seconds: that it may take.
+            dead_after: seconds without an answer from the other machine after which the connection is given up.
 
         Raises:
             ConnectFailed: it could not be done within ``seconds``.
@@ -34,7 +40,7 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(seconds):
-                _, link = await loop.create_connection(cls, address.host, address.port)
+                _, link = await loop.create_connection(lambda: cls(dead_after), address.host, address.port)
         except (OSError, ValueError) as error:  # TimeoutError is an OSError
             raise connect_failed(address, error) from error
         return link
@@ -42,9 +48,7 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The link is up."""
         super().connection_made(transport)
-        peer = transport.get_extra_info("socket")
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        prepare(transport.get_extra_info("socket"), self._dead_after)
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
         """Where to put what comes next."""

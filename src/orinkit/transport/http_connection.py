@@ -19,6 +19,7 @@ import httpx2
 
 from orinkit.transport.access import Access
 from orinkit.transport.address import HttpAddress
+from orinkit.transport.dead_peers import prepare
 from orinkit.transport.drive import Deadline
 from orinkit.transport.http_reply import BEGIN, KEPT, Contact, no_certificates, no_url, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, lost
@@ -33,13 +34,15 @@ class Transport(httpx2.BaseTransport):
         halted: the thread that uses it is to stop.
     """
 
-    def __init__(self, contact: Contact, url: httpx2.URL, context: ssl.SSLContext | None) -> None:
+    def __init__(self, known: Known, url: httpx2.URL) -> None:
+        contact = known.contact
         self.deadline = Deadline(0.0)
         self._contact = contact
         self._url = httpcore2.URL(
             scheme=url.raw_scheme, host=url.raw_host, port=contact.address.port, target=url.raw_path
         )
-        self._context = context
+        self._context = known.context
+        self._dead_after = known.dead_after
         self._connection: httpcore2.HTTP11Connection | None = None
         self._stream: _Stream | None = None
         self._socket: socket.socket | None = None
@@ -168,8 +171,7 @@ class Transport(httpx2.BaseTransport):
     def _reach(self, connection: socket.socket, place: Any, seconds: float) -> socket.socket:
         try:
             self._take(connection, seconds)
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            prepare(connection, self._dead_after)
             connection.connect(place)
         except BaseException:
             self.part(connection)
@@ -312,10 +314,12 @@ class Known(NamedTuple):
     Attributes:
         contact: with it.
         context: how its certificate is checked, ``None`` without TLS.
+        dead_after: seconds without an answer from its machine after which a connection is given up.
     """
 
     contact: Contact
     context: ssl.SSLContext | None
+    dead_after: float
 
 
 def context_of(address: HttpAddress, access: Access) -> ssl.SSLContext | None:

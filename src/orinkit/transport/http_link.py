@@ -13,6 +13,7 @@ from orinkit.errors import OrinError
 from orinkit.extra import require
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.drive import Deadline
 from orinkit.transport.http_body import Body
 from orinkit.transport.http_reply import MOST, NEED, SHOWING, SHOWN
@@ -38,17 +39,19 @@ class HttpLink(Reached):
         access: what lets a client in.
         most: bytes of a reply.
         known: what is known of the server already.
+        dead_after: seconds without an answer from the server's machine after which a connection is given up.
 
     Raises:
         InvalidValue: the token cannot be sent, or there are no certificates in the file.
     """
 
     def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
-    ) -> None:
-        super().__init__(address, access, most, known=known)
+        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        dead_after: float = DEAD_AFTER,
+    ) -> None:  # fmt: skip
+        super().__init__(address, access, most, known=known, dead_after=dead_after)
         self._url = url_of(self._contact)
-        self._transport = Transport(self._contact, self._url, self._known.context)
+        self._transport = Transport(self._known, self._url)
         self._client = httpx2.Client(transport=self._transport, trust_env=False)
         self._busy = threading.Lock()
         self._owner = 0  # the thread that the request is of

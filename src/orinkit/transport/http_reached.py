@@ -9,6 +9,7 @@ from orinkit.errors import StreamError
 from orinkit.language import pick
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.http_connection import Known, context_of
 from orinkit.transport.http_reply import MOST, Contact
 from orinkit.transport.link_errors import closed
@@ -22,16 +23,18 @@ class Reached(ABC):
         access: what lets a client in.
         most: bytes of a reply.
         known: what is known of the server already, ``None`` for nothing.
+        dead_after: seconds without an answer from its machine after which a connection is given up.
 
     Raises:
         InvalidValue: the token cannot be sent, or there are no certificates in the file.
     """
 
     def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None
-    ) -> None:
+        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        dead_after: float = DEAD_AFTER,
+    ) -> None:  # fmt: skip
         if known is None:
-            known = Known(Contact(address, access, most), context_of(address, access))
+            known = Known(Contact(address, access, most), context_of(address, access), dead_after)
         self._known = known
         self._contact = known.contact
         self._open = True

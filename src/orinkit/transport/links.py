@@ -8,11 +8,18 @@ from orinkit.errors import InvalidAddress
 from orinkit.language import pick
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
+from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.drive import Link
 from orinkit.variant_bytes import DEFAULT_LIMITS
 
 
-def open_link(address: AnyAddress, seconds: float, access: Access = NOTHING, most: int = DEFAULT_LIMITS.packet) -> Link:
+def open_link(
+    address: AnyAddress,
+    seconds: float,
+    access: Access = NOTHING,
+    most: int = DEFAULT_LIMITS.packet,
+    dead_after: float = DEAD_AFTER,
+) -> Link:
     """Open a link to an address.
 
     Args:
@@ -20,6 +27,7 @@ def open_link(address: AnyAddress, seconds: float, access: Access = NOTHING, mos
         seconds: that it may take.
         access: for HTTP.
         most: bytes of a reply over HTTP.
+        dead_after: seconds without an answer from the controller's machine after which a TCP connection is given up.
 
     Raises:
         InvalidAddress: it is one for servers, or of a CAN bus.
@@ -33,11 +41,11 @@ def open_link(address: AnyAddress, seconds: float, access: Access = NOTHING, mos
             return UdpLink.connect(address, seconds)
         from orinkit.transport.tcp import TcpLink
 
-        return TcpLink.connect(address, seconds)
+        return TcpLink.connect(address, seconds, dead_after)
     if isinstance(address, HttpAddress):
         from orinkit.transport.http_link import HttpLink
 
-        return HttpLink(address, access, most)
+        return HttpLink(address, access, most, dead_after=dead_after)
     if isinstance(address, SerialAddress):
         from orinkit.transport import serial_settings
 

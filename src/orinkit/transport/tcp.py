@@ -6,6 +6,7 @@ import socket
 from typing import Self
 
 from orinkit.transport.address import Address
+from orinkit.transport.dead_peers import DEAD_AFTER, prepare
 from orinkit.transport.link_errors import connect_failed
 from orinkit.transport.socket_link import SocketLink
 
@@ -14,8 +15,13 @@ class TcpLink(SocketLink):
     """A TCP connection used by the thread that calls; :meth:`connect` makes one."""
 
     @classmethod
-    def connect(cls, address: Address, seconds: float) -> Self:
+    def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:
         """Connect.
+
+        Args:
+            address: of the controller.
+            seconds: that it may take.
+            dead_after: seconds without an answer from the other machine after which the connection is given up.
 
         Raises:
             ConnectFailed: it could not be done within ``seconds``.
@@ -24,6 +30,5 @@ class TcpLink(SocketLink):
             connection = socket.create_connection((address.host, address.port), seconds)
         except (OSError, ValueError) as error:
             raise connect_failed(address, error) from error
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        prepare(connection, dead_after)
         return cls(connection)
