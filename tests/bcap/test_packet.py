@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from orinkit import hresult, language
 from orinkit.bcap import packet
-from orinkit.bcap.packet import Framer, Packet, check_frame, checksum, decode, decode_arguments, encode, pack
+from orinkit.bcap.packet import SOH, Framer, Packet, check_frame, checksum, decode, decode_arguments, encode, pack
 from orinkit.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.variant import ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits
@@ -211,8 +212,9 @@ def test_limits_of_one_packet():
 STREAM = [bytes.fromhex(row["hex"]) for row in PRINTED if row["transport"] == "tcp"]
 
 
-def frames(framer: Framer, data: bytes) -> list[bytes]:
-    found = []
+def frames(framer: Framer, data: bytes, found: list[bytes] | None = None) -> list[bytes]:
+    """Return the packets of a piece; with ``found`` they are put there one by one, also where an error follows."""
+    found = [] if found is None else found
     frame = framer.take(data)
     while frame is not None:
         found.append(frame)
@@ -272,26 +274,47 @@ def chunks(stream: bytes, data: st.DataObject) -> list[bytes]:
     return [stream[start:end] for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
 
 
-GARBAGE = st.binary(max_size=12).map(lambda data: data.replace(b"\1", b""))
-
-
-@given(st.lists(st.tuples(GARBAGE, st.sampled_from(STREAM)), max_size=6), GARBAGE, st.data())
-def test_garbage_before_soh_is_passed_over_and_counted(parts, rest, data):
-    stream = b"".join(garbage + good for garbage, good in parts) + rest
-    framer, found = Framer(), []
+@given(st.lists(st.sampled_from(STREAM), max_size=6), st.binary(min_size=1, max_size=12), st.data())
+def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
+    """No packet behind it counts, whether it is found at once or later."""
+    if junk[0] == SOH:
+        junk = b"\0" + junk
+    stream = b"".join(packets) + junk + b"".join(STREAM)
+    framer, found, errors = Framer(), [], []
     for chunk in chunks(stream, data):
-        found += frames(framer, chunk)
-    assert found == [good for _, good in parts]
-    assert framer.skipped == sum(len(garbage) for garbage, _ in parts) + len(rest)
+        try:
+            frames(framer, chunk, found)
+        except ProtocolError as error:
+            errors.append(error)
+    assert errors
+    assert {(error.code, error.fatal) for error in errors} == {(hresult.E_INVALIDRCVPACKET, True)}
+    assert all(f"a packet begins with SOH 01, not with {junk[0]:02x}" in str(error) for error in errors)
+    assert found == packets
     assert framer.pending == 0
 
 
-def test_garbage_is_not_kept():
+@pytest.mark.parametrize(
+    ("junk", "shown"),
+    [
+        (b"\0", r"'\x00' is no b-CAP: a packet begins with SOH 01, not with 00"),
+        (b"\x1b[2J\r\n\xff", r"'\x1b[2J\r\n\xff' is no b-CAP: a packet begins with SOH 01, not with 1b"),
+        (b"\x16\3\1" + bytes(500), r"'\x16\x03\x01" + r"\x00" * 29 + "'... is no b-CAP"),
+        (b"POST / HTTP/1.1\r\nHost: a\r\n", r"'POST / HTTP/1.1\r\nHost: a\r\n' is no b-CAP"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "not with 48. This is HTTP. Try: an http:// address"),
+        (b"OPTIONS * HTTP/1.1\r\n", "not with 4f. This is HTTP. Try: an http:// address"),
+    ],
+)
+def test_what_is_no_packet_is_shown_in_short(junk, shown):
+    lost(Framer(), junk, re.escape(shown))
+    language.use("ja")
+    lost(Framer(), junk, "は b-CAP ではありません")
+
+
+def test_junk_is_not_kept():
     framer = Framer()
     for _ in range(100):
-        assert framer.take(b"\xff" * 10_000) is None
+        lost(framer, b"\xff" * 10_000, "is no b-CAP")
         assert framer.pending == 0
-    assert framer.skipped == 1_000_000
 
 
 def lost(framer: Framer, data: bytes, match: str, code: int = hresult.E_INVALIDRCVPACKET) -> None:

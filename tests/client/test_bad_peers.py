@@ -438,7 +438,7 @@ def test_a_cancelled_close_closes_the_connection(peer_class: type[BadPeer]) -> N
 # --- not b-CAP ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("begin", [b"\x01", b"\x01\x10\x20\x00\x00", b"\x00\x01\x00\x01\x00\x00"])
+@pytest.mark.parametrize("begin", [b"\x01", b"\x01\x10\x20\x00\x00", b"\x01\x00\x01\x00\x00"])
 def test_garbage_that_looks_like_a_long_packet_is_given_up_in_the_end(both: Both, begin: bytes) -> None:
     """It swallows answers until its length is reached: calls time out, none is answered wrongly, then it is closed."""
 
@@ -459,11 +459,24 @@ def test_garbage_that_looks_like_a_long_packet_is_given_up_in_the_end(both: Both
     "garbage", [b"\x00", b"\x04\x04\x04", b"HTTP/1.1 400 Bad Request\r\n\r\n", bytes(range(2, 256)) * 40]
 )
 @PACKETS
-def test_garbage_before_the_answer_is_passed_over(both: Both, peer_class: type[BadPeer], garbage: bytes) -> None:
-    with peer_class(lambda line: line.serve(lambda request: garbage + echo(request))) as peer:
+def test_junk_before_the_answer_ends_the_connection(both: Both, peer_class: type[BadPeer], garbage: bytes) -> None:
+    """On a stream; between the packets of a serial line, and where each datagram is a packet, it is passed over."""
+
+    def script(line: Line) -> None:
+        while True:
+            line.send(garbage + echo(line.request()))
+
+    with peer_class(script) as peer:
         client = both.client(peer.url, tries=1, timeout=PATIENT)
-        for number in range(3):
-            assert ask(both, client, number) == number
+        if peer_class is BadPeer:
+            with pytest.raises(ProtocolError, match="is no b-CAP") as caught:
+                ask(both, client, 0)
+            assert caught.value.fatal
+            with pytest.raises(ConnectionClosed):
+                ask(both, client, 1)
+        else:
+            for number in range(3):
+                assert ask(both, client, number) == number
         both.run(client.close())
 
 

@@ -324,13 +324,6 @@ def test_a_stream_that_has_lost_its_place_is_told_and_closed(
         assert other.ask(START) is None
 
 
-def test_garbage_between_packets_is_passed_over(raw: RawClient) -> None:
-    raw.send(b"GET / HTTP/1.1\r\n\r\n")
-    assert raw.ask(START) is None
-    raw.send(bytes(1000) + b"\xff" * 1000)
-    assert raw.ask(START) is None
-
-
 def test_a_packet_longer_than_the_servers_limit(workshop: Workshop) -> None:
     with (
         orinkit.serve(workshop, "tcp://127.0.0.1:0", limits=Limits(packet=1000)) as server,

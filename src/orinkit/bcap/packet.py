@@ -7,6 +7,7 @@ arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian
 from __future__ import annotations
 
 import binascii
+import re
 import struct
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -27,6 +28,8 @@ LENGTH: Final = struct.Struct("<I")
 _START: Final = struct.Struct("<BI").unpack_from
 _CRC: Final = struct.Struct("<H")
 _EOT: Final = bytes([EOT])
+_SHOWN: Final = 32  # bytes of what is no packet
+_HTTP: Final = re.compile(rb"HTTP/\d|[A-Z]{3,7} [/*]")
 
 
 @dataclass(slots=True)
@@ -155,16 +158,38 @@ def _too_long(length: int, limits: Limits) -> LimitExceeded:
     )
 
 
+def _no_packet(data: bytes | bytearray) -> ProtocolError:
+    """Return the exception for bytes of a stream that do not begin with SOH; it shows the first ones in printable form."""
+    shown = ascii(bytes(data[:_SHOWN]))[1:] + ("..." if len(data) > _SHOWN else "")
+    if _HTTP.match(data):
+        hint = pick(
+            ". This is HTTP. Try: an http:// address, and a server of e-CAP",
+            "。これは HTTP です。対処: http:// のアドレスと e-CAP のサーバを使ってください",
+        )
+    else:
+        hint = ""
+    return ProtocolError(
+        pick(
+            f"{shown} is no b-CAP: a packet begins with SOH 01, not with {data[0]:02x}{hint}",
+            f"{shown} は b-CAP ではありません (パケットの先頭は SOH 01 ですが、{data[0]:02x} でした){hint}",
+        ),
+        fatal=True,
+    )
+
+
 class Framer:
     """Cuts packets out of a byte stream that may be split anywhere.
 
-    Bytes before an SOH are passed over and counted in :attr:`skipped`. A length that no packet can have, or a packet
-    that does not end with EOT, is refused: the stream has lost its place, and every later call refuses too.
+    Every packet begins where the one before ends. Anything else is refused: a first byte other than SOH, a length that no
+    packet can have, a last byte other than EOT. No packet is searched for behind it, because a web page can have a browser
+    send bytes of its choice, but only behind an HTTP header. Every later call refuses too.
     """
+
+    skipped = 0
+    """Nothing is passed over in a stream."""
 
     def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
         self.limits = limits
-        self.skipped = 0
         self._buffer = bytearray()
         self._error: ProtocolError | None = None
 
@@ -212,10 +237,7 @@ class Framer:
         if not buffer:
             return None
         if buffer[0] != SOH:
-            start = buffer.find(SOH)
-            skip = len(buffer) if start < 0 else start
-            self.skipped += skip
-            del buffer[:skip]
+            raise self._lost(_no_packet(buffer))
         if len(buffer) < 5:
             return None
         (length,) = LENGTH.unpack_from(buffer, 1)

@@ -1,6 +1,6 @@
 """How packets travel: in a stream (TCP), one to a datagram (UDP), or over a serial line (b-CAP/COM).
 
-A :class:`Wire` has all that differs. On a stream nothing is lost. On the other two a packet may be, so that a client
+A :class:`Wire` has all that differs. On a stream nothing is lost, and anything but packets ends the connection. On the other two a packet may be, so that a client
 repeats a request that is not answered: with a new serial, and with the serial of its first try in the reserved field, by
 which a server knows it again (:mod:`orinkit.bcap.repeats`).
 """
@@ -25,7 +25,7 @@ class Framing(Protocol):
     """Cuts packets out of what is received.
 
     Attributes:
-        skipped: bytes received outside any packet.
+        skipped: bytes received outside any packet that were passed over.
     """
 
     skipped: int

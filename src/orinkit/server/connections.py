@@ -78,17 +78,18 @@ class Connections:
         self.numbers = Numbers()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
-        self._warned = -math.inf
+        self._warned: dict[str, float] = {}
 
-    def refusal_level(self, now: float) -> int:
+    def refusal_level(self, now: float, kind: str = "") -> int:
         """Return the level at which it is to be logged that a client is refused: a warning in 10 s, as they may be many.
 
         Args:
             now: time of the event loop, s.
+            kind: of refusal; each kind is warned of by itself. One of a few constants.
         """
-        if now - self._warned < _QUIET:
+        if now - self._warned.get(kind, -math.inf) < _QUIET:
             return logging.DEBUG
-        self._warned = now
+        self._warned[kind] = now
         return logging.WARNING
 
     def discard(self, client: Client) -> None:

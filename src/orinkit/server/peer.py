@@ -133,7 +133,8 @@ class Peer(ABC):
             elif type(action) is Send:
                 self._send(action.data)
             elif type(action) is Close:
-                logger.warning("%s: closed: %s", self._name, action.reason)
+                level = self._shared.refusal_level(self._loop.time(), "closed")
+                logger.log(level, "%s: closed: %s", self._name, action.reason)
                 self.close()
                 return
             elif type(action) is Reset:

@@ -1,0 +1,293 @@
+"""Bytes of another protocol on a b-CAP port: what a web page can have a browser send does nothing."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import logging
+import queue
+import shutil
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import orinkit
+from orinkit import functions as f
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.cao.table import Function
+from orinkit.gateway import RemoteProvider
+from orinkit.server.background import Server
+from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.rc8.control import ControlProvider
+from peers import RawClient
+from waiting import PATIENCE, until
+
+FLOOD = 64 * 1024 * 1024
+
+
+def packets(*calls: tuple[Function[..., Any], *tuple[Any, ...]]) -> bytes:
+    """Return calls as they are sent; handles are known beforehand: they count up from 2."""
+    return b"".join(
+        packet.encode(Packet(serial, function.id, list(arguments)))
+        for serial, (function, *arguments) in enumerate(calls, 1)
+    )
+
+
+ROBOT = packets(
+    (f.service_start, ""),
+    (f.controller_connect, "", "CaoProv.DENSO.VRC", "localhost", ""),  # 2
+    (f.controller_get_variable, 2, "IO128", ""),  # 3
+    (f.variable_put_value, 3, True),
+    (f.controller_get_robot, 2, "Arm", ""),  # 4
+    (f.robot_execute, 4, "Takearm", [0, 0]),
+    (f.robot_execute, 4, "Motor", [1, 0]),
+)
+PENDANT = packets(
+    (f.service_start, ""),
+    (f.controller_connect, "", "CaoProv.orinkit.Pendant", "localhost", ""),
+    (f.controller_execute, 2, "EmergencyStop", True),
+    (f.controller_execute, 2, "Mode", "manual"),
+)
+
+
+def post(body: bytes, *, port: int, method: str = "POST") -> bytes:
+    """Return what Chromium sends for ``fetch(url, {method: "POST", mode: "no-cors", body: new Blob([...])})``."""
+    return (
+        f"{method} / HTTP/1.1\r\n"
+        f"Host: 127.0.0.1:{port}\r\n"
+        "Connection: keep-alive\r\n"
+        f"Content-Length: {len(body)}\r\n"
+        'sec-ch-ua-platform: "Linux"\r\n'
+        "User-Agent: Mozilla/5.0 (X11; Linux x86_64) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/140.0.0.0 Safari/537.36\r\n"
+        'sec-ch-ua: "Chromium";v="140", "Not=A?Brand";v="24"\r\n'
+        "Content-Type: text/plain\r\n"
+        "sec-ch-ua-mobile: ?0\r\n"
+        "Accept: */*\r\n"
+        "Origin: http://evil.example\r\n"
+        "Sec-Fetch-Site: cross-site\r\n"
+        "Sec-Fetch-Mode: no-cors\r\n"
+        "Sec-Fetch-Dest: empty\r\n"
+        "Referer: http://evil.example/\r\n"
+        "Accept-Encoding: gzip, deflate, br, zstd\r\n"
+        "Accept-Language: en-US,en;q=0.9\r\n"
+        "\r\n"
+    ).encode() + body
+
+
+@pytest.fixture
+def rc8() -> Iterator[VirtualRC8]:
+    device = VirtualRC8()
+    yield device
+    device.close()
+
+
+@contextmanager
+def served(kind: str, rc8: VirtualRC8) -> Iterator[Server]:
+    """Serve b-CAP at one of the places where it is served."""
+    if kind == "server":
+        with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+            yield server
+    elif kind == "pendant":
+        with orinkit.serve(ControlProvider(rc8), "tcp://127.0.0.1:0") as server:
+            yield server
+    else:
+        with (
+            orinkit.serve(rc8, "tcp://127.0.0.1:0") as behind,
+            orinkit.serve(RemoteProvider(behind.url), "tcp://127.0.0.1:0") as server,
+        ):
+            yield server
+
+
+def port_of(server: Server) -> int:
+    return int(server.url.rpartition(":")[2])
+
+
+def standing(rc8: VirtualRC8) -> dict[str, Any]:
+    """Return how everything stands that an attack could change."""
+    return {**rc8.pendant.status(), "io": rc8.state.variables.points(128, 8)}
+
+
+def end_of(client: RawClient) -> bytes:
+    """Return what a server says before it closes the connection."""
+    said = b""
+    try:
+        while data := client.socket.recv(65536):
+            said += data
+    except ConnectionError:  # it has closed with bytes of ours unread
+        pass
+    return said
+
+
+def test_the_attack_would_work(rc8: VirtualRC8) -> None:
+    """The packets are right: without what a browser sends before them they do what they say."""
+    with served("server", rc8) as server, RawClient(server.url) as raw:
+        raw.send(ROBOT)
+        assert [raw.packet().code for _ in range(7)] == [hresult.S_OK] * 7
+        assert standing(rc8)["io"] == 1
+        assert standing(rc8)["arm_holder"]
+
+
+@pytest.mark.parametrize("method", ["POST", "OPTIONS", "PUT"])
+@pytest.mark.parametrize("kind", ["server", "gateway", "pendant"])
+def test_a_web_page_cannot_call_anything(
+    rc8: VirtualRC8, caplog: pytest.LogCaptureFixture, kind: str, method: str
+) -> None:
+    caplog.set_level(logging.INFO, "orinkit.server")
+    with served(kind, rc8) as server:
+        before = standing(rc8)
+        with RawClient(server.url) as browser:
+            browser.send(post(PENDANT if kind == "pendant" else ROBOT, port=port_of(server), method=method))
+            said = end_of(browser)
+        assert said in (b"", packet.encode(Packet(0, hresult.E_INVALIDRCVPACKET)))
+        until(lambda: server.clients == 0)
+        assert standing(rc8) == before
+        warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+        assert len(warnings) == 1
+        assert f"'{method} / HTTP/1.1\\r\\n" in warnings[0]
+        assert "This is HTTP" in warnings[0]
+        with RawClient(server.url) as other:
+            assert other.ask(f.service_start.id, "") is None
+
+
+@pytest.mark.parametrize("size", [1, 100, 1000])
+def test_a_web_page_cannot_call_anything_in_pieces(rc8: VirtualRC8, size: int) -> None:
+    data = post(ROBOT, port=5007)
+    with served("server", rc8) as server:
+        before = standing(rc8)
+        with RawClient(server.url) as browser:
+            try:
+                for begin in range(0, len(data), size):
+                    browser.send(data[begin : begin + size])
+            except ConnectionError:
+                pass
+            end_of(browser)
+        until(lambda: server.clients == 0)
+        assert standing(rc8) == before
+
+
+def test_packets_behind_junk_behind_packets_are_not_executed(rc8: VirtualRC8) -> None:
+    """A connection that was in order has lost its place."""
+    with served("server", rc8) as server, RawClient(server.url) as raw:
+        assert raw.ask(f.service_start.id, "") is None
+        before = standing(rc8)
+        raw.send(b"\0" + ROBOT)
+        end_of(raw)
+        until(lambda: server.clients == 0)
+        assert standing(rc8) == before
+
+
+def test_a_flood_of_junk_is_not_taken(rc8: VirtualRC8) -> None:
+    """No more than what the kernel holds is taken off a client that speaks something else."""
+    with served("server", rc8) as server, RawClient(server.url) as raw:
+        sent = 0
+        with pytest.raises((ConnectionError, TimeoutError)):
+            while sent < FLOOD:
+                raw.send(bytes(65536))
+                sent += 65536
+        assert sent < FLOOD
+        until(lambda: server.clients == 0)
+
+
+def test_many_who_speak_something_else_are_one_warning(rc8: VirtualRC8, caplog: pytest.LogCaptureFixture) -> None:
+    """One in 10 s; the others are told of at the level DEBUG, each once."""
+    caplog.set_level(logging.DEBUG, "orinkit.server")
+    with served("server", rc8) as server:
+        for _ in range(20):
+            with RawClient(server.url) as raw:
+                raw.send(post(ROBOT, port=5007) * 3)
+                end_of(raw)
+        until(lambda: server.clients == 0)
+    told = [record for record in caplog.records if "This is HTTP" in record.getMessage()]
+    assert len(told) == 20
+    assert sum(record.levelno == logging.WARNING for record in told) == 1
+
+
+# --- real clients of HTTP ---------------------------------------------------------------------------------------------
+
+PAGE = """<!doctype html><script>
+const bodies = %s;
+Promise.allSettled(Object.entries(bodies).map(([port, body]) => fetch(`http://127.0.0.1:${port}/`, {
+  method: "POST", mode: "no-cors", headers: {"Content-Type": "text/plain"}, body: new Uint8Array(body),
+}))).then(results => fetch("/done", {method: "POST", body: JSON.stringify(results.map(each => each.status))}));
+</script>"""
+
+
+class Site(http.server.BaseHTTPRequestHandler):
+    """A web site whose page attacks; ``server`` has its ``page``, and ``done`` for what came of it."""
+
+    def do_GET(self) -> None:
+        self._say(self.server.page.encode() if self.path == "/" else b"")  # type: ignore[attr-defined]
+
+    def do_POST(self) -> None:
+        self.server.done.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))  # type: ignore[attr-defined]
+        self._say(b"")
+
+    def _say(self, body: bytes) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@contextmanager
+def everywhere(rc8: VirtualRC8) -> Iterator[dict[int, bytes]]:
+    """Serve a controller, a gateway to it and its pendant; yields what is sent to which port."""
+    with ExitStack() as stack:
+        ports = {}
+        for kind in ("server", "gateway", "pendant"):
+            server = stack.enter_context(served(kind, rc8))
+            ports[port_of(server)] = PENDANT if kind == "pendant" else ROBOT
+        yield ports
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="there is no Chromium")
+def test_a_page_in_chromium_cannot_call_anything(rc8: VirtualRC8, tmp_path: Path) -> None:
+    site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Site)
+    site.done = queue.Queue()  # type: ignore[attr-defined]
+    thread = threading.Thread(target=site.serve_forever)
+    thread.start()
+    try:
+        with everywhere(rc8) as ports:
+            before = standing(rc8)
+            site.page = PAGE % json.dumps({port: list(body) for port, body in ports.items()})  # type: ignore[attr-defined]
+            browser = subprocess.Popen(
+                ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+                 f"--user-data-dir={tmp_path}", f"http://127.0.0.1:{site.server_port}/"],
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+            try:
+                results = site.done.get(timeout=4 * PATIENCE)  # type: ignore[attr-defined]
+            finally:
+                browser.terminate()
+                browser.wait(PATIENCE)
+            assert standing(rc8) == before
+            assert len(results) == 3
+    finally:
+        site.shutdown()
+        site.server_close()
+        thread.join(PATIENCE)
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="there is no curl")
+def test_curl_cannot_call_anything(rc8: VirtualRC8) -> None:
+    with everywhere(rc8) as ports:
+        before = standing(rc8)
+        for port, body in ports.items():
+            done = subprocess.run(
+                ["curl", "--silent", "--max-time", f"{PATIENCE:.0f}", "--header", "Content-Type: text/plain",
+                 "--data-binary", "@-", f"http://127.0.0.1:{port}/"],
+                input=body, capture_output=True, check=False,
+            )  # fmt: skip
+            assert done.returncode not in (0, 28), done  # not answered in HTTP, and not only after a time-out
+        assert standing(rc8) == before
