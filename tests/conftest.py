@@ -12,6 +12,7 @@ from hypothesis import settings
 
 from both import LISTEN_AT, Both
 from orinkit import language
+from orinkit.server.throttle import THROTTLE
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a background job of a shell: Ctrl-C is tested too
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -33,6 +34,14 @@ def _english() -> Iterator[None]:
     language.use("en")
     yield
     language.use(before)
+
+
+@pytest.fixture(autouse=True)
+def _log_of_its_own() -> Iterator[None]:
+    """What one test has logged does not count against the next one."""
+    THROTTLE.forget()
+    yield
+    THROTTLE.forget()
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ changed at any time with :func:`use`. Whatever the language, a text in which som
 from __future__ import annotations
 
 import os
-from typing import Literal
+from typing import Final, Literal
 
 Language = Literal["en", "ja"]
 
@@ -42,6 +42,29 @@ def pick(en: str, ja: str) -> str:
     return ja if _current == "ja" else en
 
 
-def printable(text: str) -> str:
-    """Return a text as one line with its control characters visible: it must not steer the terminal it is shown on."""
+LONGEST: Final = 200
+"""Characters of somebody else's text that an error or a log shows."""
+_QUOTED: Final = 40  # of one that an error quotes
+
+
+def visible(text: str) -> str:
+    """Return a text with its control characters as escapes: it must not steer the terminal it is shown on."""
     return text if text.isprintable() else "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+
+
+def cut(text: str, longest: int = LONGEST) -> str:
+    """Return the beginning of a text, with an ellipsis where it goes on."""
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
+
+
+def printable(text: str, longest: int = LONGEST) -> str:
+    """Return the beginning of a text for a line that people read, :func:`visible`.
+
+    It is cut first: escapes of a text of megabytes would take seconds.
+    """
+    return visible(cut(text, longest))
+
+
+def quoted(text: object, longest: int = _QUOTED) -> str:
+    """Return the beginning of somebody else's text as an error quotes it, or any other value as its short ``repr``."""
+    return repr(cut(text, longest)) if isinstance(text, str) else cut(repr(text), longest)

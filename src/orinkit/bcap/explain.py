@@ -167,8 +167,7 @@ def _code_name(code: int) -> str:
 def _notation(vt: int, count: int, data: bytes) -> str:
     """Return a value in notation, from its own bytes."""
     value, _ = variant_bytes.decode(_ARGUMENT.pack(_HEAD.size + len(data), vt, count) + data, exact=True)
-    text = printable(format_variant(value))
-    return text if len(text) <= LONGEST_MEANING else f"{text[: LONGEST_MEANING - 1]}…"
+    return printable(format_variant(value), LONGEST_MEANING)
 
 
 # --- the walk ---------------------------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from orinkit.cao.options import Options
 from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Later, Provider
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, InvalidValue, error_for
-from orinkit.language import pick, printable
+from orinkit.language import cut, pick, printable, quoted
 from orinkit.variant import Variant, VarType, variant
 
 logger = logging.getLogger("orinkit.session")
@@ -32,6 +32,7 @@ logger = logging.getLogger("orinkit.session")
 _FIRST_HANDLE: Final = 2  # as in the documents' samples (RC8 3.1.2): the service itself is 1
 _LAST_HANDLE: Final = 0x7FFF_FFFF
 _REASONS: Final = 32  # codes of which a client is told why
+_MOST_TOLD: Final = 1000  # characters of a reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,7 @@ class Host:
             offered = ", ".join(dict.fromkeys(name for p in self.providers for name in p.provider_names))
             raise error_for(
                 hresult.E_CAO_PROV_INVALID,
-                pick(f"{name!r}; served here: {offered}", f"{name!r}。提供中のプロバイダ: {offered}"),
+                pick(f"{quoted(name)}; served here: {offered}", f"{quoted(name)}。提供中のプロバイダ: {offered}"),
             )
         return found
 
@@ -313,10 +314,13 @@ class Session:
     def _failed(self, function: Function[..., Any], error: BaseException) -> Reply:
         if isinstance(error, CallError) and hresult.failed(error.code):
             # only the code goes over the wire: what the device has to say beside it is told here
-            logger.log(logging.INFO if error.detail else logging.DEBUG, "%s: %s", function.name, printable(str(error)))
+            level = logging.INFO if error.detail else logging.DEBUG
+            if logger.isEnabledFor(level):
+                told = printable(str(error), _MOST_TOLD)
+                logger.log(level, "%s: %s", function.name, told, extra={"kind": function.name})
             return self._failure(error.code, error.detail)
-        logger.error("%s: the device raised an exception", function.name, exc_info=error)
-        return self._failure(hresult.E_FAIL, "".join(format_exception_only(error)).strip())
+        logger.error("%s: the device raised an exception", function.name, exc_info=error, extra={"kind": function.name})
+        return self._failure(hresult.E_FAIL, cut("".join(format_exception_only(error)).strip(), _MOST_TOLD))
 
     def _failure(self, code: int, detail: str) -> Reply:
         """Return the reply for a call that failed, and remember of what."""
@@ -377,7 +381,7 @@ class Session:
             with entry.guard:
                 entry.served.release()
         except BaseException:
-            logger.exception("release of %s %r", entry.interface, entry.label)
+            logger.exception("release of %s %s", entry.interface, quoted(entry.label))
 
     def close(self) -> None:
         """Release everything, newest first, for good: the client has gone."""

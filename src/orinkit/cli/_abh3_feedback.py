@@ -7,8 +7,8 @@ import sys
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, Final, Self, cast
 
-from orinkit.cli._abh3_outlet import Outlet
 from orinkit.language import pick
+from orinkit.outlet import Outlet
 
 if TYPE_CHECKING:
     from orinkit.abh3.records import BR0, BR3, BR4, DP0R, DP0RV2, Flags

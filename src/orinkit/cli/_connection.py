@@ -193,7 +193,7 @@ def _words(controller: orinkit.Controller, error: CallError) -> str:
         return ""
     if not isinstance(words, str) or words.strip() in ("", error.info.en, error.info.ja):
         return ""
-    return printable(" ".join(words.split()))[:_MOST_WORDS]
+    return printable(" ".join(words.split()), _MOST_WORDS)
 
 
 def _to_stderr(packet: Packet) -> None:

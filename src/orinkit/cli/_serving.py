@@ -14,11 +14,13 @@ from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
+from orinkit import logs
 from orinkit.cao.provider import Provider
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._web import Web
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
+from orinkit.server.accepting import watch
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.transport.address import Address, HttpAddress, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
@@ -150,11 +152,7 @@ def begin_log(listening: Listening) -> None:
     """Have the log written to stderr; :func:`run` does so too, this is for commands that log something before."""
     if not listening.verbose:  # it tells of every request that a gateway makes
         logging.getLogger("httpx2").setLevel(logging.WARNING)
-    logging.basicConfig(
-        stream=sys.stderr,
-        level=logging.DEBUG if listening.verbose else logging.INFO,
-        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
-    )
+    logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)
 
 
 def run(
@@ -179,6 +177,7 @@ async def _serve(
     before: Sequence[str],
 ) -> None:
     stop = asyncio.Event()
+    watch(asyncio.get_running_loop())
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:
             server = AsyncServer(

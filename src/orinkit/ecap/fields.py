@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
-from orinkit.language import pick, printable
+from orinkit.language import pick, quoted
 
 ARGUMENTS: Final = 5
 """How many arguments a request has."""
@@ -28,8 +28,7 @@ MOST: Final = 32
 BLANKS: Final = " \t\r\n"
 """What may stand around names and numbers."""
 
-_LONGEST: Final = 200  # characters of a value that is shown to people
-_QUOTED: Final = 40  # of one that an error quotes
+_QUOTED: Final = 160  # bytes of a piece that an error quotes, of which it shows 40 characters
 _BLANK: Final = rb"[ \t\r\n]*+"
 _NAME: Final = rb"(func|arg[1-5])" + _BLANK + rb"="
 _SEPARATOR: Final = re.compile(rb"&|,(?=" + _BLANK + _NAME.replace(b"(", b"(?:") + rb")", re.IGNORECASE)
@@ -177,14 +176,4 @@ def _unknown(piece: bytes) -> CallError:
 
 
 def _quoted(piece: bytes) -> str:
-    return quoted(piece[: 4 * _QUOTED].decode("utf-8", "replace"))
-
-
-def quoted(text: str) -> str:
-    """Return the beginning of a text as an error quotes it."""
-    return repr(text if len(text) <= _QUOTED else f"{text[: _QUOTED - 1]}…")
-
-
-def shown(text: str) -> str:
-    """Return the beginning of a text for a line that people read, printable."""
-    return printable(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…")
+    return quoted(piece[:_QUOTED].decode("utf-8", "replace"))

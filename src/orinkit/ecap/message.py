@@ -22,9 +22,9 @@ from orinkit._notation_numbers import LONGEST, REAL, WHOLE
 from orinkit.cao import coerce
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Argument, Function
-from orinkit.ecap.fields import ARGUMENTS, BLANKS, Field, quoted, read_fields, refused, shown, to_text
+from orinkit.ecap.fields import ARGUMENTS, BLANKS, Field, read_fields, refused, to_text
 from orinkit.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, printable, quoted
 from orinkit.notation import format_variant, parse
 from orinkit.variant import ARRAY, Variant, VarType, misfit, trusted, variant
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
@@ -101,12 +101,12 @@ def explain_request(body: bytes) -> str:
         return pick(f"not an e-CAP request: {error.detail}", f"e-CAP の要求ではありません: {error.detail}")
     word = fields.pop("func").text.strip(BLANKS)
     function = FUNCTIONS.get(_whole(word) or 0)
-    words = [function.name if function else pick(f"function {shown(word)}?", f"関数 {shown(word)}?")]
+    words = [function.name if function else pick(f"function {printable(word)}?", f"関数 {printable(word)}?")]
     arguments = function.arguments if function else ()
     for number, argument in enumerate(arguments, 1):
-        text = shown(fields.pop(f"arg{number}", _EMPTY).text)
+        text = printable(fields.pop(f"arg{number}", _EMPTY).text)
         words.append(f'{argument.name}="{text}"' if argument.vt is VarType.BSTR else f"{argument.name}={text}")
-    words += [f'{name.capitalize()}="{shown(field.text)}"' for name, field in sorted(fields.items()) if field.text]
+    words += [f'{name.capitalize()}="{printable(field.text)}"' for name, field in sorted(fields.items()) if field.text]
     return " ".join(words)
 
 
@@ -333,7 +333,7 @@ def read_reply(body: bytes, limits: Limits = DEFAULT_LIMITS) -> tuple[int, Varia
 def read_detail(body: bytes) -> str:
     """Return what a reply says of its failure behind the return code, as one line; ``""`` where it says nothing."""
     _, rest = _cut_reply(body)
-    return shown(" ".join(rest[: 4 * _DETAIL].decode("utf-8", "replace").split()))
+    return printable(" ".join(rest[: 4 * _DETAIL].decode("utf-8", "replace").split()))
 
 
 def explain_reply(body: bytes) -> str:
@@ -347,7 +347,7 @@ def explain_reply(body: bytes) -> str:
         name = "" if info.name.startswith("0x") else f" {info.name}"
         detail = read_detail(body)
         return f"0x{code:08X}{name}: {info.text}" + (f" [{detail}]" if detail else "")
-    return f"{info.name} {shown(rest[:1000].decode('utf-8', 'replace'))}".rstrip()
+    return f"{info.name} {printable(rest[:1000].decode('utf-8', 'replace'))}".rstrip()
 
 
 def _cut_reply(body: bytes) -> tuple[int, bytes]:

@@ -14,6 +14,7 @@ from orinkit.language import pick
 from orinkit.server.connections import Connections, Listener
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.tcp import TcpListener
+from orinkit.server.throttle import THROTTLE
 from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.links import for_drivers
@@ -109,6 +110,7 @@ class AsyncServer:
             await listener.close()
         self._listeners.clear()
         await self._connections.close(_GRACE)
+        THROTTLE.report()
 
     async def __aenter__(self) -> Self:
         await self.start()

@@ -22,9 +22,12 @@ class Server:
     def __init__(self, server: AsyncServer) -> None:
         import asyncio
 
+        from orinkit.server.accepting import watch
+
         self._asyncio = asyncio
         self._server = server
         self._loop = asyncio.new_event_loop()
+        watch(self._loop)
         self._thread = threading.Thread(target=self._run, name="orinkit-server", daemon=True)
         self._closed = False
         self._thread.start()

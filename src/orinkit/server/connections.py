@@ -8,6 +8,7 @@ import math
 from typing import Final, Protocol
 
 from orinkit.cao.session import Host, Numbers
+from orinkit.server import throttle
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import Limits
 
@@ -64,6 +65,7 @@ class Connections:
     def __init__(
         self, host: Host, limits: Limits, clients: int, invoke_timeout: float, dead_after: float = DEAD_AFTER
     ) -> None:
+        throttle.install()
         self.host = host
         self.limits = limits
         self.clients = clients

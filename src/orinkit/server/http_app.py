@@ -28,6 +28,7 @@ from orinkit.server.http_door import Door, Headers, closed, plain, too_long
 from orinkit.server.http_guard import GuardedProtocol
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
+from orinkit.server.throttle import CLIENT
 from orinkit.server.waiting import in_thread
 from orinkit.variant import VARIANT_ARRAY, Variant
 
@@ -83,6 +84,7 @@ class App:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
         exchange = Exchange(scope, receive, send)
+        CLIENT.set(exchange.connection.host)
         try:
             refusal = closed() if self._shared.closing else self._door.refusal(scope["method"], exchange.headers)
             if refusal is None:

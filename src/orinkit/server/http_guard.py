@@ -23,6 +23,7 @@ from uvicorn.server import ServerState
 
 from orinkit.language import pick
 from orinkit.server.connections import Connections
+from orinkit.server.throttle import CLIENT
 from orinkit.transport.dead_peers import prepare
 
 logger = logging.getLogger("orinkit.server")
@@ -172,6 +173,11 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return f"{host}:{port}/http"
 
     @property
+    def host(self) -> str:
+        """Its address without the port."""
+        return self.client[0] if self.client else ""
+
+    @property
     def at_work(self) -> bool:
         """Whether a request has come whole and has not been answered."""
         return self._stage is Stage.WORK
@@ -204,6 +210,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
             return
         super().connection_made(cast("asyncio.Transport", transport))
         prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
+        CLIENT.set(self.host)
         if self.scheme == "http":  # the entrance to TLS has been through this
             self._shared.opening -= 1
         early, self._early = self._early, None
@@ -225,6 +232,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         """The client has sent something."""
+        CLIENT.set(self.host)
         data = bytes(self._shared.view[:nbytes])
         if self._early is None:
             self.data_received(data)

@@ -9,11 +9,12 @@ import asyncio
 import ssl
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Self
 
 from orinkit import extra
 from orinkit.errors import ConnectFailed
 from orinkit.language import pick
+from orinkit.server.accepting import ONE_AT_A_TIME, deepen
 from orinkit.server.connections import Connections
 from orinkit.server.http_options import HttpOptions
 from orinkit.transport.address import HttpAddress
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from uvicorn.config import Config
 
     from orinkit.server.http_app import App
-
-_BACKLOG: Final = 512
 
 
 class HttpListener:
@@ -69,12 +68,13 @@ class HttpListener:
             return make() if context is None else Entrance(guard, context, make)
 
         server = await asyncio.get_running_loop().create_server(
-            accept, address.host, address.port, backlog=_BACKLOG, reuse_address=True, start_serving=False
+            accept, address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True, start_serving=False
         )
         port = server.sockets[0].getsockname()[1]
         app.listens_at(port)
         try:
             await server.start_serving()
+            deepen(server)
         except BaseException:
             server.close()
             raise

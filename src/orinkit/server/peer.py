@@ -15,6 +15,7 @@ from orinkit.cao.provider import Blocking, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.server.connections import Connections
+from orinkit.server.throttle import CLIENT
 from orinkit.server.waiting import result_of
 
 logger = logging.getLogger("orinkit.server")
@@ -35,12 +36,14 @@ class Peer(ABC):
 
     Attributes:
         _name: who it is, for the log.
+        _host: the same without the port: one who comes again is the same client.
         _send: sends bytes, or drops them where nobody takes them; never waits.
         _is_gone: tells whether there is nobody any more to whom anything could be sent.
         _session: its objects; ``None`` while it is no client.
     """
 
     _name: str
+    _host: str
     _send: Callable[[bytes], None]
     _is_gone: Callable[[], bool]
 
@@ -60,6 +63,7 @@ class Peer(ABC):
     def _admit(self) -> Session | None:
         """Make it a client, if there is room for one more."""
         shared = self._shared
+        CLIENT.set(self._host)
         if shared.closing or len(shared.open) >= shared.clients:
             level = shared.refusal_level(self._loop.time())
             logger.log(level, "%s refused: %d clients are connected", self._name, len(shared.open))
@@ -82,8 +86,10 @@ class Peer(ABC):
         if task is not None and self._cancellable:
             task.cancel()
         if session is not None:
+            before = CLIENT.set(self._host)  # the server may be closing, in a task of the program
             logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
             session.close()
+            CLIENT.reset(before)
 
     @abstractmethod
     def _about(self) -> ClientInfo:
@@ -119,6 +125,7 @@ class Peer(ABC):
     # --- what the conversation says ---------------------------------------------------------------------------------
 
     def _act(self, actions: Iterator[Action]) -> None:
+        CLIENT.set(self._host)  # nobody resets it: every entry into a connection sets its own
         for action in actions:
             if self._is_gone():  # what else it asked for is for nobody
                 return

@@ -45,7 +45,7 @@ class LineCaller(Caller, asyncio.Protocol):
         lost: Callable[[Exception | None], None] | None = None,
     ) -> None:
         super().__init__(shared, loop, LINE)
-        self._name = path
+        self._name = self._host = path
         self._lost = lost
         self._full = False
         self._heard = 0.0

@@ -8,12 +8,12 @@ from typing import Final, Self
 from orinkit.bcap.server import Execute
 from orinkit.bcap.wire import STREAM
 from orinkit.cao.provider import ClientInfo
+from orinkit.server.accepting import ONE_AT_A_TIME, deepen
 from orinkit.server.connections import Connections
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
 from orinkit.transport.dead_peers import prepare
 
-_BACKLOG: Final = 512
 _TO_BE_TOLD: Final = 5.0  # seconds in which one client too many may ask once and be told
 
 
@@ -40,6 +40,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         host, port = (transport.get_extra_info("peername") or ("", 0))[:2]
         self._place = (host, port)
         self._name = f"{host}:{port}"
+        self._host = str(host)
         self._shared.opening -= 1
         self._shared.all.add(self)
         if self._shared.closing:
@@ -114,8 +115,9 @@ class TcpListener:
         """
         loop = asyncio.get_running_loop()
         server = await loop.create_server(
-            lambda: TcpConnection(shared, loop), address.host, address.port, backlog=_BACKLOG, reuse_address=True
+            lambda: TcpConnection(shared, loop), address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True
         )
+        deepen(server)
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))
 
     async def close(self) -> None:

@@ -39,6 +39,7 @@ class UdpCaller(Caller):
         self.place = place
         self._socket = at
         self._name = f"{place[0]}:{place[1]}/udp"
+        self._host = str(place[0])
         self._send = partial(at.send, place)
         self._is_gone = at.is_gone
         self._heard = 0.0

@@ -1,9 +1,11 @@
-"""Writing without waiting: whoever drives a motor must not be held up by a reader that does not read."""
+"""Writing without waiting: what drives a robot or a motor must not be held up by a reader that does not read."""
 
 from __future__ import annotations
 
 import os
+import time
 from collections import deque
+from collections.abc import Callable
 from threading import Condition, Thread
 from typing import Final, TextIO
 
@@ -19,14 +21,18 @@ class Outlet:
 
     Args:
         stream: stdout or stderr; ``None`` where it is closed: nothing is written then.
+        notice: makes a text of the number of texts that were dropped; it is written as soon as there is room again. Without
+            it nothing is.
 
     Attributes:
         dropped: how many texts nobody has read.
         error: what has ended the writing, ``None`` as long as nothing has.
     """
 
-    def __init__(self, stream: TextIO | None) -> None:
+    def __init__(self, stream: TextIO | None, notice: Callable[[int], str] | None = None) -> None:
         self.dropped = 0
+        self._notice = notice
+        self._untold = 0  # texts dropped of which no notice tells yet
         self.error: OSError | None = None
         self._stream = stream
         self._texts: deque[str] = deque()
@@ -55,10 +61,12 @@ class Outlet:
             return len(text)
         with self._changed:
             if self.error is None and len(self._texts) < _MOST:
+                self._tell()
                 self._texts.append(text)
                 self._changed.notify_all()
             else:
                 self.dropped += 1
+                self._untold += 1
         return len(text)
 
     def flush(self) -> None:
@@ -69,15 +77,16 @@ class Outlet:
         if self.error is not None:
             raise self.error
 
-    def close(self) -> None:
-        """Wait until all is written, or no reader has taken anything for a second."""
+    def close(self, seconds: float = float("inf")) -> None:
+        """Wait until all is written, no reader has taken anything for a second, or the seconds have passed."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
         thread, written = self._thread, -1
-        while thread is not None and thread.is_alive() and written < self._written:
+        end = time.monotonic() + seconds
+        while thread is not None and thread.is_alive() and written < self._written and time.monotonic() < end:
             written = self._written
-            thread.join(_PATIENCE)
+            thread.join(min(_PATIENCE, max(0.0, end - time.monotonic())))
         with self._changed:
             self.dropped += len(self._texts)
             self._texts.clear()
@@ -101,8 +110,16 @@ class Outlet:
             with self._changed:
                 self.error = error
 
+    def _tell(self) -> None:
+        """Put the notice of what was dropped behind what was not."""
+        if self._notice is not None and self._untold:
+            self._texts.append(self._notice(self._untold))
+        self._untold = 0
+
     def _next(self) -> str | None:
         with self._changed:
+            if not self._texts:
+                self._tell()
             self._changed.wait_for(lambda: self._texts or self._ended)
             return self._texts.popleft() if self._texts else None
 

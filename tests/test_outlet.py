@@ -11,8 +11,8 @@ from typing import TextIO
 
 import pytest
 
-from orinkit.cli import _abh3_outlet
-from orinkit.cli._abh3_outlet import Outlet
+from orinkit import outlet as outlet_module
+from orinkit.outlet import Outlet
 from waiting import PATIENCE, until
 
 
@@ -39,7 +39,7 @@ def outlets() -> list[str]:
 
 
 def test_all_is_written_in_its_order(pipe, monkeypatch):
-    monkeypatch.setattr(_abh3_outlet, "_PATIENCE", PATIENCE)
+    monkeypatch.setattr(outlet_module, "_PATIENCE", PATIENCE)
     ours, stream = pipe
     outlet = Outlet(stream)
     for number in range(500):
