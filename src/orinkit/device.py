@@ -69,7 +69,7 @@ from orinkit.declared import robot as robot
 from orinkit.declared import task as task
 from orinkit.declared import variable as variable
 from orinkit.errors import error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.variant import Value, Variant
 
 READABLE: Final = 1
@@ -309,8 +309,8 @@ class _PartObject(OwnerObject):
             name = declared.method.__qualname__
             raise TypeError(
                 pick(
-                    f"{name} must return {wanted}, not {below!r:.100}",
-                    f"{name} は {wanted} を返す必要があります: {below!r:.100}",
+                    f"{name} must return {wanted}, not {quoted(below, 100)}",
+                    f"{name} は {wanted} を返す必要があります: {quoted(below, 100)}",
                 )
             )
         return _KINDS[kind](below, declared.name, declared.help)
@@ -318,7 +318,8 @@ class _PartObject(OwnerObject):
 
 def _among(name: str, names: Sequence[str]) -> str:
     return pick(
-        f"{name!r}; there are: {', '.join(names) or 'none'}", f"{name!r}。あるもの: {', '.join(names) or 'なし'}"
+        f"{quoted(name)}; there are: {', '.join(names) or 'none'}",
+        f"{quoted(name)}。あるもの: {', '.join(names) or 'なし'}",
     )
 
 

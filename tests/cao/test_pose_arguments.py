@@ -162,7 +162,7 @@ MISMATCH = "a pose: VT_BSTR, an array of numbers or a VARIANT array is wanted"
         (form(1, 4), BAD, "4 is no type of a pose"),
         (form(1, "X"), BAD, "'X' is no type of a pose"),
         (form(1, "P2"), BAD, "'P2' is no type of a pose"),
-        (form(1, "x" * 1000), BAD, "'XXXXXXXXXXXXXXXXXXX is no type of a pose"),
+        (form(1, "x" * 1000), BAD, "'XXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXX…' is no type of a pose"),
         (form(1, 0.5), BAD, "0.5 is no whole number"),
         (form(1, "P", -3), BAD, "-3 is no pass mark: -1 is @P"),
         (form(1, "P", -1.5), BAD, "-1.5 is no pass mark"),

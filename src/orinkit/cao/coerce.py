@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from orinkit import hresult
 from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
@@ -47,7 +47,9 @@ def to_number(given: Variant) -> float | int:
         try:
             return _number_in(value)
         except ValueError:
-            raise wrong_type(given, pick(f"a number, not {value!r:.40},", f"数値 ({value!r:.40} ではなく)")) from None
+            raise wrong_type(
+                given, pick(f"a number, not {quoted(value)},", f"数値 ({quoted(value)} ではなく)")
+            ) from None
     if isinstance(value, Decimal):
         return int(value) if value == value.to_integral_value(context=CY_CONTEXT) else float(value)
     if isinstance(value, int | float) and given.type != VarType.DATE:

@@ -25,7 +25,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 from orinkit import hresult
 from orinkit.errors import CallError, NotationError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.poses import PassMark
 
 MAX_PERCENT: Final = 100.0
@@ -141,12 +141,12 @@ def _option(part: str) -> tuple[str, Any]:
         return "pose", _pose(part, value)
     if _CONDITION.match(name):
         raise _invalid(
-            f"{part!r:.40}: IF and UNTIL are for programs on the controller; the options here are {_KNOWN}",
-            f"{part!r:.40}: IF と UNTIL はコントローラ上のプログラムでのみ使えます。ここで使えるのは {_KNOWN} です",
+            f"{quoted(part)}: IF and UNTIL are for programs on the controller; the options here are {_KNOWN}",
+            f"{quoted(part)}: IF と UNTIL はコントローラ上のプログラムでのみ使えます。ここで使えるのは {_KNOWN} です",
         )
     raise _invalid(
-        f"{part!r:.40} is no option of a motion; there are {_KNOWN}",
-        f"{part!r:.40} という動作オプションはありません。使えるのは {_KNOWN} です",
+        f"{quoted(part)} is no option of a motion; there are {_KNOWN}",
+        f"{quoted(part)} という動作オプションはありません。使えるのは {_KNOWN} です",
     )
 
 
@@ -154,7 +154,7 @@ def _mark(part: str) -> PassMark:
     try:
         return PassMark.parse(part)
     except NotationError as error:
-        raise error_for(hresult.MOTION_OPTION_INVALID, f"{part!r:.40}: {error}") from None
+        raise error_for(hresult.MOTION_OPTION_INVALID, f"{quoted(part)}: {error}") from None
 
 
 def _amount(part: str, value: str, most: float) -> Amount:
@@ -169,8 +169,8 @@ def _flag(part: str, value: str) -> bool:
     flag = _FLAGS.get(value.upper())
     if flag is None:
         raise _invalid(
-            f"{part!r:.40}: NEXT has no value, or 1 or 0",
-            f"{part!r:.40}: NEXT に値は付けません (付けるなら 1 または 0)",
+            f"{quoted(part)}: NEXT has no value, or 1 or 0",
+            f"{quoted(part)}: NEXT に値は付けません (付けるなら 1 または 0)",
         )
     return flag
 
@@ -180,7 +180,7 @@ def _pose(part: str, value: str) -> int:
     if number not in (1, 2):
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            pick(f"{part!r:.40}: 1 or 2 is wanted", f"{part!r:.40}: 1 または 2 を指定してください"),
+            pick(f"{quoted(part)}: 1 or 2 is wanted", f"{quoted(part)}: 1 または 2 を指定してください"),
         )
     return int(number)
 
@@ -188,8 +188,8 @@ def _pose(part: str, value: str) -> int:
 def _number(part: str, value: str) -> float:
     if _NUMBER.fullmatch(value) is None:
         raise _invalid(
-            f"{part!r:.40}: a number is wanted behind the equals sign, or a variable like F2 where it is an amount",
-            f"{part!r:.40}: 「=」の後には数値 (量の場合は F2 のような変数も可) を指定してください",
+            f"{quoted(part)}: a number is wanted behind the equals sign, or a variable like F2 where it is an amount",
+            f"{quoted(part)}: 「=」の後には数値 (量の場合は F2 のような変数も可) を指定してください",
         )
     return float(value)
 

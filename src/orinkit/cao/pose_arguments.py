@@ -34,7 +34,7 @@ from typing import Final
 from orinkit import hresult
 from orinkit.cao import coerce
 from orinkit.errors import CallError, InvalidValue, NotationError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target, parse_targets
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, type_name
 
@@ -178,8 +178,8 @@ def _kind(given: Variant) -> Kind | None:
     kind = _LETTERS.get(word) if isinstance(word, str) else _TYPES.get(coerce.to_integer(given))
     if kind is None:
         raise _invalid(
-            f"{word!r:.20} is no type of a pose: 0 or P, 1 or T, 2 or J, 3 or V, -1 for none",
-            f"{word!r:.20} はポーズの型ではありません。0 (P), 1 (T), 2 (J), 3 (V), -1 (なし) または文字で指定してください",
+            f"{quoted(word)} is no type of a pose: 0 or P, 1 or T, 2 or J, 3 or V, -1 for none",
+            f"{quoted(word)} はポーズの型ではありません。0 (P), 1 (T), 2 (J), 3 (V), -1 (なし) または文字で指定してください",
         )
     return kind
 
@@ -194,8 +194,8 @@ def _mark(given: Variant) -> PassMark | None:
     mark = _MARKS.get(int(number)) if number.is_integer() else None
     if mark is None:
         raise _invalid(
-            f"{word!r:.20} is no pass mark: -1 is @P, -2 @E, 0 @0, n above 0 @n",
-            f"{word!r:.20} はパス指定ではありません。-1 は @P、-2 は @E、0 は @0、正の値 n は @n です",
+            f"{quoted(word)} is no pass mark: -1 is @P, -2 @E, 0 @0, n above 0 @n",
+            f"{quoted(word)} はパス指定ではありません。-1 は @P、-2 は @E、0 は @0、正の値 n は @n です",
         )
     return mark
 
@@ -208,8 +208,8 @@ def _extra(given: Variant) -> Extra | None:
     key = word if isinstance(word, str) else coerce.to_integer(mode)
     if key not in _MODES or len(joints) > len(_MODES):
         raise _invalid(
-            f"extra joints of mode {word!r:.20}, {len(joints)} of them: [1 (EX) or 2 (EXA), [7, value], [8, value]]",
-            f"付加軸の指定 (モード {word!r:.20}、{len(joints)} 軸) が正しくありません。"
+            f"extra joints of mode {quoted(word)}, {len(joints)} of them: [1 (EX) or 2 (EXA), [7, value], [8, value]]",
+            f"付加軸の指定 (モード {quoted(word)}、{len(joints)} 軸) が正しくありません。"
             "[1 (EX) または 2 (EXA), [7, 値], [8, 値]] の形で指定してください",
         )
     absolute = _MODES[key]

@@ -21,7 +21,7 @@ from orinkit.gateway.abh3_buses import Key, SharedBus
 from orinkit.gateway.abh3_errors import told
 from orinkit.gateway.abh3_options import Wanted, invalid
 from orinkit.gateway.abh3_variables import Item, Motor, as_variant, items_of
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.variant import Value, Variant, VarType
 from orinkit.variant import variant as to_variant
 
@@ -102,7 +102,7 @@ class ABH3Controller(ControllerObject):
         item = self._items.get(name.strip().upper())
         if item is None:
             known = ", ".join(self._items)
-            raise not_found(pick(f"{name!r:.80}; there are: {known}", f"{name!r:.80}。あるもの: {known}"))
+            raise not_found(pick(f"{quoted(name, 80)}; there are: {known}", f"{quoted(name, 80)}。あるもの: {known}"))
         return ABH3Variable(self, item)
 
     def get_variable_names(self, option: str) -> list[str]:  # noqa: ARG002
@@ -119,7 +119,7 @@ class ABH3Controller(ControllerObject):
             known = ", ".join(COMMANDS)
             raise error_for(
                 hresult.E_INVALID_CMD_NAME,
-                pick(f"{command!r:.80}; there are: {known}", f"{command!r:.80}。あるもの: {known}"),
+                pick(f"{quoted(command, 80)}; there are: {known}", f"{quoted(command, 80)}。あるもの: {known}"),
             )
         values = coerce.to_values(parameter)
         readers, least, run = COMMANDS[name]

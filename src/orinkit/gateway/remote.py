@@ -35,7 +35,7 @@ from orinkit.cao.results import given_up
 from orinkit.cao.table import Function
 from orinkit.errors import CallError, error_for
 from orinkit.gateway.upstream import LOCAL, Connection, Upstream, Wanted
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.variant import VarType
 
 AnyUpstream: TypeAlias = str | Upstream
@@ -296,8 +296,8 @@ class RemoteProvider(Provider):
         raise error_for(
             hresult.E_INVALIDARG,
             pick(
-                f"the machine {machine!r:.80} is none of those behind this gateway: {names}",
-                f"マシン名 {machine!r:.80} は、このゲートウェイの先にありません ({names})",
+                f"the machine {quoted(machine, 80)} is none of those behind this gateway: {names}",
+                f"マシン名 {quoted(machine, 80)} は、このゲートウェイの先にありません ({names})",
             ),
         )
 

@@ -135,16 +135,6 @@ class Throttle(logging.Filter):
             timer.cancel()
 
 
-THROTTLE: Final = Throttle()
-"""That of all servers of the process."""
-
-
-def install() -> None:
-    """Have :data:`THROTTLE` watch the loggers whose records a client can cause; again does nothing."""
-    for name in LOGGERS:
-        logging.getLogger(name).addFilter(THROTTLE)
-
-
 def _first_line(record: logging.LogRecord) -> str:
     try:
         return record.getMessage().partition("\n")[0]
@@ -158,3 +148,13 @@ def _in_a_thread(seconds: float, function: Callable[[], None]) -> _Timer:
     timer.daemon = True
     timer.start()
     return timer
+
+
+THROTTLE: Final = Throttle()
+"""That of all servers of the process."""
+
+
+def install() -> None:
+    """Have :data:`THROTTLE` watch the loggers whose records a client can cause; again does nothing."""
+    for name in LOGGERS:
+        logging.getLogger(name).addFilter(THROTTLE)

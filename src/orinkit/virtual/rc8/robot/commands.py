@@ -15,7 +15,7 @@ from orinkit.cao.motion_options import MotionOptions, parse_options
 from orinkit.cao.provider import Later
 from orinkit.cao.slave_lateness import COMMAND as LATENESS
 from orinkit.errors import error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8 import conversion
 from orinkit.virtual.rc8.caller import Caller
@@ -125,7 +125,7 @@ def _options(given: list[Variant]) -> MotionOptions:
         if not isinstance(text, str):
             raise error_for(
                 hresult.DISP_E_TYPEMISMATCH,
-                pick(f"{text!r:.40} is no option of a motion", f"{text!r:.40} は動作オプションではありません"),
+                pick(f"{quoted(text)} is no option of a motion", f"{quoted(text)} は動作オプションではありません"),
             )
     return parse_options(",".join(texts))
 

@@ -11,7 +11,7 @@ import numpy as np
 from orinkit import hresult
 from orinkit.cao.motion_options import MotionOptions, VariableRef, resolve
 from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
 from orinkit.virtual.rc8.classes import CLASSES
 from orinkit.virtual.rc8.memory import Variables
@@ -170,7 +170,8 @@ class Moves:
         normal = _AXES.get(name.strip().upper())
         if normal is None:
             raise error_for(
-                hresult.E_INVALIDARG, pick(f"no plane {name!r}; XY, YZ, ZX", f"平面 {name!r} はありません (XY、YZ、ZX)")
+                hresult.E_INVALIDARG,
+                pick(f"no plane {quoted(name)}; XY, YZ, ZX", f"平面 {quoted(name)} はありません (XY、YZ、ZX)"),
             )
         return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
 

@@ -10,7 +10,7 @@ from typing import Final
 from orinkit import hresult
 from orinkit.cao.pose_arguments import read_targets
 from orinkit.errors import InvalidValue, NotationError, error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.poses import PassMark, Target
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import conversion
@@ -149,7 +149,7 @@ def pass_mark(text: str) -> PassMark:
     try:
         return PassMark.parse(text)
     except NotationError as error:
-        raise error_for(hresult.E_INVALIDARG, f"{text!r:.40}: {error}") from None
+        raise error_for(hresult.E_INVALIDARG, f"{quoted(text)}: {error}") from None
 
 
 def marked(given: Variant) -> tuple[PassMark | None, str]:
@@ -213,7 +213,8 @@ def _no_pairs(text: str) -> Exception:
     return error_for(
         hresult.E_INVALIDARG,
         pick(
-            f'{text!r:.40}; "@0 (1,10),(2,20)" is the form', f'{text!r:.40} ("@0 (1,10),(2,20)" の形で指定してください)'
+            f'{quoted(text)}; "@0 (1,10),(2,20)" is the form',
+            f'{quoted(text)} ("@0 (1,10),(2,20)" の形で指定してください)',
         ),
     )
 

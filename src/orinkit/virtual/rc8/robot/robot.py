@@ -13,7 +13,7 @@ from orinkit.cao.motion_options import MotionOptions, parse_options
 from orinkit.cao.pose_arguments import read_targets
 from orinkit.cao.provider import Later, RobotObject, VariableObject
 from orinkit.errors import error_for
-from orinkit.language import pick
+from orinkit.language import pick, quoted
 from orinkit.poses import PassMark, Target
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant
 from orinkit.virtual.rc8 import conversion
@@ -111,7 +111,8 @@ class RC8Robot(RobotObject):
             raise error_for(
                 hresult.E_INVALIDARG,
                 pick(
-                    f"{name!r:.40}; Tool1 or Work2 is the form", f"{name!r:.40} (Tool1 や Work2 の形で指定してください)"
+                    f"{quoted(name)}; Tool1 or Work2 is the form",
+                    f"{quoted(name)} (Tool1 や Work2 の形で指定してください)",
                 ),
             )
         frames = self._arm.space.tools if found[1].lower() == "tool" else self._arm.space.works

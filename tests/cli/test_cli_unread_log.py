@@ -1,0 +1,54 @@
+"""A server whose stderr nobody reads: calls are answered, the arm moves on, the emergency stop works."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+
+import orinkit
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.poses import J
+from orinkit.virtual.rc8.control import PROVIDER_NAME
+from peers import RawClient
+from waiting import PATIENCE, until
+
+ROUNDS = 25
+
+
+def test_a_log_that_nobody_reads_stops_nothing(program):
+    server = subprocess.Popen(
+        [*program, "serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", "--motor-on", "--verbose"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
+    )  # fmt: skip
+    try:
+        assert server.stdout is not None
+        url, control = (server.stdout.readline().split()[-1] for _ in range(2))
+        with (
+            orinkit.connect(url, timeout=PATIENCE) as controller,
+            orinkit.connect(control, provider=PROVIDER_NAME, timeout=PATIENCE) as pendant,
+            RawClient(url) as attacker,
+        ):
+            robot = controller.robot()
+            with robot.arm():
+                robot.move(J(60, 30, 90, 0, 60, 0), wait=False)
+                refused = sum(_refuse_all(attacker) for _ in range(ROUNDS))
+                assert refused > 3000
+                # so long ago would the pipe have been full; the motion has gone on to its end all the same
+                until(lambda: abs(robot.joints[0] - 60) < 0.01)
+                pendant.execute("EmergencyStop", True)
+                until(lambda: json.loads(pendant.execute("Status"))["motor"] == "off")
+        assert server.poll() is None
+    finally:
+        server.kill()
+        server.communicate()
+
+
+def _refuse_all(client: RawClient) -> int:
+    """Have every function refused that needs a handle; each is a kind of message of its own."""
+    count = 0
+    for function in FUNCTIONS.values():
+        if function.arguments and function.arguments[0].is_handle:
+            values = [9999, *("x" * 100 for _ in function.arguments[1:])]
+            assert client.ask(function.id, *values) >= 0x8000_0000
+            count += 1
+    return count
