@@ -328,7 +328,8 @@ def test_many_who_are_refused_do_not_fill_the_log(
             with UdpRaw(server.url) as other:
                 assert other.ask(START) == hresult.E_MAX_CONNECT
     levels = [record.levelno for record in caplog.records if "refused" in record.getMessage()]
-    assert levels == [logging.WARNING] + [logging.DEBUG] * 19
+    assert (levels[0], set(levels[1:])) == (logging.WARNING, {logging.DEBUG})
+    assert len(levels) == 12  # the warning, ten, and how many were left out
 
 
 def test_a_refusal_is_told_again_after_a_while() -> None:

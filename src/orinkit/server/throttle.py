@@ -34,7 +34,7 @@ INTERVAL: Final = 10.0
 _MOST_KINDS: Final = 1024  # that are counted apart; those of all further clients count together
 _REPORT: Final = "throttle_report"
 
-_Key: TypeAlias = tuple[str, str, str, str]  # client, logger, message, kind
+_Key: TypeAlias = tuple[str, str, int, str, str]  # client, logger, level, message, kind
 
 
 class _Timer(Protocol):
@@ -91,7 +91,7 @@ class Throttle(logging.Filter):
 
     def _count(self, record: logging.LogRecord, now: float) -> _Count:
         kind = str(getattr(record, "kind", ""))
-        key = (CLIENT.get(), record.name, str(record.msg), kind)
+        key = (CLIENT.get(), record.name, record.levelno, str(record.msg), kind)
         count = self._counts.pop(key, None)
         if count is None and len(self._counts) >= _MOST_KINDS and not self._forget_quiet(now):
             key = ("", *key[1:])
@@ -113,13 +113,18 @@ class Throttle(logging.Filter):
         """Log how many messages have been left out since it was said last."""
         with self._lock:
             timer, self._timer = self._timer, None
-            told = [(key, count.suppressed, count.sample) for key, count in self._counts.items() if count.suppressed]
+            told = [
+                (key[1], key[2], count.suppressed, count.sample)
+                for key, count in self._counts.items()
+                if count.suppressed
+            ]
             for count in self._counts.values():
                 count.suppressed = 0
         if timer is not None:
             timer.cancel()
-        for (_, name, *_), suppressed, sample in told:
-            logging.getLogger(name).warning(
+        for name, level, suppressed, sample in told:
+            logging.getLogger(name).log(
+                level,
                 pick("%s similar messages suppressed: %s", "同様のメッセージ %s 件を省略しました: %s"),
                 f"{suppressed:,}",
                 sample,
