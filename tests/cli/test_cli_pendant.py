@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import stat
 import subprocess
+import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 import orinkit
 from orinkit import language
+from orinkit.cli._control_secret import find_secret, left_for
+from orinkit.cli._errors import Failure
 from orinkit.cli.pendant import ACTIONS, PROVIDER
+from orinkit.transport.address import Address
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import Mode, VirtualRC8
 from orinkit.virtual.rc8.control import CONTROL_NAMES, MODE_NAMES, PROVIDER_NAME, ControlProvider
@@ -23,11 +31,32 @@ def rc8() -> Iterator[VirtualRC8]:
     device.close()
 
 
+@pytest.fixture(autouse=True)
+def runtime(tmp_path, monkeypatch) -> Path:
+    """Where secrets are left: not where those of the account's own servers are."""
+    directory = tmp_path / "runtime"
+    directory.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(directory))
+    return directory / "orinkit"
+
+
+@contextmanager
+def buttons(rc8) -> Iterator[str]:
+    """Serve the buttons as the command does; yields where they are."""
+    provider = ControlProvider(rc8)
+    with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, left_for(provider.secret, port_of(server.url)):
+        yield server.url
+
+
+def port_of(url: str) -> int:
+    return int(url.rpartition(":")[2])
+
+
 @pytest.fixture
 def control(rc8) -> Iterator[str]:
     """Where the buttons are."""
-    with orinkit.serve(ControlProvider(rc8), "tcp://127.0.0.1:0") as server:
-        yield server.url
+    with buttons(rc8) as url:
+        yield url
 
 
 @pytest.fixture
@@ -93,10 +122,10 @@ def test_motor_and_jog(press, rc8):
 def test_jog_without_waiting(run):
     clock = ManualClock()
     rc8 = VirtualRC8(language="en", clock=clock)
-    with orinkit.serve(ControlProvider(rc8), "tcp://127.0.0.1:0") as server:
+    with buttons(rc8) as url:
 
         def press(*words: str, seconds: float = 0.0) -> None:
-            assert run("pendant", server.url, *words).code == 0
+            assert run("pendant", url, *words).code == 0
             clock.advance(seconds)
 
         press("mode", "manual", seconds=1)
@@ -240,12 +269,17 @@ def serve(program) -> Iterator[Serve]:
         process.communicate()
 
 
-def test_serve_with_a_control_port(serve, run):
-    process, lines = serve("--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", lines=3)
-    assert [line.rpartition(":")[0] for line in lines] == ["ready tcp://127.0.0.1"] * 2 + [
+def test_serve_with_a_control_port(serve, run, runtime):
+    process, lines = serve("--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", lines=4)
+    assert [line.rpartition(":")[0] for line in lines[:3]] == ["ready tcp://127.0.0.1"] * 2 + [
         "ready control tcp://127.0.0.1"
     ]
     url, control = lines[0].removeprefix("ready "), lines[2].removeprefix("ready control ")
+    assert lines[3].startswith("control secret ")
+    (file,) = runtime.iterdir()
+    assert file.name == f"control-{port_of(control)}"
+    assert file.read_text() == f"{lines[3].removeprefix('control secret ')}\n"
+    assert [stat.S_IMODE(path.stat().st_mode) for path in (runtime, file)] == [0o700, 0o600]
     assert run("pendant", control, "estop", "on").code == 0
     with orinkit.connect(url) as controller:
         assert controller.variable("@EMERGENCY_STOP").value is True
@@ -253,6 +287,105 @@ def test_serve_with_a_control_port(serve, run):
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (0, "")
     assert "Traceback" not in err
+    assert list(runtime.iterdir()) == []
+
+
+def test_a_file_for_the_secret(serve, run, refused, runtime, tmp_path):
+    """Made where there is none, and removed at the end; used as it is where there is one."""
+    file = tmp_path / "secret"
+    options = ("--control", "127.0.0.1:0", "--control-secret-file", str(file))
+    process, lines = serve(*options, lines=3)
+    control = lines[1].removeprefix("ready control ")
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert file.read_text() == f"{lines[2].removeprefix('control secret ')}\n"
+    assert not runtime.exists()
+    assert run("pendant", control, "status", "--control-secret-file", str(file)).code == 0
+    assert "and no server of this account has left one for this port" in refused("pendant", control, "status")
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert not file.exists()
+
+    file.write_text("0123456789abcdef-own\n")
+    file.chmod(0o600)
+    process, lines = serve(*options, lines=2)
+    assert (
+        run("pendant", lines[1].removeprefix("ready control "), "status", "--control-secret-file", str(file)).code == 0
+    )
+    process.send_signal(signal.SIGTERM)
+    out, _ = process.communicate(timeout=60)
+    assert out == ""
+    assert file.read_text() == "0123456789abcdef-own\n"
+
+
+def test_files_that_cannot_be_used(refused, tmp_path, control):
+    file = tmp_path / "secret"
+    said = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
+    assert said.startswith(f"--control-secret-file {file}: ")
+    file.write_text("too short")
+    file.chmod(0o600)
+    said = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
+    assert said.startswith(f"--control-secret-file {file}: a secret has 16 to 256")
+    file.write_text("0123456789abcdef")
+    assert "refuses the secret. Try: " in refused("pendant", control, "status", "--control-secret-file", str(file))
+    file.chmod(0o644)
+    for command in (("pendant", control, "status"), ("serve", "rc8", "--control", "127.0.0.1:0")):
+        said = refused(*command, "--control-secret-file", str(file), code=2)
+        assert said == f"--control-secret-file {file}: others can read or change the file. Try: chmod 600 {file}"
+    said = refused("serve", "rc8", "--control-secret-file", str(file), code=2)
+    assert said == "--control-secret-file needs --control HOST:PORT"
+
+
+def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monkeypatch):
+    """A directory of somebody else, a link to one, one that is open to others."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir(mode=0o700)
+    runtime.symlink_to(elsewhere)
+    said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0")
+    assert said.startswith(f"the secret of the control port cannot be kept in {runtime}: ")
+    runtime.unlink()
+    runtime.mkdir(mode=0o755)
+    runtime.chmod(0o755)
+    (runtime / "control-5008").write_text("0123456789abcdef")
+    (runtime / "control-5008").chmod(0o600)
+    assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
+    with pytest.raises(Failure, match="not a directory of this account alone"), left_for("0" * 16, 5008):
+        pass
+    if os.getuid() == 0:
+        runtime.chmod(0o700)
+        os.chown(runtime, 65534, 65534)
+        with pytest.raises(Failure, match="not a directory of this account alone"), left_for("0" * 16, 5008):
+            pass
+
+
+@pytest.mark.parametrize("given", [None, "", "relative", "/nowhere"])
+def test_where_there_is_no_runtime_directory(given, tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    if given is not None:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", given)
+    directory = tmp_path / f"orinkit-{os.getuid()}"
+    with left_for("0" * 16, 5008):
+        assert stat.S_IMODE(directory.stat().st_mode) == 0o700
+        assert find_secret(Address("tcp", "127.0.0.1", 5008)) == "0" * 16
+        assert find_secret(Address("tcp", "127.0.0.1", 5009)) == ""
+    assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
+
+
+def test_what_a_killed_server_has_left_is_replaced(runtime):
+    with left_for("0" * 16, 5008), left_for("1" * 16, 5008):
+        assert find_secret(Address("tcp", "localhost", 5008)) == "1" * 16
+    assert list(runtime.iterdir()) == []
+    with left_for("0" * 16, 5008):
+        (runtime / "control-5008").write_text("1" * 16)
+    assert (runtime / "control-5008").read_text() == "1" * 16  # of a server that came later
+
+
+def test_the_secret_is_not_sent_to_other_machines(run, control, runtime, monkeypatch):
+    seen = []
+    monkeypatch.setattr("orinkit.cli.pendant._press", lambda url, connection, *_: seen.append(connection.option) or {})
+    for host in ("127.0.0.1", "localhost", "192.0.2.1", "robot.example"):
+        run("pendant", f"tcp://{host}:{port_of(control)}", "status")
+    assert [option is not None for option in seen] == [True, True, False, False]
 
 
 def test_serve_without_one(serve):

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import orinkit
-from orinkit.cli._serving import _is_loopback
 from orinkit.errors import CallError
+from orinkit.transport.address import is_loopback
 
 Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]
 
@@ -172,8 +172,8 @@ def test_a_serial_port_that_is_not_there(refused):
     ("host", "expected"),
     [("127.0.0.1", True), ("127.1.2.3", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("::", False), ("robot", False)],
 )  # fmt: skip
-def test_what_is_loopback(host, expected):
-    assert _is_loopback(host) is expected
+def test_whatis_loopback(host, expected):
+    assert is_loopback(host) is expected
 
 
 @pytest.mark.parametrize(

@@ -6,19 +6,22 @@ import pytest
 
 import orinkit
 from orinkit import hresult
-from orinkit.cao.provider import ClientInfo, Later
+from orinkit.cao.provider import Blocking, ClientInfo, Later
 from orinkit.cao.session import Host, Session
 from orinkit.errors import CallError
 from orinkit.variant import Variant, VarType, variant
-from orinkit.virtual.rc8 import Mode
-from orinkit.virtual.rc8.control import CONTROL_NAMES, PROVIDER_NAME, ControlProvider
+from orinkit.virtual.rc8 import Mode, control
+from orinkit.virtual.rc8.control import CONTROL_NAMES, PROVIDER_NAME, ControlPanel, ControlProvider
 from orinkit.virtual.rc8.robot.motor import MotorState
+
+SECRET = "0123456789abcdef"
+OPTION = f"Secret={SECRET}"
 
 
 @pytest.fixture
 def panel(rc8):
     """A client of the control port."""
-    return ControlProvider(rc8).connect("panel", "localhost", "", ClientInfo("127.0.0.1", "tcp"))
+    return ControlProvider(rc8, secret=SECRET).connect("panel", "localhost", OPTION, ClientInfo("127.0.0.1", "tcp"))
 
 
 @pytest.fixture
@@ -260,7 +263,7 @@ def test_the_machine_lock_wants_the_motor_off(press, rc8, refused):
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "127.9.9.9", "::1", "::ffff:127.0.0.1", ""])
 def test_clients_of_this_machine(address, rc8):
-    panel = ControlProvider(rc8).connect("", "", "", ClientInfo(address, "tcp"))
+    panel = ControlProvider(rc8, secret=SECRET).connect("", "", OPTION, ClientInfo(address, "tcp"))
     assert panel.execute("Status", variant(None))
 
 
@@ -269,12 +272,65 @@ def test_clients_of_this_machine(address, rc8):
 )
 def test_clients_of_other_machines(address, rc8, refused):
     client = ClientInfo(address, "tcp")
-    assert refused(ControlProvider(rc8).connect, "", "", "", client) == hresult.E_ACCESSDENIED
+    assert refused(ControlProvider(rc8, secret=SECRET).connect, "", "", OPTION, client) == hresult.E_ACCESSDENIED
+
+
+@pytest.mark.parametrize(
+    "option", ["", "Secret=", "Secret", f"Secret={SECRET[:-1]}", f"Secret={SECRET}0", f"secret={SECRET.upper()}",
+               f"Secret={SECRET},Secret={SECRET}", f"Token={SECRET}", "Secret=\ud800", "Secret=" + "x" * 60_000],
+)  # fmt: skip
+def test_clients_without_the_secret(option, rc8, refused):
+    provider = ControlProvider(rc8, secret=SECRET)
+    assert refused(provider.connect, "", "", option, ClientInfo("127.0.0.1", "tcp")) == hresult.E_ACCESSDENIED
+    with pytest.raises(CallError, match=r"the secret is wrong|needs its secret") as caught:
+        provider.connect("", "", option, ClientInfo("127.0.0.1", "tcp"))
+    assert "Try: Secret=... in the option" in str(caught.value)
+    assert SECRET not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "option", [OPTION, f",secret={SECRET}", f'SECRET="{SECRET}",@IfNotMember', f" Secret = {SECRET} "]
+)
+def test_forms_of_the_option(option, rc8):
+    assert ControlProvider(rc8, secret=SECRET).connect("", "", option, ClientInfo("::1", "tcp"))
+
+
+def test_the_secret_is_random_unless_one_is_given(rc8, refused):
+    one, other = ControlProvider(rc8), ControlProvider(rc8)
+    assert len(one.secret) >= 43  # 256 bits
+    assert one.secret != other.secret
+    assert one.connect("", "", f"Secret={one.secret}", ClientInfo("127.0.0.1", "tcp"))
+    assert refused(other.connect, "", "", f"Secret={one.secret}", ClientInfo("127.0.0.1", "tcp"))
+    with pytest.raises(orinkit.errors.InvalidValue, match="16 to 256"):
+        ControlProvider(rc8, secret="short")
+
+
+def test_wrong_secrets_are_slowed_down_and_told_of_and_the_right_one_is_not(rc8, monkeypatch, caplog):
+    slept = []
+    monkeypatch.setattr(control.time, "sleep", slept.append)
+    provider = ControlProvider(rc8, secret=SECRET)
+    client = ClientInfo("127.0.0.1", "tcp")
+    for _ in range(5):
+        with pytest.raises(CallError):
+            provider.connect("", "", "Secret=wrong", client)
+    waiting = [provider.connect("", "", "Secret=wrong", client) for _ in range(8)]
+    assert {type(each) for each in waiting} == {Blocking}
+    assert isinstance(provider.connect("", "", OPTION, client), ControlPanel)
+    with pytest.raises(CallError):  # as many are waiting as may
+        provider.connect("", "", "Secret=wrong", client)
+    assert slept == []
+    for each in waiting:
+        with pytest.raises(CallError, match="E_ACCESSDENIED"):
+            each.run()
+    assert slept == [0.125, 0.25, 0.5, 1, 1, 1, 1, 1]
+    assert isinstance(provider.connect("", "", "Secret=wrong", client), Blocking)  # there is room again
+    told = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert told == ["control port: 5 clients with a wrong secret, or with none, were refused"]
 
 
 def test_it_is_no_provider_of_the_controller(rc8, panel):
-    session = Session(Host(ControlProvider(rc8)))
-    names = [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]
+    session = Session(Host(ControlProvider(rc8, secret=SECRET)))
+    names = [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", OPTION)]
     assert session.invoke(3, names).code == hresult.E_CAO_PROV_INVALID
     names[1] = variant(PROVIDER_NAME.upper())
     assert session.invoke(3, names).code == 0
@@ -282,14 +338,25 @@ def test_it_is_no_provider_of_the_controller(rc8, panel):
 
 
 def test_over_the_wire(rc8):
-    control = orinkit.serve(ControlProvider(rc8), "tcp://127.0.0.1:0")
-    with control, orinkit.connect(control.url, provider=PROVIDER_NAME) as panel:
+    server = orinkit.serve(ControlProvider(rc8, secret=SECRET), "tcp://127.0.0.1:0")
+    with server, orinkit.connect(server.url, provider=PROVIDER_NAME, option=OPTION) as panel:
         panel.execute("EmergencyStop", True)
         assert rc8.state.switches.emergency_stop
         assert json.loads(panel.execute("Status"))["emergency_stop"] is True
         with pytest.raises(orinkit.errors.InvalidArgument):
             panel.execute("Mode", 9)
         assert panel.command_names() == list(CONTROL_NAMES)
+
+
+def test_the_secret_over_the_wire(rc8):
+    """The answers to wrong ones take their time, and the emergency stop of somebody else does not wait for them."""
+    with orinkit.serve(ControlProvider(rc8, secret=SECRET), "tcp://127.0.0.1:0") as server:
+        for _ in range(7):
+            with pytest.raises(orinkit.errors.AccessDenied):
+                orinkit.connect(server.url, provider=PROVIDER_NAME)
+        with orinkit.connect(server.url, provider=PROVIDER_NAME, option=OPTION) as panel:
+            panel.execute("EmergencyStop", True)
+        assert rc8.state.switches.emergency_stop
 
 
 def test_closing_the_control_port_leaves_the_controller_as_it_is(rc8, controller, clock):

@@ -218,7 +218,8 @@ def test_the_setting_counts_at_once(cell):
 
 
 def test_the_control_port_has_the_setting(cell):
-    panel = ControlProvider(cell.rc8).connect("", "", "", ClientInfo("127.0.0.1", "tcp"))
+    provider = ControlProvider(cell.rc8)
+    panel = provider.connect("", "", f"Secret={provider.secret}", ClientInfo("127.0.0.1", "tcp"))
     for given in (2, "2", [2]):
         cell.rc8.pendant.slave_limit(0)
         panel.execute("SlaveLimit", variant(given))
@@ -247,8 +248,8 @@ def test_serve_rc8_has_its_options():
     )  # fmt: skip
     try:
         assert process.stdout is not None
-        url, control = (process.stdout.readline().split()[-1] for _ in range(2))
-        with orinkit.connect(control, provider="CaoProv.orinkit.Pendant") as panel:
+        url, control, secret = (process.stdout.readline().split()[-1] for _ in range(3))
+        with orinkit.connect(control, provider="CaoProv.orinkit.Pendant", option=f"Secret={secret}") as panel:
             assert '"slave_limit": 3' in panel.execute("Status")
         with orinkit.connect(url) as rc8:
             robot = rc8.robot("Arm")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +21,14 @@ def read(option: str, path: str) -> bytes:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
         raise Failure(f"{option} {path}: {error}", 2) from None
+
+
+def is_private(path: str | Path) -> bool:
+    """Whether a file or directory is this account's, and closed to all others; always where the system has no such modes."""
+    if not hasattr(os, "getuid"):
+        return True
+    found = Path(path).stat()
+    return found.st_uid == os.getuid() and not found.st_mode & 0o077
 
 
 def read_token(path: str) -> str:

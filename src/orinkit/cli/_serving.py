@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import logging
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import AsyncExitStack, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, AsyncExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Final
 
@@ -22,7 +21,7 @@ from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.server.accepting import watch
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
-from orinkit.transport.address import Address, HttpAddress, parse_address
+from orinkit.transport.address import Address, HttpAddress, is_loopback, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 
 _CONTROL_CLIENTS: Final = 16
@@ -127,10 +126,12 @@ class Control:
     Attributes:
         provider: what is served there.
         url: where; :func:`check_control` has seen it.
+        offered: leaves its secret for commands of the same account while it is served at a port; returns what is said of it.
     """
 
     provider: Provider
     url: str
+    offered: Callable[[int], AbstractContextManager[Sequence[str]]]
 
 
 def check_control(url: str) -> None:
@@ -141,7 +142,7 @@ def check_control(url: str) -> None:
         InvalidAddress: it is none.
     """
     address = parse_address(url)
-    if not isinstance(address, Address) or address.scheme != "tcp" or not _is_loopback(address.host):
+    if not isinstance(address, Address) or address.scheme != "tcp" or not is_loopback(address.host):
         raise unusable(
             f"--control {url}: only an address of this machine itself is allowed, as 127.0.0.1:5008 or [::1]:5008",
             f"--control {url}: 127.0.0.1:5008 や [::1]:5008 など、このマシン自身のアドレスのみ指定できます",
@@ -160,7 +161,8 @@ def run(
 ) -> int:
     """Serve devices until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener.
 
-    With a control port it says ``ready control URL`` after these, and ``before`` ahead of them, when all are ready.
+    With a control port it says ``ready control URL`` after these, then what is said of its secret, and ``before`` ahead of
+    them, when all are ready.
     """
     begin_log(listening)
     for warning in _warnings(listening):
@@ -193,7 +195,8 @@ async def _serve(
             if control is not None:
                 second = AsyncServer(control.provider, control.url, clients=_CONTROL_CLIENTS)
                 await servers.enter_async_context(second)
-                ready += [f"ready control {url}" for url in second.urls]
+                said = servers.enter_context(control.offered(_port(second.url)))
+                ready += [f"ready control {second.url}", *said]
             for line in ready:
                 print(line, flush=True)
             await stop.wait()
@@ -245,11 +248,9 @@ def _url(scheme: str, place: str) -> str:
     return url
 
 
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
+def _port(url: str) -> int:
+    address = parse_address(url)
+    return address.port if isinstance(address, Address) else 0
 
 
 def _warnings(listening: Listening) -> Iterator[str]:
@@ -258,11 +259,11 @@ def _warnings(listening: Listening) -> Iterator[str]:
     for scheme in ("tcp", "udp"):
         for place in getattr(listening, scheme):
             address = parse_address(_url(scheme, place))
-            if isinstance(address, Address) and not _is_loopback(address.host):
+            if isinstance(address, Address) and not is_loopback(address.host):
                 yield _warning(place, pick("b-CAP knows no passwords", "b-CAP にはパスワードがない"))
     for place in web.http if web.token_file is None else ():
         address = parse_address(_url(web.scheme, place))
-        if isinstance(address, HttpAddress) and not _is_loopback(address.host):
+        if isinstance(address, HttpAddress) and not is_loopback(address.host):
             yield _warning(place, pick("there is no --token-file", "--token-file の指定がない"))
     beside = [f"--{option}" for option in ("tcp", "udp", "serial", "pty") if getattr(listening, option)]
     if web.token_file is not None and beside:

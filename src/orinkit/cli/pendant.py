@@ -12,9 +12,10 @@ from cyclopts import Parameter
 from orinkit.cli._connection import CONNECTION, Connection
 from orinkit.cli._errors import Failure, unusable
 from orinkit.client._common import DEFAULT_TIMEOUT
-from orinkit.errors import CallError, InvalidArgument, ProtocolError
+from orinkit.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
 from orinkit.hresult import E_CAO_PROV_INVALID
 from orinkit.language import pick
+from orinkit.transport.address import Address, is_loopback, parse_address
 
 PROVIDER: Final = "CaoProv.orinkit.Pendant"
 
@@ -179,6 +180,16 @@ def pendant(
         bool,
         Parameter(help=pick("Print the whole status as one JSON document.", "状態全体を JSON 文書 1 つで出力する。")),
     ] = False,
+    control_secret_file: Annotated[
+        str | None,
+        Parameter(
+            group=CONNECTION,
+            help=pick(
+                "File with the secret of the control port; by default the one that a server of this account has left.",
+                "制御ポートのシークレットのファイル。既定は同じアカウントのサーバが残したファイル。",
+            ),
+        ),
+    ] = None,
     timeout: Annotated[
         float,
         Parameter(
@@ -197,7 +208,9 @@ def pendant(
     usage = f"{action} {wanted.values}".rstrip() + (" [--wait]" if wanted.waits else "")
     if wait and not wanted.waits:
         raise unusable(f"--wait is of no use with {action}", f"{action} に --wait は使えません")
-    status = _press(url, Connection(PROVIDER, timeout, trace), wanted, Words(value, wait, usage))
+    secret = _secret(url, control_secret_file)
+    connection = Connection(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
+    status = _press(url, connection, wanted, Words(value, wait, usage))
     if json:
         print_json(status)
     else:
@@ -215,11 +228,46 @@ def _find(name: str) -> Action:
     return found
 
 
+def _secret(url: str, path: str | None) -> str:
+    """Return the secret of a control port; ``""`` where nothing is known of it.
+
+    Raises:
+        Failure: the file cannot be used.
+        InvalidAddress: the URL is none.
+    """
+    from orinkit.cli._control_secret import find_secret, read_secret
+
+    if path is not None:
+        return read_secret(path)
+    address = parse_address(url)
+    return find_secret(address) if isinstance(address, Address) and is_loopback(address.host) else ""
+
+
+def _denied(url: str, *, known: bool) -> Failure:
+    if known:
+        return Failure(
+            pick(
+                f"{url} refuses the secret. Try: --control-secret-file FILE with the one that its server has printed",
+                f"{url} にシークレットを拒否されました。対処: サーバが表示したシークレットのファイルを --control-secret-file で指定してください",
+            )
+        )
+    return Failure(
+        pick(
+            f"{url} needs its secret, and no server of this account has left one for this port. "
+            "Try: --control-secret-file FILE with the one that its server has printed",
+            f"{url} にはシークレットが必要ですが、このアカウントのサーバが残したものは見つかりません。"
+            "対処: サーバが表示したシークレットのファイルを --control-secret-file で指定してください",
+        )
+    )
+
+
 def _press(url: str, connection: Connection, action: Action, words: Words) -> dict[str, Any]:
     """Press a button; returns the status behind it."""
     parameter = action.read(words)
     try:
         controller = connection.open(url)
+    except AccessDenied:
+        raise _denied(url, known=connection.option is not None) from None
     except CallError as error:
         if error.code != E_CAO_PROV_INVALID:
             raise

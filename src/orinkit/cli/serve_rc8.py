@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
 from orinkit.arms import MODEL_NAMES
+from orinkit.cli._control_secret import OPTION, left_for, read_secret
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._serving import LISTENING, Control, Listening, begin_log, check, check_control, run
 from orinkit.cli.pendant import read_mode
@@ -153,16 +157,24 @@ def serve_rc8(
         str | None,
         Parameter(
             group=LISTENING,
-            help=pick("HOST:PORT on this machine for orinkit pendant; printed as \"ready control tcp://HOST:PORT\". Port 0 takes a free one.",
-                      "orinkit pendant 用の、このマシン自身の HOST:PORT。\"ready control tcp://HOST:PORT\" と表示する。ポート 0 は空きポート。"),
+            help=pick("HOST:PORT on this machine for orinkit pendant; printed as \"ready control tcp://HOST:PORT\", its secret below. Port 0 takes a free one.",
+                      "orinkit pendant 用の、このマシン自身の HOST:PORT。\"ready control tcp://HOST:PORT\" と表示し、次の行にシークレットを表示する。ポート 0 は空きポート。"),
+        ),
+    ] = None,
+    control_secret_file: Annotated[
+        str | None,
+        Parameter(
+            group=LISTENING,
+            help=pick("File with the secret of --control; without that file, where it is made and removed at the end. "
+                      "By default a file that orinkit pendant finds.",
+                      "--control のシークレットのファイル。なければ生成し、終了時に削除する。既定は orinkit pendant が自動で見つけるファイル。"),
         ),
     ] = None,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
     check(listening)
-    if control is not None:
-        check_control(control)
+    secret = _read_control(control, control_secret_file)
     try:
         rc8 = VirtualRC8(
             counts=read_counts(count),
@@ -189,9 +201,40 @@ def serve_rc8(
         if not no_providers:
             served += load_installed(served, but=provider)
         announce(served, rc8)
-        return run(served, listening, None if control is None else Control(ControlProvider(rc8), control))
+        return run(served, listening, _control(rc8, control, secret, control_secret_file))
     finally:
         rc8.close()
+
+
+def _read_control(url: str | None, path: str | None) -> str:
+    """Return the secret of the control port if it is in a file already, else ``""``.
+
+    Raises:
+        Failure: the port, or the file, cannot be used.
+        InvalidAddress: the port is none.
+    """
+    if url is not None:
+        check_control(url)
+        return read_secret(path) if path is not None and Path(path).exists() else ""
+    if path is not None:
+        raise unusable(f"{OPTION} needs --control HOST:PORT", f"{OPTION} には --control HOST:PORT が必要です")
+    return ""
+
+
+def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) -> Control | None:
+    if url is None:
+        return None
+    provider = ControlProvider(rc8, secret=secret)
+
+    @contextmanager
+    def offered(port: int) -> Iterator[Sequence[str]]:
+        if secret:  # whoever made the file knows it
+            yield ()
+        else:
+            with left_for(provider.secret, port, path):
+                yield (f"control secret {provider.secret}",)
+
+    return Control(provider, url, offered)
 
 
 def read_counts(texts: tuple[str, ...]) -> dict[str, int]:

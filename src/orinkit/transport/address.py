@@ -50,6 +50,16 @@ class Address(NamedTuple):
         return f"{self.scheme}://{host}:{self.port}"
 
 
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine itself, as far as its name tells."""
+    from ipaddress import ip_address  # few programs ask
+
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
 @dataclass(frozen=True, slots=True)
 class SerialAddress:
     """A serial port and how it is set; ``str`` gives its URL.

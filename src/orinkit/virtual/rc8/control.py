@@ -2,19 +2,27 @@
 
 A provider of its own, to be served on a port of its own that only this machine can reach: whoever presses the emergency
 stop is no client of the controller, needs no permission there, and is not told to wait while a client moves the robot.
+Every account of the machine can reach the port, so clients have to show a secret.
 """
 
 from __future__ import annotations
 
+import hmac
 import ipaddress
 import json
+import logging
 import re
+import secrets
+import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from orinkit import hresult
-from orinkit.cao.provider import ClientInfo, ControllerObject, Later, Provider
-from orinkit.errors import error_for
+from orinkit.cao.options import Options
+from orinkit.cao.provider import Blocking, ClientInfo, ControllerObject, Later, Provider
+from orinkit.cao.secret import HELD, Guesses, check_secret
+from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.variant import Variant
 from orinkit.virtual.rc8 import conversion
@@ -27,34 +35,92 @@ PROVIDER_NAME: Final = "CaoProv.orinkit.Pendant"
 
 MODE_NAMES: Final = {"manual": Mode.MANUAL, "teach": Mode.TEACH_CHECK, "auto": Mode.AUTOMATIC}
 
+logger = logging.getLogger("orinkit.rc8")
+
+_SECRET_OPTION: Final = "secret"  # noqa: S105 - its name
 _LONGEST: Final = 500  # characters of a text; more is cut off
 _HEX: Final = re.compile(r"\s*0[xX]([0-9A-Fa-f]{1,8})\s*")
 
 
 class ControlProvider(Provider):
-    """Serves the buttons of a virtual RC8 to clients of this machine; others are refused with E_ACCESSDENIED.
+    """Serves the buttons of a virtual RC8 to clients of this machine that show its secret; others get E_ACCESSDENIED.
 
-    Closing it leaves the virtual RC8 as it is.
+    A client shows it in the option of Controller_Connect: ``Secret=...``. Answers to wrong ones are held back, for up to a
+    second, from the sixth on. Closing the provider leaves the virtual RC8 as it is.
 
     Args:
         rc8: the controller.
+        secret: 16 to 256 ASCII letters, digits and ``-._~``; a random one where it is empty.
+
+    Attributes:
+        secret: what a client has to show.
+
+    Raises:
+        InvalidValue: the secret cannot be used.
     """
 
     provider_names: Sequence[str] = (PROVIDER_NAME,)
 
-    def __init__(self, rc8: VirtualRC8) -> None:
+    def __init__(self, rc8: VirtualRC8, *, secret: str = "") -> None:
         self.guard = rc8.guard
+        self.secret = check_secret(secret) if secret else secrets.token_urlsafe()
         self._rc8 = rc8
+        self._guesses = Guesses()
+        self._held = threading.Semaphore(HELD)
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel:  # noqa: ARG002
-        """Return the panel.
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | Blocking:  # noqa: ARG002
+        """Return the panel; for a wrong secret, what raises the exception later.
 
         Raises:
-            CallError: E_ACCESSDENIED, the client is on another machine.
+            CallError: E_ACCESSDENIED, the client is on another machine, or its secret is missing or wrong.
         """
         if not _is_here(client):
             raise error_for(hresult.E_ACCESSDENIED, client.address)
+        given = Options(option)
+        if _SECRET_OPTION in given.repeated or not self._is_right(given.text_of(_SECRET_OPTION)):
+            return self._refuse(given=_SECRET_OPTION in given)
         return ControlPanel(self._rc8, name)
+
+    def _is_right(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode("utf-8", "replace"), self.secret.encode())
+
+    def _refuse(self, *, given: bool) -> Blocking:
+        """Refuse a client, now or, where many have been refused, a little later.
+
+        Raises:
+            CallError: E_ACCESSDENIED.
+        """
+        failure = self._guesses.failed("", time.monotonic())  # all are on this machine
+        if failure.reported:
+            logger.warning("control port: %d clients with a wrong secret, or with none, were refused", failure.reported)
+        if not failure.delay or not self._held.acquire(blocking=False):
+            raise _denied(given=given)
+
+        def refuse_later() -> None:
+            try:
+                time.sleep(failure.delay)
+            finally:
+                self._held.release()
+            raise _denied(given=given)
+
+        return Blocking(refuse_later)
+
+
+def _denied(*, given: bool) -> CallError:
+    wrong = (
+        pick("the secret is wrong", "シークレットが違います")
+        if given
+        else pick("the control port needs its secret", "制御ポートのシークレットが必要です")
+    )
+    return error_for(
+        hresult.E_ACCESSDENIED,
+        wrong
+        + pick(
+            ". Try: Secret=... in the option, as the server printed it; orinkit pendant on the server's account finds it",
+            "。対処: サーバが表示したシークレットをオプションに Secret=... の形で指定してください "
+            "(サーバと同じアカウントの orinkit pendant は自動で見つけます)",
+        ),
+    )
 
 
 class ControlPanel(ControllerObject):

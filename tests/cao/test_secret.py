@@ -1,0 +1,65 @@
+"""Secrets: which can be used; wrong ones: how long the answers to them are held back, and what is logged; on a clock that the test moves."""
+
+from __future__ import annotations
+
+import pytest
+
+from orinkit import language
+from orinkit.cao.secret import FREE, LONGEST, Guesses, check_secret
+from orinkit.errors import InvalidValue
+
+pytestmark = pytest.mark.core
+
+
+def test_five_are_free_and_then_the_delay_grows():
+    guesses = Guesses()
+    delays = [guesses.failed("10.0.0.7", 100.0).delay for _ in range(FREE + 6)]
+    assert delays == [0, 0, 0, 0, 0, 0.125, 0.25, 0.5, LONGEST, LONGEST, LONGEST]
+    for _ in range(5000):  # no number is too large
+        assert guesses.failed("10.0.0.7", 100.0).delay == LONGEST
+
+
+def test_each_address_has_its_own_count():
+    guesses = Guesses()
+    for _ in range(100):
+        guesses.failed("10.0.0.7", 100.0)
+    assert guesses.failed("10.0.0.8", 100.0).delay == 0
+
+
+def test_who_has_stopped_is_forgotten():
+    guesses = Guesses()
+    for _ in range(100):
+        guesses.failed("10.0.0.7", 100.0)
+    assert guesses.failed("10.0.0.7", 700.0).delay == LONGEST
+    assert guesses.failed("10.0.0.7", 1300.5).delay == 0
+
+
+def test_the_log_has_an_entry_in_ten_seconds_with_the_count():
+    guesses = Guesses()
+    counts = [guesses.failed("10.0.0.7", 100.0 + number / 64).reported for number in range(1000)]
+    assert [(number, count) for number, count in enumerate(counts) if count] == [(4, 5), (644, 640)]
+    assert guesses.failed("10.0.0.7", 130.0).reported == 1000 - 645 + 1
+
+
+def test_addresses_that_are_kept_are_bounded():
+    guesses = Guesses()
+    for number in range(10_000):
+        guesses.failed(f"{number}", 100.0)
+    assert len(guesses._records) == 1000
+    assert next(iter(guesses._records)) == "9000"
+
+
+@pytest.mark.parametrize("secret", ["0123456789abcdef", "-._~" * 64])
+def test_secrets(secret):
+    assert check_secret(secret) == secret
+
+
+@pytest.mark.parametrize(
+    "secret", ["", "0123456789abcde", "a" * 257, "0123456789abcdef,", "0123456789 abcdef", "０" * 16]
+)
+def test_secrets_that_cannot_be_used(secret):
+    with pytest.raises(InvalidValue, match="a secret has 16 to 256"):
+        check_secret(secret)
+    language.use("ja")
+    with pytest.raises(InvalidValue, match="16～256 文字"):
+        check_secret(secret)
