@@ -6,7 +6,7 @@ The synchronous twin is made from this file, as that of :mod:`orinkit.client._as
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from random import randint
 from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
@@ -23,6 +23,7 @@ from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolErr
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.transport.drive import AsyncLentLink, AsyncLink, Deadline, arun, asay_goodbye
+from orinkit.transport.forks import keep_from_children
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _LAST_SERIAL: Final = 0xFFFF
@@ -73,6 +74,7 @@ class AsyncClient:
         self._lock = asyncio.Lock()
         self._left = False
         self.handles = Handles()
+        keep_from_children(self)
         self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
 
     @property
@@ -273,6 +275,12 @@ class AsyncClient:
     def dropped(self) -> int:
         """How many answers came late, twice, or for nobody."""
         return self._conversation.dropped
+
+    def left_behind(self) -> Iterable[int]:
+        """Be of no more use in a forked child, where a thread that held the lock is not there to give it back."""
+        self._lock = asyncio.Lock()
+        self._left = True
+        return ()
 
     async def close(self) -> None:
         """Close the connection at once; the controller then releases every object of it.

@@ -6,7 +6,7 @@ Made from ``_async_client.py`` by ``tools/make_sync.py``: do not edit.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from random import randint
 from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
@@ -22,6 +22,7 @@ from orinkit.client._opening import access_to, conversation, opening_of, parting
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.transport.drive import Deadline, LentLink, Link, run, say_goodbye
+from orinkit.transport.forks import keep_from_children
 from orinkit.transport.links import open_link
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -73,6 +74,7 @@ class Client:
         self._lock = threading.RLock()
         self._left = False
         self.handles = Handles()
+        keep_from_children(self)
         self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
 
     @property
@@ -273,6 +275,12 @@ class Client:
     def dropped(self) -> int:
         """How many answers came late, twice, or for nobody."""
         return self._conversation.dropped
+
+    def left_behind(self) -> Iterable[int]:
+        """Be of no more use in a forked child, where a thread that held the lock is not there to give it back."""
+        self._lock = threading.RLock()
+        self._left = True
+        return ()
 
     def close(self) -> None:
         """Close the connection at once; the controller then releases every object of it.

@@ -11,7 +11,7 @@ import logging
 import math
 import ssl
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
 from itertools import chain
 from typing import Final, Protocol, cast
@@ -25,6 +25,7 @@ from orinkit.language import pick
 from orinkit.server.connections import Connections
 from orinkit.server.throttle import CLIENT
 from orinkit.transport.dead_peers import prepare
+from orinkit.transport.forks import keep_from_children
 
 logger = logging.getLogger("orinkit.server")
 
@@ -211,6 +212,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         super().connection_made(cast("asyncio.Transport", transport))
         prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
         CLIENT.set(self.host)
+        keep_from_children(self)
         if self.scheme == "http":  # the entrance to TLS has been through this
             self._shared.opening -= 1
         early, self._early = self._early, None
@@ -375,6 +377,10 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.close()
         self._watch()
 
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return (self.transport.get_extra_info("socket").fileno(),)
+
     def close(self) -> None:
         """Close it once its request has been answered: the server is closing."""
         if self._stage is Stage.WORK:
@@ -416,6 +422,7 @@ class Entrance(asyncio.Protocol):
         """A client has connected."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
+        keep_from_children(self)
         shared = self._guard.shared
         shared.opening -= 1
         if shared.closing or not self._guard.admit(self):
@@ -448,6 +455,10 @@ class Entrance(asyncio.Protocol):
             else:
                 protocol.connection_made(secured)
             self._guard.shared.discard(self)
+
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:
         """Close it."""

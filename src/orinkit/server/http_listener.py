@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import ssl
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -18,6 +19,7 @@ from orinkit.server.accepting import ONE_AT_A_TIME, deepen
 from orinkit.server.connections import Connections
 from orinkit.server.http_options import HttpOptions
 from orinkit.transport.address import HttpAddress
+from orinkit.transport.forks import keep_from_children
 
 if TYPE_CHECKING:
     from uvicorn.config import Config
@@ -35,6 +37,7 @@ class HttpListener:
     def __init__(self, server: asyncio.Server, url: str) -> None:
         self._server = server
         self.url = url
+        keep_from_children(self)
 
     @classmethod
     async def open(cls, address: HttpAddress, shared: Connections, options: HttpOptions) -> Self:
@@ -79,6 +82,10 @@ class HttpListener:
             server.close()
             raise
         return cls(server, str(address._replace(port=port)))
+
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return [each.fileno() for each in self._server.sockets]
 
     async def close(self) -> None:
         """Take no more clients."""

@@ -6,8 +6,10 @@ import asyncio
 import os
 import termios
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final
+
+from orinkit.transport.forks import keep_from_children
 
 _CHUNK: Final = 65536
 _HIGH: Final = 65536
@@ -46,6 +48,7 @@ class PseudoTerminal(asyncio.WriteTransport):
             self._close_both()
             raise
         self._protocol = protocol(self.path)
+        keep_from_children(self)
         loop.add_reader(self._end, self._readable)
         self._protocol.connection_made(self)
 
@@ -94,6 +97,10 @@ class PseudoTerminal(asyncio.WriteTransport):
     def _close_both(self) -> None:
         os.close(self._end)
         os.close(self._other_end)
+
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return () if self._closed else (self._end, self._other_end)
 
     # --- asyncio.WriteTransport -------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final, Self
 
 from orinkit.bcap.wire import LINE, SILENCE
@@ -14,6 +14,7 @@ from orinkit.language import pick
 from orinkit.server.connections import Connections
 from orinkit.server.peer import Caller
 from orinkit.transport.address import PtyAddress, SerialAddress
+from orinkit.transport.forks import keep_from_children
 from orinkit.transport.serial_settings import open_failed, settings
 
 if TYPE_CHECKING:
@@ -151,6 +152,8 @@ class PortListener:
         self._loop = loop
         self._closed = False
         self._reopening: asyncio.Task[None] | None = None
+        self._transport: asyncio.BaseTransport | None = None
+        keep_from_children(self)
         self.url = _url(address)
 
     @classmethod
@@ -170,7 +173,7 @@ class PortListener:
         import serialx
 
         try:
-            await serialx.create_serial_connection(
+            self._transport, _ = await serialx.create_serial_connection(
                 self._loop,
                 lambda: LineCaller(self._shared, self._loop, self._address.path, self._lost),
                 self._address.path,
@@ -195,6 +198,10 @@ class PortListener:
             else:
                 logger.info("%s: open again", self.url)
                 return
+
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 
     async def close(self) -> None:
         """Open the port no more; :class:`LineCaller` closes it."""

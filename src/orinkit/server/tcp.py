@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable
 from typing import Final, Self
 
 from orinkit.bcap.server import Execute
@@ -13,6 +14,7 @@ from orinkit.server.connections import Connections
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
 from orinkit.transport.dead_peers import prepare
+from orinkit.transport.forks import keep_from_children
 
 _TO_BE_TOLD: Final = 5.0  # seconds in which one client too many may ask once and be told
 
@@ -42,6 +44,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._name = f"{host}:{port}"
         self._host = str(host)
         self._shared.opening -= 1
+        keep_from_children(self)
         self._shared.all.add(self)
         if self._shared.closing:
             transport.abort()
@@ -85,6 +88,10 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         super()._refuse(call)
         self._transport.close()
 
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return (self._transport.get_extra_info("socket").fileno(),)
+
     def close(self) -> None:
         """Close the connection from this side, once what was written has been sent."""
         self._transport.close()
@@ -104,6 +111,7 @@ class TcpListener:
     def __init__(self, server: asyncio.Server, url: str) -> None:
         self._server = server
         self.url = url
+        keep_from_children(self)
 
     @classmethod
     async def open(cls, address: Address, shared: Connections) -> Self:
@@ -119,6 +127,10 @@ class TcpListener:
         )
         deepen(server)
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))
+
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return [each.fileno() for each in self._server.sockets]
 
     async def close(self) -> None:
         """Take no more clients."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+from collections.abc import Iterable
 from functools import partial
 from typing import Any, Final, Self, TypeAlias, cast
 
@@ -15,6 +16,7 @@ from orinkit.cao.session import Reply, Session
 from orinkit.server.connections import Connections
 from orinkit.server.peer import Caller
 from orinkit.transport.address import Address
+from orinkit.transport.forks import keep_from_children
 
 logger = logging.getLogger("orinkit.server")
 
@@ -118,6 +120,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._transport = cast("asyncio.DatagramTransport", transport)  # in Python 3.11 it is one by its methods only
         if hasattr(transport, _SIZE_READ):
             setattr(transport, _SIZE_READ, _LONGEST)
+        keep_from_children(self)
 
     def datagram_received(self, data: bytes, addr: _Place) -> None:
         """A datagram has come, of a client or of anybody."""
@@ -172,6 +175,10 @@ class UdpSocket(asyncio.DatagramProtocol):
         """Know a client no more."""
         self._callers.pop(caller.place, None)
         self._resting.pop(caller.place, None)
+
+    def left_behind(self) -> Iterable[int]:
+        """Be left to the server in a child that it forks."""
+        return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
     async def close(self) -> None:
         """Close the socket."""

@@ -124,7 +124,7 @@ class AsyncHttpLink(Reached):
 
     def _check(self) -> None:
         if not self._open:
-            raise closed()
+            raise self._unusable()
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
 

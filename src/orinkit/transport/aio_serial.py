@@ -6,6 +6,7 @@ Bytes are taken from the port when they are wanted, so that none is lost when an
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable
 from io import FileIO
 from threading import Lock
 from typing import Final, Self
@@ -13,14 +14,15 @@ from typing import Final, Self
 from orinkit.errors import ConnectionLost
 from orinkit.language import pick
 from orinkit.transport.address import SerialAddress
-from orinkit.transport.link_errors import closed, other_loop
+from orinkit.transport.forks import OfThisProcess, keep_from_children
+from orinkit.transport.link_errors import other_loop
 from orinkit.transport.serial_settings import CHUNK, gone, open_file
 
 _UNSENT: Final = 1024 * 1024
 """How many bytes of earlier calls may wait to be sent; more are dropped, as if lost on the way."""
 
 
-class AsyncSerialLink:
+class AsyncSerialLink(OfThisProcess):
     """A serial port in asyncio; :meth:`open` makes one.
 
     Args:
@@ -34,6 +36,7 @@ class AsyncSerialLink:
         self._failure: ConnectionLost | None = None  # that nobody has been told yet
         self._unsent = bytearray()
         self._waiter: asyncio.Future[None] | None = None
+        keep_from_children(self)
 
     @classmethod
     async def open(cls, address: SerialAddress) -> Self:
@@ -120,7 +123,7 @@ class AsyncSerialLink:
     def _check(self) -> None:
         if not self._open:
             failure, self._failure = self._failure, None
-            raise failure or closed()
+            raise failure or self._unusable()
 
     def fileno(self) -> int:
         """Descriptor of the port, to be lent to another process; nothing is received here until the next call.
@@ -130,6 +133,11 @@ class AsyncSerialLink:
         """
         self._check()
         return self._port.fileno()
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the port stays in its parent."""
+        self._open, self._left = False, True
+        return () if self._port.closed else (self._port.fileno(),)
 
     def release(self) -> None:
         """Close it in this process only: in another one that has it too the connection goes on."""

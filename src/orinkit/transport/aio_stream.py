@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Final
 
 from orinkit.language import pick
-from orinkit.transport.link_errors import closed, lost, other_loop
+from orinkit.transport.forks import OfThisProcess, keep_from_children
+from orinkit.transport.link_errors import lost, other_loop
 from orinkit.transport.socket_link import CHUNK
 
 _UNSENT: Final = 16 * 1024 * 1024
 """How many bytes of earlier calls may wait to be sent; more, and the link is given up."""
 
 
-class AsyncStreamLink(ABC):
+class AsyncStreamLink(OfThisProcess, ABC):
     """A link of bytes: the part of a protocol of asyncio that all kinds have, and what a client calls."""
 
     def __init__(self) -> None:
         self._transport: asyncio.Transport | None = None
+        self._parents: asyncio.Transport | None = None
         self._received = bytearray()
         self._ended = False
         self._error: Exception | None = None
@@ -29,6 +32,7 @@ class AsyncStreamLink(ABC):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         self._loop = asyncio.get_running_loop()
+        keep_from_children(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The link is down."""
@@ -56,7 +60,7 @@ class AsyncStreamLink(ABC):
             ConnectionLost: the other side has closed it, or has not taken what was queued for it long ago.
         """
         if self._transport is None:
-            raise closed()
+            raise self._unusable()
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
         if self._ended:
@@ -77,7 +81,7 @@ class AsyncStreamLink(ABC):
             ConnectionLost: the link broke.
         """
         if self._transport is None:
-            raise closed()
+            raise self._unusable()
         if not self._received and not self._ended:
             self._transport.resume_reading()
             loop = asyncio.get_running_loop()
@@ -89,7 +93,7 @@ class AsyncStreamLink(ABC):
                 alarm.cancel()
                 self._waiter = None
             if self._transport is None:
-                raise closed()
+                raise self._unusable()
         if self._received:
             data = bytes(self._received)
             self._received.clear()
@@ -107,7 +111,7 @@ class AsyncStreamLink(ABC):
             ConnectionLost: it has broken.
         """
         if self._transport is None:
-            raise closed()
+            raise self._unusable()
         if self._ended:
             raise lost(self._error or pick("the other side closed it", "相手が閉じました"))
         self._transport.pause_reading()
@@ -115,6 +119,14 @@ class AsyncStreamLink(ABC):
 
     @abstractmethod
     def _descriptor(self, transport: asyncio.Transport) -> int: ...
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the connection goes on in its parent."""
+        transport, self._transport = self._transport, None
+        if transport is None:
+            return ()
+        self._left, self._parents = True, transport  # kept: the child is not to end it, nor to complain of it
+        return (self._descriptor(transport),)
 
     def release(self) -> None:
         """Close it in this process only: in another one that has it too the connection goes on."""

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Iterable
 from typing import Final, Self
 
 from orinkit.transport.address import Address
-from orinkit.transport.link_errors import closed, connect_failed
+from orinkit.transport.forks import OfThisProcess, keep_from_children
+from orinkit.transport.link_errors import connect_failed
 from orinkit.transport.socket_link import CHUNK
 from orinkit.transport.udp import broken, connected, peer_of
 
@@ -19,7 +21,7 @@ _TURN: Final = 8
 """Datagrams that are taken until others have their turn: taking one that is there already lets nobody else run."""
 
 
-class AsyncUdpLink:
+class AsyncUdpLink(OfThisProcess):
     """A UDP socket in asyncio; :meth:`connect` makes one.
 
     Args:
@@ -34,6 +36,7 @@ class AsyncUdpLink:
         self._heard = False
         self._taken = 0
         self._wait: asyncio.Timeout | None = None
+        keep_from_children(self)
 
     @classmethod
     async def connect(cls, address: Address, seconds: float) -> Self:
@@ -59,7 +62,7 @@ class AsyncUdpLink:
             ConnectionClosed: the link was closed before.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         try:
             self._socket.send(data)
         except BlockingIOError:
@@ -77,7 +80,7 @@ class AsyncUdpLink:
             ConnectionClosed: the link was closed before.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         loop = asyncio.get_running_loop()
         data: bytes | None = None
         try:
@@ -99,7 +102,7 @@ class AsyncUdpLink:
             if not self._open:
                 self._socket.close()
         if not self._open:
-            raise closed()
+            raise self._unusable()
         if not data:
             return None
         self._heard = True
@@ -112,8 +115,13 @@ class AsyncUdpLink:
             ConnectionClosed: it has been closed.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         return self._socket.fileno()
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the socket stays in its parent."""
+        self._open, self._left = False, True
+        return (self._socket.fileno(),)
 
     def release(self) -> None:
         """Close it in this process only: in another one that has it too the connection goes on."""

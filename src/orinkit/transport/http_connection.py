@@ -11,7 +11,7 @@ import select
 import socket
 import ssl
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import httpcore2
@@ -46,6 +46,7 @@ class Transport(httpx2.BaseTransport):
         self._connection: httpcore2.HTTP11Connection | None = None
         self._stream: _Stream | None = None
         self._socket: socket.socket | None = None
+        self._left: socket.socket | None = None  # by a parent
         self._changing = threading.RLock()  # while a socket is closed no other thread touches it
         self.closed = False
         self.halted = False
@@ -118,6 +119,14 @@ class Transport(httpx2.BaseTransport):
         self.halted = True
         with self._changing:
             self._end()
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed for good in a forked child; returns the descriptor."""
+        self.closed = self.halted = True
+        self._changing = threading.RLock()
+        left, self._socket = self._socket, None  # not to be shut down from here
+        self._left = left
+        return () if left is None else (left.fileno(),)
 
     def let_go(self) -> None:
         """Give the descriptor back; nothing is under way."""

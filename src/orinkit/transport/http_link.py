@@ -6,7 +6,7 @@ A call is one POST over a connection that is kept for the next one (:mod:`orinki
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 from orinkit.errors import OrinError
@@ -69,7 +69,7 @@ class HttpLink(Reached):
             ConnectionClosed: the link was closed before; or that other thread did not end within the seconds.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         if not self._busy.acquire(blocking=False):
             self._transport.halt()
             if not self._busy.acquire(timeout=seconds):
@@ -104,7 +104,7 @@ class HttpLink(Reached):
             ConnectionClosed: the link was closed before, or is meanwhile.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         try:
             with self._busy:
                 return self._received(seconds)
@@ -176,6 +176,12 @@ class HttpLink(Reached):
         self._request = self._body = None
         self._pieces = iter(())
         self._transport.drop()
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the connection goes on in its parent."""
+        super().left_behind()
+        self._busy = threading.Lock()
+        return self._transport.left_behind()
 
     def close(self) -> None:
         """Close; a receive that another thread is in ends at once."""

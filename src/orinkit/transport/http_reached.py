@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Self
 
 from orinkit.errors import StreamError
@@ -10,12 +11,12 @@ from orinkit.language import pick
 from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.dead_peers import DEAD_AFTER
+from orinkit.transport.forks import OfThisProcess, keep_from_children
 from orinkit.transport.http_connection import Known, context_of
 from orinkit.transport.http_reply import MOST, Contact
-from orinkit.transport.link_errors import closed
 
 
-class Reached(ABC):
+class Reached(OfThisProcess, ABC):
     """What both links show of their server.
 
     Args:
@@ -38,6 +39,7 @@ class Reached(ABC):
         self._known = known
         self._contact = known.contact
         self._open = True
+        keep_from_children(self)
 
     @property
     def tells(self) -> bool | None:
@@ -61,7 +63,7 @@ class Reached(ABC):
             ConnectionClosed: the link has been closed.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         raise _not_to_be_lent()
 
     def another(self) -> Self:
@@ -73,6 +75,11 @@ class Reached(ABC):
         if self.tells is None:
             made.close()
         return made
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the connection goes on in its parent."""
+        self._open, self._left = False, True
+        return ()
 
     def release(self) -> None:
         """Close, as nobody else can have it."""

@@ -10,16 +10,17 @@ from __future__ import annotations
 import os
 import select
 import threading
+from collections.abc import Iterable
 from io import FileIO
 from time import monotonic
 
 from orinkit.errors import ConnectionLost
 from orinkit.language import pick
-from orinkit.transport.link_errors import closed
+from orinkit.transport.forks import OfThisProcess, keep_from_children
 from orinkit.transport.serial_settings import CHUNK, gone
 
 
-class SerialLink:
+class SerialLink(OfThisProcess):
     """A serial port, used by the thread that calls.
 
     Args:
@@ -33,6 +34,7 @@ class SerialLink:
         self._closing = threading.Lock()  # is taken once
         self._using = threading.RLock()
         self._reading = self._poll(select.POLLIN)
+        keep_from_children(self)
 
     def _poll(self, event: int) -> select.poll:
         poll = select.poll()
@@ -92,11 +94,18 @@ class SerialLink:
 
     def _check(self) -> None:
         if not self._open:
-            raise closed()
+            raise self._unusable()
 
     def _gone(self, reason: object) -> ConnectionLost:
         self.close()
         return gone(reason)
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the port, and the pipe by which a wait is ended, stay in its parent."""
+        self._open, self._left = False, True
+        self._closing, self._using = threading.Lock(), threading.RLock()
+        files = (self._port, self._woken, self._wake)
+        return [] if self._port.closed else [file.fileno() for file in files]
 
     def release(self) -> None:
         """Close it in this process only: in another one that has it too the connection goes on."""

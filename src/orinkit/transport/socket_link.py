@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Iterable
 from typing import Final
 
 from orinkit.errors import TransportError
 from orinkit.language import pick
-from orinkit.transport.link_errors import closed, lost
+from orinkit.transport.forks import OfThisProcess, keep_from_children
+from orinkit.transport.link_errors import lost
 
 CHUNK: Final = 65536
 
 
-class SocketLink:
+class SocketLink(OfThisProcess):
     """A socket that is connected, used by the thread that calls.
 
     Args:
@@ -25,6 +27,7 @@ class SocketLink:
         self._seconds = -1.0
         self._sendall = connection.sendall
         self._recv = connection.recv
+        keep_from_children(self)
 
     def fileno(self) -> int:
         """Descriptor of the connection, to be lent to another process.
@@ -33,7 +36,7 @@ class SocketLink:
             ConnectionClosed: it has been closed.
         """
         if not self._open:
-            raise closed()
+            raise self._unusable()
         return self._socket.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
@@ -50,7 +53,7 @@ class SocketLink:
             was_open = self._open
             self.close()
             if not was_open:
-                raise closed() from error
+                raise self._unusable() from error
             if isinstance(error, TimeoutError):
                 raise lost(
                     pick(
@@ -77,9 +80,9 @@ class SocketLink:
         except OSError as error:
             was_open = self._open
             self.close()
-            raise (self._broken(error) if was_open else closed()) from error
+            raise (self._broken(error) if was_open else self._unusable()) from error
         if not data and not self._open:  # the end of the stream is another thread's close()
-            raise closed()
+            raise self._unusable()
         return data
 
     def _set_timeout(self, seconds: float) -> None:
@@ -90,6 +93,11 @@ class SocketLink:
     def _broken(self, error: OSError) -> TransportError:
         """Return the exception for what the system says."""
         return lost(error)
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the connection goes on in its parent."""
+        self._open, self._left = False, True
+        return (self._socket.fileno(),)
 
     def release(self) -> None:
         """Close it in this process only: in another one that has it too the connection goes on."""
