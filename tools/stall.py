@@ -11,12 +11,13 @@ stall continues it: a test that stops a process itself has to make sure that it 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import ctypes
 import heapq
 import os
 import random
+import shutil
 import signal
-import subprocess
 import sys
 import time
 from dataclasses import dataclass, field
@@ -28,6 +29,7 @@ _RESCAN: Final = 0.05  # s between two looks for new processes
 _STALL: Final = (0.020, 0.100)  # s that a process is stopped
 _PAUSE: Final = (0.5, 1.5)  # s that it runs between two stalls
 _STOPPED: Final = ("T", "t", "Z", "X")
+_PASSED_ON: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM)
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Injector:
     """
 
     chance: random.Random
+    guard: Guard
     stalls: int = 0
     stalled: float = 0.0
     _known: set[Process] = field(default_factory=set)
@@ -79,7 +82,7 @@ class Injector:
             self._continue(process)
 
     def _find(self, now: float) -> None:
-        running = descendants(os.getpid())
+        running = {each for each in descendants(os.getpid()) if each.number != self.guard.number}
         for process in sorted(running - self._known, key=lambda each: each.number):
             self._schedule(now + self.chance.uniform(0.0, _PAUSE[1]), process, self.chance.uniform(*_STALL))
         self._known = running
@@ -96,6 +99,7 @@ class Injector:
         if state in _STOPPED:
             self._schedule(now + self.chance.uniform(*_PAUSE), process, seconds)
             return
+        self.guard.tell(process, stopped=True)
         if send(process, signal.SIGSTOP):
             self._stopped.add(process)
             self.stalls += 1
@@ -104,7 +108,9 @@ class Injector:
 
     def _continue(self, process: Process) -> None:
         self._stopped.discard(process)
-        if state_of(process) is not None and send(process, signal.SIGCONT):
+        continued = state_of(process) is not None and send(process, signal.SIGCONT)
+        self.guard.tell(process, stopped=False)
+        if continued:
             pause = self.chance.uniform(*_PAUSE)
             self._schedule(time.monotonic() + pause, process, self.chance.uniform(*_STALL))
 
@@ -158,14 +164,91 @@ def adopt_orphans() -> None:
 def reap(command: int) -> int | None:
     """Collect what has ended; returns the wait status of the command once it has."""
     while True:
-        try:
-            number, status = os.waitpid(-1, os.WNOHANG)
-        except ChildProcessError:
-            return None
+        number, status = os.waitpid(-1, os.WNOHANG)
         if number == 0:
             return None
         if number == command:
             return status
+
+
+class Guard:
+    """Continues what is stopped if this program is killed: a process that knows what has been stopped, at the other end of a pipe."""
+
+    def __init__(self) -> None:
+        theirs, self._pipe = os.pipe()
+        self.number = os.fork()
+        if self.number == 0:
+            os.close(self._pipe)
+            self._watch(theirs)
+        os.close(theirs)
+
+    def tell(self, process: Process, *, stopped: bool) -> None:
+        """Say what is to be done with a process that is then continued, or need not be any more."""
+        os.write(self._pipe, f"{'+' if stopped else '-'} {process.number} {process.started}\n".encode())
+
+    def end(self) -> None:
+        """End it."""
+        os.close(self._pipe)
+        os.waitpid(self.number, 0)
+
+    @staticmethod
+    def _watch(pipe: int) -> None:
+        os.setsid()  # no signal of the terminal
+        stopped: set[Process] = set()
+        with os.fdopen(pipe) as lines:
+            for line in lines:
+                sign, number, started = line.split()
+                (stopped.add if sign == "+" else stopped.discard)(Process(int(number), started))
+        for process in stopped:
+            if state_of(process) is not None:
+                send(process, signal.SIGCONT)
+        os._exit(0)
+
+
+class Command:
+    """The command, to which signals are passed on. Ctrl-C reaches it from the terminal."""
+
+    def __init__(self, words: list[str]) -> None:
+        self._number = 0
+        passed_on = [number for number in _PASSED_ON if signal.getsignal(number) is not signal.SIG_IGN]
+        signal.pthread_sigmask(signal.SIG_BLOCK, passed_on)
+        for number in passed_on:
+            signal.signal(number, self._pass_on)
+        signal.signal(signal.SIGINT, self._pass_on)
+        default = {*passed_on, signal.SIGINT}
+        self._number = os.posix_spawnp(words[0], words, os.environ, setsigmask=[], setsigdef=default)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
+
+    def reap(self) -> int | None:
+        """Return its wait status once it has ended."""
+        status = reap(self._number)
+        if status is not None:
+            self._number = 0
+        return status
+
+    def _pass_on(self, number: int, _: object) -> None:
+        if self._number and number != signal.SIGINT:
+            os.kill(self._number, number)
+
+
+def run(words: list[str], seed: int) -> int:
+    """Run a command on a machine that stalls; returns its exit status, 128 and the number of a signal that ended it."""
+    adopt_orphans()
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # if it is ignored, the system collects what has ended
+    guard = Guard()
+    try:
+        command = Command(words)
+        injector = Injector(random.Random(seed), guard)  # noqa: S311 - no secret
+        try:
+            while (status := command.reap()) is None:
+                time.sleep(min(injector.step(), 0.02))
+        finally:
+            injector.end()
+    finally:
+        guard.end()
+    with contextlib.suppress(OSError):
+        print(f"stall.py: {injector.stalls} stalls, {injector.stalled:.1f} s in all, seed {seed}", file=sys.stderr)
+    return os.waitstatus_to_exitcode(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status)
 
 
 def main() -> int:
@@ -174,27 +257,12 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
     parser.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND [ARG ...]")
     arguments = parser.parse_args()
-    if not arguments.command:
+    words = arguments.command[1:] if arguments.command[:1] == ["--"] else arguments.command
+    if not words:
         parser.error("name a command")
-    adopt_orphans()
-    for name in (
-        signal.SIGINT,
-        signal.SIGTERM,
-        signal.SIGHUP,
-    ):  # the command gets the first itself, the others from here
-        signal.signal(name, lambda number, _: None if number == signal.SIGINT else os.kill(command, number))
-    command = subprocess.Popen(arguments.command).pid
-    injector = Injector(random.Random(arguments.seed))  # noqa: S311 - no secret
-    status = None
-    try:
-        while (status := reap(command)) is None:
-            time.sleep(min(injector.step(), 0.02))
-    finally:
-        injector.end()
-    print(
-        f"stall.py: {injector.stalls} stalls, {injector.stalled:.1f} s in all, seed {arguments.seed}", file=sys.stderr
-    )
-    return os.waitstatus_to_exitcode(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status)
+    if shutil.which(words[0]) is None:
+        parser.error(f"there is no command {words[0]}")
+    return run(words, arguments.seed)
 
 
 if __name__ == "__main__":

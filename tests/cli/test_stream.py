@@ -275,8 +275,8 @@ def late_file(tmp_path, monkeypatch) -> str:
 @pytest.mark.parametrize(
     ("lang", "told"),
     [
-        ("en", ("late 2 late set-points, by up to 48 ms", "(a real controller would have stopped)")),
-        ("ja", ("遅延 遅延した位置指令 2 個 (最大 48 ms)", "(実機では停止していた指令です)")),
+        ("en", ("late 2 late set-points, by up to 48 ms", "(a real controller would have stopped the arm)")),
+        ("ja", ("遅延 遅延した位置指令 2 個 (最大 48 ms)", "(実機ではアームが停止していました)")),
     ],
 )
 def test_late_set_points_are_told(run, url, late_file, lang, told):

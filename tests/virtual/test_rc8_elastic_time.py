@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cell import Cell
+from hypothesis import given
+from hypothesis import strategies as st
 from slave_cell import HOME, J0, J1, J2, P0, SlaveCell, straight
 from test_rc8_slave_time import LateCell, moving
 from ve_cell import ASYNC, SYNC, VeCell, turned
@@ -101,7 +103,21 @@ def test_strict_time_does_not_wait(mode):
     cell.clock.advance(PERIOD)
     expected = hresult.COMMAND_ACCELERATION_OVER_AXIS1 if mode == J1 else hresult.COMMAND_DELAY
     assert (cell.error, cell.arm.slave.on) == (expected, False)
-    assert cell.rc8.lateness == Lateness()
+    assert cell.rc8.lateness.count == (mode == J1)
+    assert "strict time" in str(cell.rc8.state.faults.log.newest)
+
+
+def test_strict_time_counts_what_mode_1_does_not_report():
+    """Slowly, to stop in place is no error: the count tells of it."""
+    cell = SlaveCell(strict_time=True).on(J1)
+    slow = [(0.01 * index, *HOME[1:]) for index in range(40)]
+    cell.stream(slow[:20])
+    cell.clock.advance(PERIOD + 0.1)
+    assert (cell.error, cell.rc8.lateness, cell.arm.queue.joints) == (0, Lateness(), slow[19])
+    cell.stream(slow[20:])
+    assert (cell.error, cell.arm.queue.joints) == (0, slow[39])
+    assert cell.rc8.lateness == Lateness(1, pytest.approx(0.1, abs=PERIOD), pytest.approx(0.1, abs=PERIOD))
+    cell.rc8.close()
 
 
 def test_mode_1_stops_in_place_after_250_ms(cells):
@@ -165,6 +181,38 @@ def test_every_case_is_counted(cells, mode):
     assert cell.rc8.lateness == Lateness(4, pytest.approx(0.24), pytest.approx(0.41))
 
 
+@pytest.mark.parametrize("strict", [False, True])
+@QUEUES
+def test_a_sender_that_is_always_a_little_too_slow_is_counted(mode, strict):
+    """A real controller's buffer would run empty."""
+    cell = SlaveCell(strict_time=strict).on(mode)
+    for pose in straight(0.3, 300):
+        try:
+            cell.send(pose)
+        except CallError:
+            break
+        cell.clock.advance(PERIOD + 0.0018)
+    if strict:
+        assert cell.error == hresult.COMMAND_DELAY
+    else:
+        assert cell.error == 0
+        assert cell.rc8.lateness.total == pytest.approx(0.0018 * 300, abs=0.04)
+        assert cell.rc8.lateness.count > 100
+    cell.rc8.close()
+
+
+def test_any_number_of_cases_is_counted(cells, monkeypatch):
+    cell = cells(J0)
+    cases = cell.arm.slave._pace._cases
+    for _ in range(12_000):
+        cases.add(0.003)
+    cases.add(0.2)
+    assert cell.rc8.lateness == Lateness(12_001, 0.2, pytest.approx(36.2))
+    assert cell.arm.slave.lateness(12_000) == Lateness(1, 0.2, 0.2)
+    assert cell.arm.slave.lateness(12_001) == Lateness()
+    assert cell.arm.slave.lateness(99_999) == Lateness()
+
+
 # --- time stands still ------------------------------------------------------------------------------------------------
 
 
@@ -189,6 +237,51 @@ def test_limits_hold_across_the_pause(mode):
     assert len(seen) == 70
     assert cell.rc8.state.cycle_seconds == pytest.approx(began + 70 * PERIOD)
     assert len(cell.arm.log) == logged + 70
+    cell.rc8.close()
+
+
+def commands(cell: SlaveCell) -> list[float]:
+    """Return the commands of J1 until there is an error, as they are carried out, with the two that were before them."""
+    seen = [cell.arm.queue.before[0], cell.arm.queue.joints[0]]
+    step = cell.arm.servo.step
+    cell.arm.servo.step = lambda command: (seen.append(command[0]) if not cell.error else None, step(command))[1]
+    return seen
+
+
+@given(late=st.sampled_from([0.015, 0.05, 0.1, 0.24]), far=st.lists(st.floats(-60, 100), min_size=1, max_size=6))
+def test_limits_hold_in_mode_1_whatever_follows_the_pause(late, far):
+    """It is the client that was late: the limits are those of any other cycle."""
+    cell = elastic(J1)
+    seen = commands(cell)
+    for way in far:
+        cell.clock.advance(late)
+        if cell.error:
+            break
+        cell.send((cell.arm.queue.joints[0] + way, *HOME[1:]))
+        cell.clock.advance(PERIOD)
+    assert np.abs(np.diff(seen, 2)).max(initial=0.0) <= 1.2501 * AXIS.acceleration * PERIOD**2
+    assert np.abs(np.diff(seen)).max(initial=0.0) <= 1.2501 * AXIS.velocity * PERIOD
+    cell.rc8.close()
+
+
+@pytest.mark.parametrize("back", [0.2, 1.0, 5.0])
+def test_the_way_to_a_set_point_after_a_pause_stays_within_the_range(back):
+    """At speed just before the end of the range: the way back may not lead through what is beyond it."""
+    cell = SlaveCell(strict_time=False)
+    cell.stand(129.0, *HOME[1:])
+    cell.on(J1)
+    joint, step = 129.0, 0.0
+    while joint < 169.0:
+        step = min(step + 0.136, 2.0)
+        joint = min(joint + step, 169.99)
+        cell.send((joint, *HOME[1:]))
+        cell.cycle()
+    assert cell.error == 0
+    seen = commands(cell)
+    cell.clock.advance(PERIOD + 0.24)
+    cell.send((cell.arm.queue.joints[0] - back, *HOME[1:]))
+    cell.clock.advance(PERIOD)
+    assert all(AXIS.lower <= each <= AXIS.upper for each in seen)
     cell.rc8.close()
 
 
@@ -443,7 +536,7 @@ def test_a_ve026a_logs_it_once(caplog):
     with caplog.at_level(logging.WARNING):
         cell.execute("slvChangeMode", 0)
     (record,) = [each for each in caplog.records if each.levelno == logging.WARNING]
-    assert "1 late set-points, by up to 50 ms" in record.getMessage()
+    assert "1 late set-point, by 50 ms" in record.getMessage()
 
 
 def test_positions_are_waited_for_too():

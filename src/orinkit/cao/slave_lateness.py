@@ -34,9 +34,14 @@ class Lateness:
     total: float = 0.0
 
     def __str__(self) -> str:
+        longest = f"{self.longest * 1e3:.0f} ms"
+        if self.count == 0:
+            return pick("no late set-points", "位置指令の遅延なし")
+        if self.count == 1:
+            return pick(f"1 late set-point, by {longest}", f"遅延した位置指令 1 個 ({longest})")
         return pick(
-            f"{self.count} late set-points, by up to {self.longest * 1e3:.0f} ms",
-            f"遅延した位置指令 {self.count} 個 (最大 {self.longest * 1e3:.0f} ms)",
+            f"{self.count} late set-points, by up to {longest}",
+            f"遅延した位置指令 {self.count} 個 (最大 {longest})",
         )
 
 

@@ -50,8 +50,8 @@ class Report:
             (pick("real time", "リアルタイム"), str(self.real_time)),
             (pick("largest deviation", "最大偏差"), self._deviations()),
         ]
-        if result.late.count:
-            real = pick("a real controller would have stopped", "実機では停止していた指令です")
+        if result.late.count:  # a real controller does not tell
+            real = pick("a real controller would have stopped the arm", "実機ではアームが停止していました")
             rows.insert(3, (pick("late", "遅延"), f"{result.late}\n({real})"))
         if self.record is not None:
             rows.append((pick("record", "記録"), self.record))

@@ -133,7 +133,7 @@ def serve_abh3(
         float,
         Parameter(
             group=_DRIVER,
-            help=pick("How many seconds of the driver pass in a real one.", "実時間 1 秒あたりに進むドライバの秒数。"),
+            help=pick("How many seconds of the driver pass in one real second.", "実時間 1 秒あたりに進むドライバの秒数。"),
         ),
     ] = 1.0,
     bus: BusOptions = _BUS,

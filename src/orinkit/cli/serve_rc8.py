@@ -125,15 +125,15 @@ def serve_rc8(
         bool,
         Parameter(
             group=_ROBOT,
-            help=pick("A late set-point ends slave mode at once, as on a real controller, instead of being waited for (250 ms).",
-                      "スレーブモードで遅れた位置指令を待たず (既定は 250 ms 待つ)、実機と同じく直ちにエラーにする。"),
+            help=pick("Late set-points in slave mode are not waited for (250 ms): an error at once, or in mode 1 a stop in place, as on a real controller.",
+                      "スレーブモードで遅れた位置指令を待たない (既定は 250 ms 待つ)。実機と同じく直ちにエラー、モード 1 ではその場で停止する。"),
         ),
     ] = False,
     time_scale: Annotated[
         float,
         Parameter(
             group=_CONTROLLER,
-            help=pick("How many seconds of the controller pass in a real one; 20 makes motions 20 times as fast.",
+            help=pick("How many seconds of the controller pass in one real second; 20 makes motions 20 times as fast.",
                       "実時間 1 秒あたりに進むコントローラの秒数。20 なら動作が 20 倍速になる。"),
         ),
     ] = 1.0,

@@ -43,7 +43,7 @@ def serve_ve026a(
         float,
         Parameter(
             group=_ROBOT,
-            help=pick("How many seconds of the arm pass in a real one; 20 makes it 20 times as fast.",
+            help=pick("How many seconds of the arm pass in one real second; 20 makes it 20 times as fast.",
                       "実時間 1 秒あたりに進むアームの秒数。20 なら 20 倍速になる。"),
         ),
     ] = 1.0,

@@ -104,7 +104,8 @@ class StreamResult:
         samples: what came back, from the first set-point to the arm's rest.
         missed: samples that nobody read in time.
         timing: seconds between the set-points.
-        late: set-points that came too late for a real controller, which would have stopped the arm; a virtual one waited.
+        late: set-points that a virtual controller waited for, or, with strict time in mode 1, stopped in place for. Real ones do not
+            count them: they stop the arm.
     """
 
     sent: int

@@ -247,7 +247,7 @@ class Arm:
         """Be in an error from now on; the arm brakes, slave mode is off."""
         if self.error == hresult.S_OK:
             self.error = code
-            logger.info("%s", refusal(code, detail))
+            logger.warning("%s", refusal(code, detail))
         self._break_change(code)
         self.stop(code)
 

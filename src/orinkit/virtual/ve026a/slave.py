@@ -141,7 +141,7 @@ class Slave:
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
-            logger.warning("%s", left_late(late))
+            logger.warning("%s", left_late(late, strict=self._strict))
         waiting, self._waiting = self._waiting, deque()
         self.mode, self.owner = OFF, None
         self._cycles.pace = None

@@ -4,21 +4,24 @@ A real controller has a processor of its own. Here client and server are program
 up either of them. So
 
 * **the client is late** (there is no set-point for the next cycle, and the arm moves): the controller's time stands still
-  until there is one, for 250 ms at most, and the set-point is counted as late. Strict time does not wait;
+  until there is one, for 250 ms at most, and the set-point is counted as late. Strict time does not wait. In mode 1, where
+  the arm then stops in place, the set-point is counted all the same;
 * **the server is late** (cycles were not run when they were due): cycles are not made up for. One is run, and the
   controller's time is behind from then on. Set-points that have arrived count, even if nobody has read them yet: before a
   cycle goes without one, whoever reads the network is asked to (``look``). Strict time does the same, and gives a client
   that may not have had its answer yet one more period;
 * **a client that goes by the clock** notices neither, and what it sends afterwards is farther away than one cycle allows.
   In a queue (modes 0 and 2) that does no harm. Where the newest set-point counts (mode 1), as many cycles are run on the
-  way to it as it seems to need (:mod:`~.bridge`).
+  way to it as it seems to need (:mod:`~.bridge`). If it was the server that was late, their limits are larger.
 
-A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is, and so does a set-point.
+A cycle that is late by less than a quarter of a period leaves the grid of 8 ms as it is, and so does a set-point. A client that is
+always a little late is so by more each time, and is counted in the end.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import Final, Protocol
 
@@ -49,10 +52,17 @@ def waited_in_vain() -> str:
     return pick(f"no set-point for {milliseconds} ms", f"位置指令が {milliseconds} ms 間届きませんでした")
 
 
-def left_late(late: Lateness) -> str:
+def not_waited() -> str:
+    """Return the detail of the error that a late set-point is with strict time."""
+    return pick("no set-point for this cycle; strict time", "このサイクルの位置指令がありません (厳密時間)")
+
+
+def left_late(late: Lateness, *, strict: bool) -> str:
     """Return what the log says at the end of a stream with late set-points."""
+    if strict:
+        return pick(f"{late}: the arm stopped in place", f"{late}: アームはその場で停止しました")
     return pick(
-        f"{late}. A real controller does not wait for a set-point, nor does this one with strict time (--strict-time)",
+        f"{late}. A real controller would not have waited. With --strict-time this one does not wait either",
         f"{late}。実機は位置指令を待ちません。実機と同じ動作にするには --strict-time を指定してください",
     )
 
@@ -85,6 +95,28 @@ class Paced(Protocol):
         """Lead to the set-point in at most so many cycles; returns in how many, 0 where there is none."""
 
 
+class _Cases:
+    """Late set-points: the latest ones one by one, the earlier ones as sums."""
+
+    def __init__(self) -> None:
+        self._seconds: deque[float] = deque(maxlen=_CASES)
+        self._all = Lateness()
+
+    def add(self, seconds: float) -> None:
+        """Count one."""
+        self._seconds.append(seconds)
+        count, longest, total = self._all.count, self._all.longest, self._all.total
+        self._all = Lateness(count + 1, max(longest, seconds), total + seconds)
+
+    def lateness(self, leave_out: int) -> Lateness:
+        """Return how late they were, but for the first ones."""
+        if leave_out == 0:
+            return self._all
+        count = max(0, self._all.count - leave_out)
+        known = list(self._seconds)[max(0, len(self._seconds) - count) :]
+        return Lateness(count, max(known, default=0.0), sum(known))
+
+
 class Pace:
     """The pace of :class:`~orinkit.virtual.rc8.cycle.Cycles` while slave mode is on.
 
@@ -107,8 +139,10 @@ class Pace:
         self._seen = False
         self._waited: float | None = None  # real s that the client has been waited for; None while it is not
         self._noted = 0.0  # when that was noted
-        self._cases: list[float] = []
+        self._missed: float | None = None  # when the set-point was due that strict time has not waited for (mode 1)
+        self._cases = _Cases()
         self._owed = 0.0  # s by which the controller's time is behind, as a client that goes by the clock will notice
+        self._own = 0.0  # s of these for which the server is to blame
         self._forget_at = 0  # number of the cycle after which that is forgotten
 
     def __call__(self, due: int) -> int:
@@ -125,22 +159,26 @@ class Pace:
                 return 0
             self._go_on(self._longest_wait)
             late = self._server_late()
+            if self._strict and slave.overwrites and self._missed is None:
+                self._missed = self._cycles.clock.now() - self._cycles.late
         count = self._lead(late) if slave.overwrites and not slave.starving else 1
         behind = late - (count - 1) * PERIOD
         if behind > _ON_TIME or count > due:
-            self._fall_behind(behind)
+            self._fall_behind(behind, own=True)
         return count
 
     def resume(self) -> None:
         """Stop waiting: there is a set-point, or none is wanted any more. The next cycle is due now."""
+        if self._missed is not None:
+            self._cases.add((self._cycles.clock.now() - self._missed) / self._cycles.clock.scale)
+            self._missed = None
         if self._waited is not None:
             self._note()
             self._go_on(math.inf)
 
     def lateness(self, leave_out: int = 0) -> Lateness:
         """Return how late set-points were, but for the first ones."""
-        cases = self._cases[max(0, leave_out) :]
-        return Lateness(len(cases), max(cases, default=0.0), sum(cases))
+        return self._cases.lateness(max(0, leave_out))
 
     # --- a late client ------------------------------------------------------------------------------------------
 
@@ -173,10 +211,15 @@ class Pace:
         if self._waited is None:
             return
         waited, self._waited = min(self._waited, most), None
-        clock = self._cycles.clock
-        if not self._strict and waited * clock.scale > _ON_TIME and len(self._cases) < _CASES:
-            self._cases.append(waited)
-        self._fall_behind(min(self._cycles.late, waited * clock.scale) if clock.manual else self._cycles.late)
+        clock, late = self._cycles.clock, self._cycles.late
+        if waited * clock.scale <= _ON_TIME and waited < LONGEST_WAIT:
+            return
+        if not self._strict:
+            self._cases.add(waited)
+        theirs = min(late, waited * clock.scale)
+        self._fall_behind(theirs)
+        if not clock.manual:
+            self._fall_behind(late - theirs, own=True)
 
     # --- a late server ------------------------------------------------------------------------------------------
 
@@ -205,18 +248,24 @@ class Pace:
         """Return by how many seconds of the clock the next cycle is late; a clock that is moved by hand is never late."""
         return 0.0 if self._cycles.clock.manual else self._cycles.late
 
-    def _fall_behind(self, seconds: float) -> None:
-        """Have the controller's time be behind by so much more; of a time long past nobody knows any more."""
+    def _fall_behind(self, seconds: float, *, own: bool = False) -> None:
+        """Have the controller's time be behind by so much more; of a time long past nobody knows any more.
+
+        Args:
+            seconds: of the clock.
+            own: the server is to blame, not the client.
+        """
         self._owed = min(max(0.0, self._owed + seconds), _MOST_OWED)
+        self._own = min(max(0.0, self._own + seconds * own), self._owed)
         self._forget_at = self._cycles.number + _MEMORY
         self._cycles.stand_still(seconds)
 
     def _lead(self, late: float) -> int:
         """Return in how many cycles to go to the set-point of mode 1."""
         if self._cycles.number > self._forget_at:
-            self._owed = 0.0
+            self._owed = self._own = 0.0
         most = 1 + int((self._owed + late) / PERIOD + _NEARLY)
         count = self._slave.bridge(most) if most > 1 else 1
-        if count > 1:
+        if count > 1 and self._own + late > _NEARLY * PERIOD:
             self._slave.lenient = count + _AFTERWARDS
         return max(1, count)

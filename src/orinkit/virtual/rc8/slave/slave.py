@@ -21,7 +21,7 @@ from orinkit.virtual.rc8.motion.queue import QueueState
 from orinkit.virtual.rc8.robot.operators import Operator
 from orinkit.virtual.rc8.slave.bridge import gentlest
 from orinkit.virtual.rc8.slave.limits import Limits
-from orinkit.virtual.rc8.slave.pace import Look, Pace, left_late, waited_in_vain
+from orinkit.virtual.rc8.slave.pace import Look, Pace, left_late, not_waited, waited_in_vain
 from orinkit.virtual.rc8.slave.points import Output
 
 if TYPE_CHECKING:
@@ -196,10 +196,11 @@ class Slave:
         elif self._leaving:
             queue.halt()
         elif queue.state is QueueState.FOLLOWING:
+            late = not_waited() if self._arm.switches.strict_time else waited_in_vain()
             if self.overwrites:  # a command to stay where it is (RC8 table 4-6)
-                self._lead_to(queue.joints)
+                self._lead_to(queue.joints, late)
             else:
-                self.fail(hresult.COMMAND_DELAY, "" if self._arm.switches.strict_time else waited_in_vain())
+                self.fail(hresult.COMMAND_DELAY, late)
         self.lenient = max(0, self.lenient - 1)
 
     def settle(self) -> None:
@@ -242,6 +243,7 @@ class Slave:
 
     def fail(self, code: int, detail: str = "") -> None:
         """Raise an error of the controller that ends slave mode and brings the arm to rest (RC8 4.7)."""
+        logger.warning("%s: slave mode: %s", self.owner, error_for(code, detail))
         self._fault(code, detail)
         self._arm.stop(code)  # an error of a low level does not
 
@@ -257,12 +259,18 @@ class Slave:
                 self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
                 self._arm.cut(hresult.UNDEFINED_ERROR)
 
-    def _lead_to(self, joints: Joints) -> bool:
-        """Have the command be at joints in this cycle, if the limits allow it; else that is an error."""
+    def _lead_to(self, joints: Joints, why: str = "") -> bool:
+        """Have the command be at joints in this cycle, if the limits allow it; else that is an error.
+
+        Args:
+            joints: where, deg or mm.
+            why: what the error is to tell beside the limit.
+        """
         queue = self._arm.queue
         fault = self._limits.fault(queue.before, queue.joints, joints, lenient=self.lenient > 0)
         if fault is not None:
-            self.fail(*fault)
+            code, detail = fault
+            self.fail(code, "; ".join(filter(None, (why, detail))))
             return False
         queue.follow(joints)
         return True
@@ -280,7 +288,7 @@ class Slave:
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
-            logger.warning("%s: %s", self.owner, left_late(late))
+            logger.warning("%s: %s", self.owner, left_late(late, strict=self._arm.switches.strict_time))
         self.mode = self.owner = None
         self._cycles.pace = None
         self._buffer.clear()
