@@ -28,11 +28,18 @@ def test_another_answer_is_that_of_a_controller_without_the_command(answer):
     assert read_lateness(answer) is None
 
 
-def test_it_is_told_in_both_languages():
-    late = Lateness(3, 0.1004, 0.17)
-    assert str(late) == "3 late set-points, by up to 100 ms"
+@pytest.mark.parametrize(
+    ("late", "en", "ja"),
+    [
+        (Lateness(), "no late set-points", "位置指令の遅延なし"),
+        (Lateness(1, 0.0634, 0.0634), "1 late set-point, by 63 ms", "遅延した位置指令 1 個 (63 ms)"),
+        (Lateness(3, 0.1004, 0.17), "3 late set-points, by up to 100 ms", "遅延した位置指令 3 個 (最大 100 ms)"),
+    ],
+)
+def test_it_is_told_in_both_languages(late, en, ja):
+    assert str(late) == en
     language.use("ja")
-    assert str(late) == "遅延した位置指令 3 個 (最大 100 ms)"
+    assert str(late) == ja
 
 
 def test_the_name_is_one_of_the_commands_of_slave_mode():
