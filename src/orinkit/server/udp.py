@@ -229,8 +229,8 @@ class UdpListener:
             places: dict[int, _Place] = {}
             for family, *_, place in found:
                 places.setdefault(family, place)
-            for family, (host, _, *more) in places.items():
-                bound = _bound(family, (host, address.port, *more))
+            for kind, (host, _, *more) in places.items():
+                bound = _bound(kind, (host, address.port, *more))
                 address = address._replace(port=bound.getsockname()[1])
                 _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(shared, loop), sock=bound)
                 listener._sockets.append(opened)
