@@ -196,11 +196,13 @@ class BadPeer:
 class RawClient:
     """A client that sends what it is told and shows what comes, packet by packet."""
 
-    def __init__(self, url: str, *, receive_buffer: int = 0) -> None:
+    def __init__(self, url: str, *, receive_buffer: int = 0, source: str = "") -> None:
         host, _, port = url.rpartition("/")[2].rpartition(":")
         self.socket = socket.socket()
         if receive_buffer:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        if source:
+            self.socket.bind((source, 0))
         self.socket.settimeout(PATIENCE)
         self.socket.connect((host, int(port)))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -135,6 +135,15 @@ def test_one_byte_at_a_time():
     assert executed(server, data[-1:]).serial == 7
 
 
+def test_packets_and_calls_are_counted():
+    server = ServerConversation()
+    assert (server.packets, server.calls, server.incomplete) == (0, 0, 0)
+    answered(server, packet.pack(1, 1, 2, b""))
+    assert (server.packets, server.calls, server.incomplete) == (1, 0, 0)
+    server.finish(executed(server, request(2, 2) + request(3, 2)[:7]), 0, None)
+    assert (server.packets, server.calls, server.incomplete) == (2, 1, 7)
+
+
 def test_several_requests_at_once_one_after_the_other():
     server = ServerConversation()
     seen = []

@@ -257,11 +257,11 @@ def test_the_limit_on_clients_is_shared(shop: Counting) -> None:
     with orinkit.serve(shop, "pty://", "tcp://127.0.0.1:0", "udp://127.0.0.1:0", clients=2) as server:
         line, tcp, udp = server.urls
         with SerialRaw(line) as raw, RawClient(tcp) as one, UdpRaw(udp) as two:
-            assert one.ask(START) is None
-            assert two.ask(START) is None
+            assert one.ask(CONNECT, "", "Test.Workshop", "", "") == 2
+            two.open_workshop()
             assert raw.ask(START) == hresult.E_MAX_CONNECT
             assert two.ask(STOP) is None
-            assert raw.ask(START) is None
+            raw.open_workshop()
             assert two.ask(START) == hresult.E_MAX_CONNECT
             assert server.clients == 2
 

@@ -303,8 +303,8 @@ def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
     with orinkit.serve(shop, "tcp://127.0.0.1:0", "udp://127.0.0.1:0", clients=2) as server:
         tcp, udp_url = server.urls
         with RawClient(tcp) as one, UdpRaw(udp_url) as two, UdpRaw(udp_url) as three:
-            assert one.ask(START) is None
-            assert two.ask(START) is None
+            assert one.ask(CONNECT, "", "Test.Workshop", "", "") == 2
+            two.open_workshop()
             for _ in range(3):
                 assert three.ask(START) == hresult.E_MAX_CONNECT
             with RawClient(tcp) as four:
@@ -312,7 +312,7 @@ def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
             assert server.clients == 2
             assert two.ask(STOP) is None
             assert server.clients == 1
-            assert three.ask(START) is None
+            three.open_workshop()
             assert two.ask(START) == hresult.E_MAX_CONNECT
             assert server.clients == 2
 
@@ -323,7 +323,7 @@ def test_many_who_are_refused_do_not_fill_the_log(
     monkeypatch.setattr("orinkit.server.connections._QUIET", 1000.0)
     caplog.set_level(logging.DEBUG, "orinkit.server")
     with orinkit.serve(shop, "udp://127.0.0.1:0", clients=1) as server, UdpRaw(server.url) as one:
-        assert one.ask(START) is None
+        one.open_workshop()
         for _ in range(20):
             with UdpRaw(server.url) as other:
                 assert other.ask(START) == hresult.E_MAX_CONNECT

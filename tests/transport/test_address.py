@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from orinkit import language
 from orinkit._pose_checks import brief
 from orinkit.errors import InvalidAddress
-from orinkit.transport.address import Address, HttpAddress, PtyAddress, SerialAddress, parse_address
+from orinkit.transport.address import Address, HttpAddress, PtyAddress, SerialAddress, network_of, parse_address
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="names of ports are others in Windows")
 
@@ -211,3 +211,16 @@ def test_slips_with_ports(text: str, said: str) -> None:
     with pytest.raises(InvalidAddress, match=said) as caught:
         parse_address(text)
     assert "Example: serial:///dev/ttyUSB0" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("host", "network"),
+    [
+        ("192.168.0.7", "192.168.0.7"), ("127.0.0.1", "127.0.0.1"), ("127.200.3.4", "127.0.0.1"), ("::1", "127.0.0.1"),
+        ("::ffff:192.168.0.7", "192.168.0.7"), ("::ffff:127.0.0.2", "127.0.0.1"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"), ("2001:db8:1:2::9", "2001:db8:1:2::/64"),
+        ("fe80::1%eth0", "fe80::/64"), ("/dev/pts/3", "/dev/pts/3"), ("", ""),
+    ],
+)  # fmt: skip
+def test_what_counts_as_one_place_of_origin(host, network):
+    assert network_of(host) == network

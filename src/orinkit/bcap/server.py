@@ -83,6 +83,8 @@ class ServerConversation:
         timed_out: True once the call being executed has been answered with E_TIMEOUT.
         wdt: seconds between S_EXECUTING packets while a call is at work, ``None`` for none; set by ``WDT=<ms>``.
         stopped: True from an answered Service_Stop to the next request.
+        packets: how many whole packets have come.
+        calls: how many of them were calls to be executed.
     """
 
     def __init__(
@@ -106,6 +108,8 @@ class ServerConversation:
         self._next: Action | None = None  # what is to follow what has just been said
         self._pending_since = _NEVER  # when what is pending was found to be no packet yet
         self.stopped = False
+        self.packets = 0
+        self.calls = 0
         self.timed_out = False
         self._next_wdt = 0.0
         self._now = 0.0
@@ -120,6 +124,11 @@ class ServerConversation:
     def pending(self) -> int:
         """How many bytes have come that are no whole packet yet; where they may stay so, :meth:`silence` is for it."""
         return self._framer.pending if self._wire.lossy else 0
+
+    @property
+    def incomplete(self) -> int:
+        """How many bytes have come of a packet that is not whole yet, whatever it travels by."""
+        return self._framer.pending
 
     def receive(self, data: bytes, now: float) -> Iterator[Action]:
         """Take bytes of the stream; yields what to do, one thing after the other.
@@ -183,6 +192,7 @@ class ServerConversation:
         self._now = now
 
     def _request(self, frame: bytes) -> Action | None:
+        self.packets += 1
         _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
         if len(frame) > self._limits.packet:  # a datagram; a stream would have lost its place
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
@@ -232,6 +242,7 @@ class ServerConversation:
                 self._set_options(arguments)
             except CallError as error:
                 return Send(self._answer(error.code))
+        self.calls += 1
         self._current = call = Execute(serial, function_id, arguments)
         self.timed_out = False
         self._give_up = self._now + self.invoke_timeout

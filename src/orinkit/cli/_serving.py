@@ -21,6 +21,7 @@ from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.server.accepting import watch
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
+from orinkit.server.places import DEFAULT_CLIENTS
 from orinkit.transport.address import Address, HttpAddress, is_loopback, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 
@@ -80,7 +81,17 @@ class Listening:
     web: Web = _WEB
     clients: Annotated[
         int, Parameter(converter=whole_number, help=pick("Most clients at a time.", "同時に接続できるクライアント数。"))
-    ] = 256
+    ] = DEFAULT_CLIENTS
+    clients_per_address: Annotated[
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help=pick(
+                "Most clients of one address; three quarters of --clients by default.",
+                "1 つのアドレスから同時に接続できるクライアント数。既定は --clients の 4 分の 3。",
+            ),
+        ),
+    ] = None
     objects: Annotated[
         int,
         Parameter(
@@ -108,8 +119,13 @@ def check(listening: Listening) -> None:
         Failure: a number is out of its range, or an address is of another kind than its option.
         InvalidAddress: one is no address.
     """
-    for option, number in (("--clients", listening.clients), ("--objects", listening.objects)):
-        if number < 1:
+    numbers = {
+        "--clients": listening.clients,
+        "--clients-per-address": listening.clients_per_address,
+        "--objects": listening.objects,
+    }
+    for option, number in numbers.items():
+        if number is not None and number < 1:
             raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
     try:
         check_dead_after(listening.dead_after)
@@ -186,6 +202,7 @@ async def _serve(
                 providers,
                 *urls,
                 clients=listening.clients,
+                per_address=listening.clients_per_address,
                 objects=listening.objects,
                 dead_after=listening.dead_after,
                 http=listening.web.options(),
@@ -193,7 +210,9 @@ async def _serve(
             await servers.enter_async_context(server)
             ready = [*before, *(f"ready {url}" for url in server.urls)]
             if control is not None:
-                second = AsyncServer(control.provider, control.url, clients=_CONTROL_CLIENTS)
+                second = AsyncServer(
+                    control.provider, control.url, clients=_CONTROL_CLIENTS, per_address=_CONTROL_CLIENTS
+                )
                 await servers.enter_async_context(second)
                 said = servers.enter_context(control.offered(_port(second.url)))
                 ready += [f"ready control {second.url}", *said]

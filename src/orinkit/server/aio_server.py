@@ -13,6 +13,7 @@ from orinkit.errors import ConnectFailed
 from orinkit.language import pick
 from orinkit.server.connections import Connections, Listener
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
+from orinkit.server.places import DEFAULT_CLIENTS
 from orinkit.server.tcp import TcpListener
 from orinkit.server.throttle import THROTTLE
 from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
@@ -37,7 +38,9 @@ class AsyncServer:
         urls: where to listen: ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``serial:///dev/ttyUSB0?baudrate=38400``, or
             ``pty://``, which opens a pair of pseudo-terminals; ``http://HOST:PORT`` or ``https://HOST:PORT`` for e-CAP.
             Loopback and port 5007 on TCP unless told otherwise; port 0 takes a free one.
-        clients: how many clients at a time.
+        clients: how many clients at a time. One more is refused, unless one makes way for it that is idle and holds nothing.
+        per_address: how many of them from one address; three quarters by default, rounded up. All of this machine's count as
+            one, and those of one /64 network of IPv6.
         objects: how many objects one client may hold.
         limits: bounds on packets.
         invoke_timeout: seconds that a call may take unless the client says otherwise.
@@ -55,7 +58,8 @@ class AsyncServer:
         self,
         providers: Provider | Iterable[Provider],
         *urls: str,
-        clients: int = 256,
+        clients: int = DEFAULT_CLIENTS,
+        per_address: int | None = None,
         objects: int = 1000,
         limits: Limits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
@@ -65,7 +69,7 @@ class AsyncServer:
         self._http = http
         self._addresses = [_place(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
-        self._connections = Connections(self._host, limits, clients, invoke_timeout, dead_after)
+        self._connections = Connections(self._host, limits, clients, invoke_timeout, dead_after, per_address)
         self._listeners: list[Listener] = []
         self.urls: list[str] = []
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from orinkit.cao.provider import Provider
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
+from orinkit.server.places import DEFAULT_CLIENTS
 from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -90,7 +91,8 @@ class Server:
 def serve(
     providers: Provider | Iterable[Provider],
     *urls: str,
-    clients: int = 256,
+    clients: int = DEFAULT_CLIENTS,
+    per_address: int | None = None,
     objects: int = 1000,
     limits: Limits = DEFAULT_LIMITS,
     invoke_timeout: float = 180.0,
@@ -113,6 +115,7 @@ def serve(
             providers,
             *urls,
             clients=clients,
+            per_address=per_address,
             objects=objects,
             limits=limits,
             invoke_timeout=invoke_timeout,

@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from collections.abc import Iterable
+from operator import itemgetter
 from typing import Final, Protocol
 
 from orinkit.cao.session import Host, Numbers
 from orinkit.server import throttle
+from orinkit.server.places import most_of_an_address
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import Limits
 
@@ -30,7 +33,7 @@ class Listener(Protocol):
         """Take no more clients; those who are there are closed by :meth:`Connections.close`."""
 
 
-class Client(Protocol):
+class Closable(Protocol):
     """A client, a connection, a line: whatever has to be closed when the server is."""
 
     def close(self) -> None:
@@ -40,20 +43,37 @@ class Client(Protocol):
         """Close it at once."""
 
 
+class Client(Closable, Protocol):
+    """A client."""
+
+    @property
+    def network(self) -> str:
+        """Where it is from, as :func:`~orinkit.transport.address.network_of` tells; a limit counts its clients."""
+
+    def idle_since(self) -> float | None:
+        """Return the loop's time at which it was last heard of; ``None`` where it holds an object, or a call is at work."""
+
+    def give_way(self) -> None:
+        """Be a client no more, at once: another one has come, and this one holds nothing."""
+
+
 class Connections:
     """What the clients of one server share.
 
     Args:
         host: the providers.
         limits: bounds on packets; the wire may have narrower ones.
-        clients: how many clients at a time; one more is answered with E_MAX_CONNECT.
+        clients: how many clients at a time; one more is answered with E_MAX_CONNECT, unless one makes room that is idle
+            and holds nothing.
         invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
         dead_after: seconds without an answer from a client's machine after which its TCP connection is given up.
+        per_address: how many clients of one address at a time; by default three quarters of ``clients``, rounded up.
 
     Attributes:
         open: the clients.
         all: whatever has to be closed: these, connections that are being refused, serial lines without a client,
             connections over HTTP.
+        turned_away: connections of those of ``all`` for whom there is no room, while they are told so.
         opening: how many connections have been accepted and are not in ``all`` yet.
         closing: no more connections.
         empty: is set when the last of ``all`` has gone.
@@ -63,7 +83,13 @@ class Connections:
     """
 
     def __init__(
-        self, host: Host, limits: Limits, clients: int, invoke_timeout: float, dead_after: float = DEAD_AFTER
+        self,
+        host: Host,
+        limits: Limits,
+        clients: int,
+        invoke_timeout: float,
+        dead_after: float = DEAD_AFTER,
+        per_address: int | None = None,
     ) -> None:
         throttle.install()
         self.host = host
@@ -71,8 +97,10 @@ class Connections:
         self.clients = clients
         self.invoke_timeout = invoke_timeout
         self.dead_after = check_dead_after(dead_after)
+        self.per_address = most_of_an_address(clients) if per_address is None else per_address
         self.open: set[Client] = set()
-        self.all: set[Client] = set()
+        self.all: set[Closable] = set()
+        self.turned_away: set[Closable] = set()
         self.opening = 0
         self.closing = False
         self.empty = asyncio.Event()
@@ -94,9 +122,25 @@ class Connections:
         self._warned[kind] = now
         return logging.WARNING
 
-    def discard(self, client: Client) -> None:
+    def make_room(self, network: str) -> str:
+        """Return why there is no room for a newcomer; ``""`` where there is, or where an idle client has made way.
+
+        The one that has been idle longest makes way. Where an address has all of its places, it is one of that address: it
+        cannot drive others out.
+        """
+        if self.closing:
+            return "the server is closing"
+        of_address = [each for each in self.open if each.network == network]
+        if len(of_address) >= self.per_address:
+            return "" if _has_made_way(of_address) else f"{len(of_address)} clients of its address are connected"
+        if len(self.open) >= self.clients:
+            return "" if _has_made_way(self.open) else f"{len(self.open)} clients are connected"
+        return ""
+
+    def discard(self, client: Closable) -> None:
         """Forget one of ``all``: it has been closed."""
         self.all.discard(client)
+        self.turned_away.discard(client)
         if not self.all:
             self.empty.set()
 
@@ -135,3 +179,12 @@ class Connections:
             except TimeoutError:
                 return False
         return True
+
+
+def _has_made_way(clients: Iterable[Client]) -> bool:
+    idle = [(since, each) for each in clients if (since := each.idle_since()) is not None]
+    if not idle:
+        return False
+    _, longest = min(idle, key=itemgetter(0))
+    longest.give_way()
+    return True

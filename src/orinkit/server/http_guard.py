@@ -13,6 +13,7 @@ import ssl
 import sys
 from collections.abc import Callable, Iterable
 from enum import Enum
+from functools import cached_property
 from itertools import chain
 from typing import Final, Protocol, cast
 
@@ -23,8 +24,9 @@ from uvicorn.server import ServerState
 
 from orinkit.language import pick
 from orinkit.server.connections import Connections
-from orinkit.server.http_flow import HELD, Flow
+from orinkit.server.places import most_of_an_address
 from orinkit.server.throttle import CLIENT
+from orinkit.transport.address import network_of
 from orinkit.transport.dead_peers import prepare
 from orinkit.transport.forks import keep_from_children
 
@@ -34,10 +36,11 @@ LONGEST_HEADER: Final = 32 * 1024
 """Bytes of a request's line and headers."""
 KEPT_ALIVE: Final = 75.0
 """Seconds that a connection is kept on which nothing is asked."""
+HELD: Final = 64 * 1024
+"""Bytes behind a request that is at work; where there are so many, no more are read until it has been answered."""
 
 _LONG_HEADER: Final = 431
-_FEWEST: Final = 64  # connections that there may always be
-_PIECE: Final = 64 * 1024  # bytes that are looked at together; uvloop reads up to 256 KiB
+_FEWEST: Final = 85  # connections that there may always be; 64 of one address
 _TO_SHAKE_HANDS: Final = 10.0  # s
 _TO_SAY_GOODBYE: Final = 2.0  # s, TLS
 _own = logging.getLogger("orinkit.server.uvicorn")
@@ -64,6 +67,10 @@ class Kept(Protocol):
     """A connection that is counted."""
 
     @property
+    def network(self) -> str:
+        """Where it is from; see :func:`~orinkit.transport.address.network_of`."""
+
+    @property
     def at_work(self) -> bool:
         """Whether a request has come whole and has not been answered."""
 
@@ -74,7 +81,7 @@ class Kept(Protocol):
 class Guard:
     """Counts the connections of a listener. Where there is one too many, one goes that has nothing at work.
 
-    That is the oldest of those that have not been answered yet, so that many who only connect take each other's place and
+    Where it is one too many of its address, one of that address goes. That is the oldest of those that have not been answered yet, so that many who only connect take each other's place and
     not that of clients; if there is none, the one whose last answer is oldest.
 
     Args:
@@ -83,11 +90,13 @@ class Guard:
     Attributes:
         shared: what all clients of the server share.
         most: how many connections there may be: clients that keep none open between calls have several for a moment.
+        per_address: how many of one address.
     """
 
     def __init__(self, shared: Connections) -> None:
         self.shared = shared
-        self.most = max(_FEWEST, 2 * shared.clients)
+        self.most = max(_FEWEST, shared.clients + shared.clients // 2)
+        self.per_address = max(most_of_an_address(self.most), shared.per_address)
         self._strangers: dict[Kept, None] = {}  # the oldest first
         self._known: dict[Kept, None] = {}  # the one whose last answer is oldest first
 
@@ -97,9 +106,11 @@ class Guard:
 
     def admit(self, connection: Kept) -> bool:
         """Count a new connection; False where there are too many, all of them at work."""
-        if len(self) >= self.most:
-            resting = (each for each in chain(self._strangers, self._known) if not each.at_work)
-            oldest = next(resting, None)
+        of_address = [each for each in chain(self._strangers, self._known) if each.network == connection.network]
+        full = len(of_address) >= self.per_address
+        if full or len(self) >= self.most:
+            places = of_address if full else chain(self._strangers, self._known)
+            oldest = next((each for each in places if not each.at_work), None)
             if oldest is None:
                 return False
             self.discard(oldest)
@@ -165,7 +176,6 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._unsent = 0
         self.gone = False
-        self._said_all = False  # the client has closed its side
         self._early: list[bytes] | None = []  # what has come before connection_made; with TLS something may
 
     @property
@@ -173,6 +183,11 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         """Who it is, for the log."""
         host, port = self.client or ("", 0)
         return f"{host}:{port}/http"
+
+    @cached_property
+    def network(self) -> str:
+        """Where it is from; see :func:`~orinkit.transport.address.network_of`."""
+        return network_of(self.host)
 
     @property
     def host(self) -> str:
@@ -198,8 +213,6 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._when_gone = tell
         if tell is not None and not self.gone:
             self.handle_events()
-            if self._said_all:  # who asks what takes its time, and cannot be told from one that has gone
-                self.transport.close()
 
     @property
     def _whole(self) -> bool:
@@ -213,7 +226,6 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self.gone:
             return
         super().connection_made(cast("asyncio.Transport", transport))
-        self.flow = self._flow = Flow(self.transport, self._held)
         prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
         CLIENT.set(self.host)
         keep_from_children(self)
@@ -232,37 +244,27 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
             for data in early or ():
                 self.data_received(data)
 
-    def _held(self) -> int:
-        return len(self.conn.trailing_data[0])
-
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Where to put what comes next; all connections share it, for it is read at once."""
         return self._shared.view
 
     def buffer_updated(self, nbytes: int) -> None:
         """The client has sent something."""
-        self.data_received(bytes(self._shared.view[:nbytes]))
+        CLIENT.set(self.host)
+        data = bytes(self._shared.view[:nbytes])
+        if self._early is None:
+            self.data_received(data)
+        else:
+            self._early.append(data)
 
     def data_received(self, data: bytes) -> None:
-        """The client has sent something; uvloop calls this one."""
-        CLIENT.set(self.host)
-        if self._early is not None:
-            self._early.append(data)
-            return
+        """The client has sent something."""
         try:
-            super().data_received(data[:_PIECE])
-            for place in range(_PIECE, len(data), _PIECE):  # a header is looked at in pieces, or its length is not seen
-                if not self.transport.is_closing():
-                    super().data_received(data[place : place + _PIECE])
+            super().data_received(data)
         except Exception:
             logger.exception("%s: reading a request", self.name)
             self.transport.abort()
         self._watch()
-
-    def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn never keeps a connection open
-        """The client will say no more; one that has asked something quick, without TLS, is answered before it is let go."""
-        self._said_all = self._early is None and self.scheme == "http" and self._whole and self._when_gone is None
-        return self._said_all
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client has gone."""
@@ -294,19 +296,17 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         """See what has come; behind a request that is at work it is only kept, up to a bound."""
         if not self._whole:
             super().handle_events()
-        if not self._whole:
-            self._flow.look()
-        elif self._when_gone is not None and self._held() < HELD:
-            self.flow.resume_reading()  # its end is to be told, and is not seen without reading
-        elif self._held():
-            self.flow.pause_reading()
+        if self._whole:
+            held = len(self.conn.trailing_data[0])
+            if self._when_gone is not None and held < HELD:
+                self.flow.resume_reading()  # its end is to be told, and is not seen without reading
+            elif held:
+                self.flow.pause_reading()
 
     def on_response_complete(self) -> None:
         """A request has been answered."""
         self._guard.answered(self)
         super().on_response_complete()
-        if self._said_all and not self._whole:
-            self.transport.close()
         self._watch()
 
     def send_400_response(self, msg: str) -> None:
@@ -431,24 +431,22 @@ class Entrance(asyncio.Protocol):
         self._context = context
         self._make = make
         self._transport: asyncio.Transport | None = None
-        self._early = bytearray()
+        self.network = ""
 
     at_work = False
 
-    def data_received(self, data: bytes) -> None:
-        """The handshake has begun sooner than this side of it."""
-        self._early += data
-
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A client has connected."""
-        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
         keep_from_children(self)
+        self.network = network_of(str((transport.get_extra_info("peername") or ("",))[0]))
         shared = self._guard.shared
         shared.opening -= 1
         if shared.closing or not self._guard.admit(self):
             transport.abort()
             return
-        transport.pause_reading()  # uvloop begins to read behind this method, and passes over it
+        transport.pause_reading()
         shared.all.add(self)
         self._task = asyncio.get_running_loop().create_task(self._shake_hands(transport))
         shared.tasks.add(self._task)
@@ -457,10 +455,8 @@ class Entrance(asyncio.Protocol):
     async def _shake_hands(self, transport: asyncio.Transport) -> None:
         protocol = self._make()
         secured = None
-        transport.pause_reading()
-        loop = asyncio.get_running_loop()
-        securing = loop.create_task(
-            loop.start_tls(
+        try:
+            secured = await asyncio.get_running_loop().start_tls(
                 transport,
                 protocol,
                 self._context,
@@ -468,16 +464,9 @@ class Entrance(asyncio.Protocol):
                 ssl_handshake_timeout=_TO_SHAKE_HANDS,
                 ssl_shutdown_timeout=_TO_SAY_GOODBYE,
             )
-        )
-        try:
-            await asyncio.sleep(0)  # start_tls has the loop introduce TLS to the connection and read on
-            await asyncio.sleep(0)  # that is done; nothing has been read yet
-            self._hand_over(transport)
-            secured = await securing
         except OSError as error:  # TimeoutError and SSLError are some
             logger.debug("TLS: %s", error)
         finally:
-            securing.cancel()
             self._guard.discard(self)
             if secured is None:
                 transport.abort()
@@ -488,16 +477,6 @@ class Entrance(asyncio.Protocol):
     def left_behind(self) -> Iterable[int]:
         """Be left to the server in a child that it forks."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
-
-    def _hand_over(self, transport: asyncio.Transport) -> None:
-        """Give TLS what came before it was there."""
-        tls = cast("asyncio.BufferedProtocol", transport.get_protocol())
-        early, self._early = memoryview(self._early), bytearray()
-        while early and not transport.is_closing():
-            room = memoryview(tls.get_buffer(len(early)))[: len(early)]
-            room[:] = early[: len(room)]
-            tls.buffer_updated(len(room))
-            early = early[len(room) :]
 
     def close(self) -> None:
         """Close it."""

@@ -22,6 +22,7 @@ from orinkit.cao.session import Pending, Reply, Session
 from orinkit.language import pick
 from orinkit.server.connections import Connections
 from orinkit.server.waiting import result_of
+from orinkit.transport.address import network_of
 
 logger = logging.getLogger("orinkit.server")
 
@@ -140,6 +141,19 @@ class HttpSession:
         """Whether as many of its calls are at work as may be; those that it has given up count less."""
         waited_for = sum(call.told for call in self._calls)
         return waited_for >= CALLS or len(self._calls) >= _MOST_CALLS
+
+    @property
+    def network(self) -> str:
+        """Where it is from; see :class:`~orinkit.server.connections.Client`."""
+        return network_of(self.address)
+
+    def idle_since(self) -> float | None:
+        """Return when it was last heard of; ``None`` where it has objects, or anything is at work for it."""
+        return self._heard if self.idle else None
+
+    def give_way(self) -> None:
+        """Be forgotten: another client has come, and this one holds nothing."""
+        self.end("idle, it has made way for another client")
 
     @property
     def idle(self) -> bool:
@@ -280,9 +294,9 @@ class HttpSessions:
         shared = self.shared
         if not shared.closing and len(shared.open) >= shared.clients:
             self._make_room()
-        if shared.closing or len(shared.open) >= shared.clients:
-            level = shared.refusal_level(self.loop.time())
-            logger.log(level, "%s:%d/http refused: %d clients are connected", address, port, len(shared.open))
+        reason = shared.make_room(network_of(address))
+        if reason:
+            logger.log(shared.refusal_level(self.loop.time()), "%s:%d/http refused: %s", address, port, reason)
             return None
         made = HttpSession(self, secrets.token_urlsafe(18), address, port)
         self._by_key[made.key] = made

@@ -17,6 +17,7 @@ from orinkit.cao.session import Pending, Reply, Session
 from orinkit.server.connections import Connections
 from orinkit.server.throttle import CLIENT
 from orinkit.server.waiting import result_of
+from orinkit.transport.address import network_of
 
 logger = logging.getLogger("orinkit.server")
 
@@ -57,6 +58,8 @@ class Peer(ABC):
         self._alarm: asyncio.TimerHandle | None = None
         self._waiting: Iterator[Action] | None = None
         self._slow = False
+        self._heard = 0.0
+        self._network: str | None = None
 
     # --- who it is ------------------------------------------------------------------------------------------------
 
@@ -64,9 +67,9 @@ class Peer(ABC):
         """Make it a client, if there is room for one more."""
         shared = self._shared
         CLIENT.set(self._host)
-        if shared.closing or len(shared.open) >= shared.clients:
-            level = shared.refusal_level(self._loop.time())
-            logger.log(level, "%s refused: %d clients are connected", self._name, len(shared.open))
+        reason = shared.make_room(self.network)
+        if reason:
+            logger.log(shared.refusal_level(self._loop.time()), "%s refused: %s", self._name, reason)
             return None
         self._session = Session(shared.host, self._about())
         shared.open.add(self)
@@ -90,6 +93,22 @@ class Peer(ABC):
             logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
             session.close()
             CLIENT.reset(before)
+
+    @property
+    def network(self) -> str:
+        """Where it is from; see :class:`~orinkit.server.connections.Client`."""
+        if self._network is None:
+            self._network = network_of(self._host)
+        return self._network
+
+    def idle_since(self) -> float | None:
+        """Return when it was last heard of; ``None`` where it holds an object, or a call is at work."""
+        session = self._session
+        return None if session is None or len(session) or self._task is not None else self._heard
+
+    def give_way(self) -> None:
+        """Be a client no more: another one has come, and this one holds nothing."""
+        self._rest("idle, it has made way for another client")
 
     @abstractmethod
     def _about(self) -> ClientInfo:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Final, Self, cast
+from typing import TYPE_CHECKING, Final, Self
 
 from orinkit.bcap.wire import LINE, SILENCE
 from orinkit.cao.provider import ClientInfo
@@ -49,14 +49,14 @@ class LineCaller(Caller, asyncio.Protocol):
         self._name = self._host = path
         self._lost = lost
         self._full = False
-        self._heard = 0.0
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The line is open."""
-        self._transport = transport = cast("asyncio.WriteTransport", transport)  # some are one by their methods only
+        assert isinstance(transport, asyncio.WriteTransport)
+        self._transport = transport
         self._is_gone = transport.is_closing
         transport.set_write_buffer_limits(_MOST_WAITING)
         self._shared.all.add(self)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Iterable
-from typing import Final, Self, cast
+from typing import Final, Self
 
 from orinkit.bcap.server import Execute
 from orinkit.bcap.wire import STREAM
@@ -16,7 +17,15 @@ from orinkit.transport.address import Address
 from orinkit.transport.dead_peers import prepare
 from orinkit.transport.forks import keep_from_children
 
+logger = logging.getLogger("orinkit.server")
+
+PATIENCE: Final = 10.0
+"""Seconds that a client has for its first call, for each packet, and for its last answers."""
+PROGRESS: Final = 64 * 1024
+"""Bytes of a packet in :data:`PATIENCE` seconds with which a client has that long again: long packets on slow lines."""
+
 _TO_BE_TOLD: Final = 5.0  # seconds in which one client too many may ask once and be told
+_TOLD: Final = 64  # of those who are told at a time; further ones are closed at once
 
 
 class TcpConnection(Peer, asyncio.BufferedProtocol):
@@ -29,12 +38,16 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(shared, loop, STREAM)
         shared.opening += 1
+        self._patience: asyncio.TimerHandle | None = None
+        self._begun = 0.0  # when the packet began that is not whole yet; 0 where there is none
+        self._seen = 0, 0  # packets before it, and its bytes then
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A client has connected."""
-        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
         self._send = transport.write
         self._is_gone = transport.is_closing
         prepare(transport.get_extra_info("socket"), self._shared.dead_after)
@@ -42,13 +55,19 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._place = (host, port)
         self._name = f"{host}:{port}"
         self._host = str(host)
+        self._heard = self._loop.time()
         self._shared.opening -= 1
         keep_from_children(self)
         self._shared.all.add(self)
         if self._shared.closing:
             transport.abort()
-        elif self._admit() is None:
+        elif self._admit() is not None:
+            self._patience = self._loop.call_at(self._heard + PATIENCE, self._look_at_the_time)
+        elif len(self._shared.turned_away) < _TOLD:
+            self._shared.turned_away.add(self)
             self._alarm = self._loop.call_later(_TO_BE_TOLD, transport.abort)
+        else:
+            transport.abort()
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
         """Where to put what comes next; all connections share it, for it is read at once."""
@@ -56,7 +75,12 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         """The client has sent something."""
-        self._act(self._conversation.receive(bytes(self._shared.view[:nbytes]), self._loop.time()))
+        self._heard = now = self._loop.time()
+        self._act(self._conversation.receive(bytes(self._shared.view[:nbytes]), now))
+        if self._conversation.incomplete:
+            self._await_packet(now)
+        elif self._begun:
+            self._begun = 0.0
 
     def pause_writing(self) -> None:
         """The client does not take its answers: stop listening to it."""
@@ -74,8 +98,44 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client has gone: whatever it held is released."""
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
         self._leave(exc)
         self._shared.discard(self)
+
+    # --- time ---------------------------------------------------------------------------------------------------
+
+    def _await_packet(self, now: float) -> None:
+        """A packet has begun: its rest is to come."""
+        if not self._begun or self._conversation.packets != self._seen[0]:
+            self._mark(now)
+        if self._patience is None and not self._is_gone():
+            self._patience = self._loop.call_at(self._begun + PATIENCE, self._look_at_the_time)
+
+    def _mark(self, now: float) -> None:
+        self._begun = now
+        self._seen = self._conversation.packets, self._conversation.incomplete
+
+    def _look_at_the_time(self) -> None:
+        """A first call, or the rest of a packet, should have come by now, unless it began later."""
+        self._patience = None
+        now = self._loop.time()
+        if not self._conversation.calls:
+            self._give_up("it has made no call")
+        elif self._begun:
+            # while its answers are not taken, it is this side that does not read
+            if self._slow or self._conversation.incomplete - self._seen[1] >= PROGRESS:
+                self._mark(now)
+            if now < self._begun + PATIENCE:
+                self._await_packet(now)
+            else:
+                self._give_up("the rest of a packet has not come")
+
+    def _give_up(self, reason: str) -> None:
+        level = self._shared.refusal_level(self._loop.time(), "silent")
+        logger.log(level, "%s: closed: %s within %g s", self._name, reason, PATIENCE)
+        self._transport.abort()
 
     # --- the shell ------------------------------------------------------------------------------------------------
 
@@ -85,15 +145,23 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _refuse(self, call: Execute) -> None:
         super()._refuse(call)
-        self._transport.close()
+        self.close()
+
+    def give_way(self) -> None:
+        """Be a client no more: another one has come, and this one holds nothing."""
+        super().give_way()
+        self._transport.abort()
 
     def left_behind(self) -> Iterable[int]:
         """Be left to the server in a child that it forks."""
         return (self._transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:
-        """Close the connection from this side, once what was written has been sent."""
+        """Close the connection from this side, once what was written has been sent; not later than in 10 s."""
         self._transport.close()
+        if self._patience is not None:
+            self._patience.cancel()
+        self._patience = self._loop.call_later(PATIENCE, self._transport.abort)
 
     def abort(self) -> None:
         """Close the connection at once, whatever was to be sent."""

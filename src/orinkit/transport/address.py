@@ -60,6 +60,25 @@ def is_loopback(host: str) -> bool:
         return host.lower() == "localhost"
 
 
+def network_of(host: str) -> str:
+    """Return what counts as one place of origin: an IPv4 address, a /64 network of IPv6, this machine, or any other name.
+
+    Whoever has an IPv6 address usually has all of its /64 network, and a machine has all addresses of 127.0.0.0/8.
+    """
+    from ipaddress import IPv6Address, IPv6Network, ip_address
+
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return host
+    if isinstance(address, IPv6Address):
+        if address.ipv4_mapped is not None:
+            return network_of(str(address.ipv4_mapped))
+        if not address.is_loopback:
+            return str(IPv6Network((int(address) >> 64 << 64, 64)))
+    return "127.0.0.1" if address.is_loopback else str(address)
+
+
 @dataclass(frozen=True, slots=True)
 class SerialAddress:
     """A serial port and how it is set; ``str`` gives its URL.
