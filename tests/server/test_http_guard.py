@@ -20,7 +20,8 @@ from devices import Workshop
 from orinkit import hresult
 from orinkit.server import connections, http_guard, http_sessions
 from orinkit.server.background import Server
-from orinkit.server.http_guard import HELD, GuardedProtocol, Joining, Stage
+from orinkit.server.http_flow import HELD
+from orinkit.server.http_guard import GuardedProtocol, Joining, Stage
 from orinkit.server.http_options import HttpOptions
 from waiting import until
 

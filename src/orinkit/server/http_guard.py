@@ -24,6 +24,7 @@ from uvicorn.server import ServerState
 
 from orinkit.language import pick
 from orinkit.server.connections import Connections
+from orinkit.server.http_flow import HELD, Flow
 from orinkit.server.places import most_of_an_address
 from orinkit.server.throttle import CLIENT
 from orinkit.transport.address import network_of
@@ -36,10 +37,9 @@ LONGEST_HEADER: Final = 32 * 1024
 """Bytes of a request's line and headers."""
 KEPT_ALIVE: Final = 75.0
 """Seconds that a connection is kept on which nothing is asked."""
-HELD: Final = 64 * 1024
-"""Bytes behind a request that is at work; where there are so many, no more are read until it has been answered."""
 
 _LONG_HEADER: Final = 431
+_PIECE: Final = 64 * 1024  # bytes that are looked at together; uvloop reads up to 256 KiB
 _FEWEST: Final = 85  # connections that there may always be; 64 of one address
 _TO_SHAKE_HANDS: Final = 10.0  # s
 _TO_SAY_GOODBYE: Final = 2.0  # s, TLS
@@ -176,6 +176,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._unsent = 0
         self.gone = False
+        self._said_all = False  # the client has closed its side
         self._early: list[bytes] | None = []  # what has come before connection_made; with TLS something may
 
     @property
@@ -213,6 +214,8 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._when_gone = tell
         if tell is not None and not self.gone:
             self.handle_events()
+            if self._said_all:  # who asks what takes its time, and cannot be told from one that has gone
+                self.transport.close()
 
     @property
     def _whole(self) -> bool:
@@ -226,6 +229,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self.gone:
             return
         super().connection_made(cast("asyncio.Transport", transport))
+        self.flow = self._flow = Flow(self.transport, self._held)
         prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
         CLIENT.set(self.host)
         keep_from_children(self)
@@ -244,27 +248,37 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
             for data in early or ():
                 self.data_received(data)
 
+    def _held(self) -> int:
+        return len(self.conn.trailing_data[0])
+
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Where to put what comes next; all connections share it, for it is read at once."""
         return self._shared.view
 
     def buffer_updated(self, nbytes: int) -> None:
         """The client has sent something."""
-        CLIENT.set(self.host)
-        data = bytes(self._shared.view[:nbytes])
-        if self._early is None:
-            self.data_received(data)
-        else:
-            self._early.append(data)
+        self.data_received(bytes(self._shared.view[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
-        """The client has sent something."""
+        """The client has sent something; uvloop calls this one."""
+        CLIENT.set(self.host)
+        if self._early is not None:
+            self._early.append(data)
+            return
         try:
-            super().data_received(data)
+            super().data_received(data[:_PIECE])
+            for place in range(_PIECE, len(data), _PIECE):  # a header is looked at in pieces, or its length is not seen
+                if not self.transport.is_closing():
+                    super().data_received(data[place : place + _PIECE])
         except Exception:
             logger.exception("%s: reading a request", self.name)
             self.transport.abort()
         self._watch()
+
+    def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn never keeps a connection open
+        """The client will say no more; one that has asked something quick, without TLS, is answered before it is let go."""
+        self._said_all = self._early is None and self.scheme == "http" and self._whole and self._when_gone is None
+        return self._said_all
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client has gone."""
@@ -296,17 +310,19 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         """See what has come; behind a request that is at work it is only kept, up to a bound."""
         if not self._whole:
             super().handle_events()
-        if self._whole:
-            held = len(self.conn.trailing_data[0])
-            if self._when_gone is not None and held < HELD:
-                self.flow.resume_reading()  # its end is to be told, and is not seen without reading
-            elif held:
-                self.flow.pause_reading()
+        if not self._whole:
+            self._flow.look()
+        elif self._when_gone is not None and self._held() < HELD:
+            self.flow.resume_reading()  # its end is to be told, and is not seen without reading
+        elif self._held():
+            self.flow.pause_reading()
 
     def on_response_complete(self) -> None:
         """A request has been answered."""
         self._guard.answered(self)
         super().on_response_complete()
+        if self._said_all and not self._whole:
+            self.transport.close()
         self._watch()
 
     def send_400_response(self, msg: str) -> None:
@@ -431,14 +447,18 @@ class Entrance(asyncio.Protocol):
         self._context = context
         self._make = make
         self._transport: asyncio.Transport | None = None
+        self._early = bytearray()
         self.network = ""
 
     at_work = False
 
+    def data_received(self, data: bytes) -> None:
+        """The handshake has begun sooner than this side of it."""
+        self._early += data
+
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A client has connected."""
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
         keep_from_children(self)
         self.network = network_of(str((transport.get_extra_info("peername") or ("",))[0]))
         shared = self._guard.shared
@@ -446,7 +466,7 @@ class Entrance(asyncio.Protocol):
         if shared.closing or not self._guard.admit(self):
             transport.abort()
             return
-        transport.pause_reading()
+        transport.pause_reading()  # uvloop begins to read behind this method, and passes over it
         shared.all.add(self)
         self._task = asyncio.get_running_loop().create_task(self._shake_hands(transport))
         shared.tasks.add(self._task)
@@ -455,8 +475,10 @@ class Entrance(asyncio.Protocol):
     async def _shake_hands(self, transport: asyncio.Transport) -> None:
         protocol = self._make()
         secured = None
-        try:
-            secured = await asyncio.get_running_loop().start_tls(
+        transport.pause_reading()
+        loop = asyncio.get_running_loop()
+        securing = loop.create_task(
+            loop.start_tls(
                 transport,
                 protocol,
                 self._context,
@@ -464,9 +486,16 @@ class Entrance(asyncio.Protocol):
                 ssl_handshake_timeout=_TO_SHAKE_HANDS,
                 ssl_shutdown_timeout=_TO_SAY_GOODBYE,
             )
+        )
+        try:
+            await asyncio.sleep(0)  # start_tls has the loop introduce TLS to the connection and read on
+            await asyncio.sleep(0)  # that is done; nothing has been read yet
+            self._hand_over(transport)
+            secured = await securing
         except OSError as error:  # TimeoutError and SSLError are some
             logger.debug("TLS: %s", error)
         finally:
+            securing.cancel()
             self._guard.discard(self)
             if secured is None:
                 transport.abort()
@@ -477,6 +506,16 @@ class Entrance(asyncio.Protocol):
     def left_behind(self) -> Iterable[int]:
         """Be left to the server in a child that it forks."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
+
+    def _hand_over(self, transport: asyncio.Transport) -> None:
+        """Give TLS what came before it was there."""
+        tls = cast("asyncio.BufferedProtocol", transport.get_protocol())
+        early, self._early = memoryview(self._early), bytearray()
+        while early and not transport.is_closing():
+            room = memoryview(tls.get_buffer(len(early)))[: len(early)]
+            room[:] = early[: len(room)]
+            tls.buffer_updated(len(room))
+            early = early[len(room) :]
 
     def close(self) -> None:
         """Close it."""

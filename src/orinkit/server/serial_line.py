@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, Self, cast
 
 from orinkit.bcap.wire import LINE, SILENCE
 from orinkit.cao.provider import ClientInfo
@@ -55,8 +55,7 @@ class LineCaller(Caller, asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The line is open."""
-        assert isinstance(transport, asyncio.WriteTransport)
-        self._transport = transport
+        self._transport = transport = cast("asyncio.WriteTransport", transport)  # some are one by their methods only
         self._is_gone = transport.is_closing
         transport.set_write_buffer_limits(_MOST_WAITING)
         self._shared.all.add(self)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Iterable
-from typing import Final, Self
+from typing import Final, Self, cast
 
 from orinkit.bcap.server import Execute
 from orinkit.bcap.wire import STREAM
@@ -46,8 +46,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A client has connected."""
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
         self._send = transport.write
         self._is_gone = transport.is_closing
         prepare(transport.get_extra_info("socket"), self._shared.dead_after)

@@ -186,6 +186,22 @@ class UdpSocket(asyncio.DatagramProtocol):
             await self._closed.wait()
 
 
+def _bound(family: int, place: _Place) -> socket.socket:
+    """Return a socket that is bound; uvloop does not close those that it cannot bind, nor does it say why.
+
+    Raises:
+        OSError: the address cannot be used.
+    """
+    bound = socket.socket(family, socket.SOCK_DGRAM)
+    try:
+        bound.setblocking(False)
+        bound.bind(place)
+    except BaseException:
+        bound.close()
+        raise
+    return bound
+
+
 class UdpListener:
     """Takes clients at one address: with a socket for IPv4, and another for IPv6 where the host has both.
 
@@ -209,12 +225,14 @@ class UdpListener:
         found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)
         listener = cls()
         try:
-            for family in dict.fromkeys(family for family, *_ in found):
-                transport, opened = await loop.create_datagram_endpoint(
-                    lambda: UdpSocket(shared, loop), local_addr=(address.host, address.port), family=family
-                )
+            places: dict[int, _Place] = {}
+            for family, *_, place in found:
+                places.setdefault(family, place)
+            for kind, (host, _, *more) in places.items():
+                bound = _bound(kind, (host, address.port, *more))
+                address = address._replace(port=bound.getsockname()[1])
+                _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(shared, loop), sock=bound)
                 listener._sockets.append(opened)
-                address = address._replace(port=transport.get_extra_info("sockname")[1])
         except BaseException:
             await listener.close()
             raise

@@ -29,7 +29,7 @@ _DRAINED: Final = 10_000  # frames that clearing takes at most
 _PATIENCE: Final = 0.05  # s that the loop waits for an interface to take a frame
 _LEAVING: Final = 2.0  # s that the thread gets to end
 _GLANCES: Final = 40  # until the thread has handed over what has arrived; no time, for the machine may stand still
-_GLANCE: Final = 5e-4  # s
+_GLANCE: Final = 1e-3  # s; uvloop waits for no less
 
 
 class AsyncPort(Protocol):

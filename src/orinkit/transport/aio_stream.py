@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, cast
 
 from orinkit.language import pick
 from orinkit.transport.forks import OfThisProcess, keep_from_children
@@ -29,8 +29,7 @@ class AsyncStreamLink(OfThisProcess, ABC):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The link is up."""
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
         self._loop = asyncio.get_running_loop()
         keep_from_children(self)
 
