@@ -66,7 +66,7 @@ def test_use_changes_every_text_from_then_on():
         ("Robot_Move, 日本語 'x' \\n", "Robot_Move, 日本語 'x' \\n"),
         ("a\nb\t\x1b[2J\x7f", r"a\nb\t\x1b[2J\x7f"),
         ("\0\u202e\ud800é", r"\x00\u202e\ud800é"),
-        ("\u3000", r"\u3000"),
+        ("\u3000", "\u3000"),
     ],
 )
 def test_what_somebody_else_wrote_is_made_printable(text, shown):

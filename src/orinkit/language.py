@@ -8,6 +8,8 @@ changed at any time with :func:`use`. Whatever the language, a text in which som
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Callable
 from typing import Final, Literal
 
 Language = Literal["en", "ja"]
@@ -47,9 +49,26 @@ LONGEST: Final = 200
 _QUOTED: Final = 40  # of one that an error quotes
 
 
-def visible(text: str) -> str:
-    """Return a text with its control characters as escapes: it must not steer the terminal it is shown on."""
-    return text if text.isprintable() else "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+_STEERING: Final = re.compile(  # C0 and C1; what is not seen, or turns the direction of what follows; ends of lines
+    "[\x00-\x1f\x7f-\x9f\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
+    "\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
+)
+
+
+def visible(text: str, keep: str = "", escape: Callable[[str], str] = repr) -> str:
+    """Return a text with its control characters as escapes: it must not steer the terminal it is shown on.
+
+    Those are the control characters of ASCII and Unicode, those that set the direction of text, line separators, and
+    characters that take no room.
+
+    Args:
+        text: somebody else's.
+        keep: characters that stay.
+        escape: makes a quoted text with escapes of a character.
+    """
+    if text.isprintable():
+        return text
+    return _STEERING.sub(lambda found: sign if (sign := found[0]) in keep else escape(sign)[1:-1], text)
 
 
 def cut(text: str, longest: int = LONGEST) -> str:

@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, Final, Self, cast
 
-from orinkit.language import pick
+from orinkit.language import pick, visible
 from orinkit.outlet import Outlet
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ class Shown:
 
     def note(self, text: str) -> None:
         """Say something on stderr; above the live line where there is one."""
-        line = f"orinkit: {' '.join(text.split())}"
+        line = visible(f"orinkit: {' '.join(text.split())}")
         if self._live is not None and self._live.is_started:
             from rich.text import Text
 

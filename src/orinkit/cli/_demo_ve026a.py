@@ -132,7 +132,7 @@ class Demo:
         return answer
 
     def _step(self, section: str, en: str, ja: str, call: Callable[[], Any]) -> Any:
-        from orinkit.cli._output import bold
+        from orinkit.cli._terminal import bold
         from orinkit.errors import OrinError
 
         first = len(self._transcript.packets)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Sequence
 from datetime import datetime
 from decimal import Decimal
 from typing import Any, Final
 
+from orinkit.cli._terminal import json_text, one_line
 from orinkit.notation import format_variant
 from orinkit.variant import ARRAY, Variant, VarType, type_name
 
@@ -25,7 +25,7 @@ def text(value: Variant) -> str:
     if vt == VarType.BSTR:
         return str(content)
     if vt == VarType.BSTR | ARRAY:
-        return "\n".join(content)
+        return "\n".join(map(one_line, content))
     if vt in (VarType.EMPTY, VarType.NULL):
         return type_name(vt)
     if vt & ~ARRAY == VarType.BOOL:
@@ -67,14 +67,7 @@ def print_json(document: object) -> None:
         written.encode()
     except UnicodeEncodeError:
         written = json.dumps(document, indent=2, allow_nan=False)
-    print(written)
-
-
-def bold(line: str) -> str:
-    """Return a line in bold where a person sees it on a terminal."""
-    import os
-
-    return f"\x1b[1m{line}\x1b[0m" if sys.stdout.isatty() and not os.environ.get("NO_COLOR") else line
+    print(json_text(written))
 
 
 def width(line: str) -> int:

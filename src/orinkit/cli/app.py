@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError, Group, Parameter
 import orinkit
 from orinkit.cli._errors import Failure, usage_text
 from orinkit.cli._help import HelpFormatter
+from orinkit.cli._terminal import screened
 from orinkit.errors import InvalidAddress, InvalidValue, NotationError, OrinError
 from orinkit.language import pick
 
@@ -146,7 +147,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the arguments without the program's name; those of the process by default.
     """
     _show_what_cannot_be_encoded()
-    return _guarded(lambda: build()(list(sys.argv[1:] if argv is None else argv)))
+    with screened():
+        return _guarded(lambda: build()(list(sys.argv[1:] if argv is None else argv)))
 
 
 def _guarded(run: Callable[[], int | None]) -> int:

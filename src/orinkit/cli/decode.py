@@ -122,7 +122,7 @@ def _with_requests(pieces: list[bytes]) -> list[tuple[bytes, bytes | None]]:
 
 def _explained(piece: bytes, request: bytes | None) -> dict[str, Any]:
     from orinkit.bcap.explain import explain, one_line
-    from orinkit.cli._output import bold
+    from orinkit.cli._terminal import bold
     from orinkit.cli._transcript import field_lines
 
     fields = explain(piece, request=request)

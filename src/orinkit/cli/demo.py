@@ -146,7 +146,7 @@ def run_program(
         Failure: an answer is not as the document says.
     """
     import orinkit
-    from orinkit.cli._output import bold
+    from orinkit.cli._terminal import bold
     from orinkit.virtual.rc8 import VirtualRC8
 
     rc8 = VirtualRC8()

@@ -61,8 +61,9 @@ def _contains(entry: Function[..., Any], text: str) -> bool:
 
 def card(entry: Function[..., Any]) -> list[str]:
     """Return everything about one function."""
-    from orinkit.cli._output import bold, padded, width
+    from orinkit.cli._output import padded, width
     from orinkit.cli._signature import signature
+    from orinkit.cli._terminal import bold
 
     rows = [
         ("id", str(entry.id)),

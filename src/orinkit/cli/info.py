@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import orinkit
 from orinkit.cli._connection import Connection, Json, Url
+from orinkit.cli._terminal import one_line
 from orinkit.errors import CallError, ProtocolError
 from orinkit.language import pick
 
@@ -108,13 +109,13 @@ def _fact(key: str, value: Any) -> str:
     if key == "emergency_stop":
         return pick("pressed", "ON") if value else pick("released", "OFF")
     if key == "errors":
-        return "\n".join(f"{error['code']} {error['message']}" for error in value) or pick("none", "なし")
+        return "\n".join(one_line(f"{error['code']} {error['message']}") for error in value) or pick("none", "なし")
     if isinstance(value, datetime):
         return value.isoformat(" ", "seconds")
-    return str(value)
+    return one_line(str(value))
 
 
 def _names(names: list[str]) -> str:
     more = len(names) - _SHOWN_NAMES
-    shown = ", ".join(names[:_SHOWN_NAMES])
+    shown = one_line(", ".join(names[:_SHOWN_NAMES]))
     return shown + (pick(f" and {more} more", f" 他 {more} 件") if more > 0 else "") if names else "-"

@@ -203,6 +203,7 @@ def pendant(
 ) -> None:
     """Press a button of a virtual RC8 and print how things stand then."""
     from orinkit.cli._output import print_json
+    from orinkit.cli._terminal import one_line
 
     wanted = _find(action)
     usage = f"{action} {wanted.values}".rstrip() + (" [--wait]" if wanted.waits else "")
@@ -215,7 +216,7 @@ def pendant(
         print_json(status)
     else:
         for line in lines(status, wanted.shows):
-            print(line)
+            print(one_line(line))
 
 
 def _find(name: str) -> Action:

@@ -40,6 +40,7 @@ def put(
     """Write a variable; the controller converts the value to the variable's type where it can."""
     from orinkit import functions
     from orinkit.cli._output import print_json, text, typed
+    from orinkit.cli._terminal import one_line
 
     new = read_values(value)
     if len(value) == 1 and _DECIMAL_COMMA.fullmatch(value[0]) and new.type != VarType.BSTR:
@@ -47,7 +48,7 @@ def put(
             f"{value[0]} is VARIANT notation: {type_name(new.type)}",
             f"{value[0]} は VARIANT 表記です: {type_name(new.type)}",
         )
-        print(f"orinkit: {note} {text(new)}", file=sys.stderr)
+        print(f"orinkit: {note} {one_line(text(new))}", file=sys.stderr)
     try:
         with connection.opened(url) as controller:
             owning.of(controller).variable(name).put_value(new)
@@ -58,7 +59,7 @@ def put(
     if json:
         print_json({"name": name, **typed(new)})
     else:
-        print(f"{name} = {text(new)}")
+        print(f"{name} = {one_line(text(new))}")
 
 
 _DECIMAL_COMMA: Final = re.compile(r"\s*\d+,\d+\s*")
