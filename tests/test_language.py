@@ -66,12 +66,17 @@ def test_use_changes_every_text_from_then_on():
         ("Robot_Move, 日本語 'x' \\n", "Robot_Move, 日本語 'x' \\n"),
         ("a\nb\t\x1b[2J\x7f", r"a\nb\t\x1b[2J\x7f"),
         ("\0\u202e\ud800é", r"\x00\u202e\ud800é"),
-        ("\u3000", "\u3000"),
+        ("\u2028\u061c\ufeff", r"\u2028\u061c\ufeff"),
     ],
 )
 def test_what_somebody_else_wrote_is_made_printable(text, shown):
     assert language.printable(text) == shown
     assert shown.isprintable()
+
+
+def test_blanks_and_joiners_of_other_languages_stay():
+    assert language.visible("日本語\u3000\u00a0\u200d\x1b") == "日本語\u3000\u00a0\u200d\\x1b"
+    assert language.visible("a\tb\nc\r", "\t\n") == "a\tb\nc\\r"
 
 
 def test_another_language_is_refused_and_changes_nothing():
