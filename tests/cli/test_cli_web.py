@@ -57,6 +57,22 @@ def test_options_of_http_without_http(refused, options, named):
     assert named in refused("gateway", "--upstream", "tcp://192.0.2.1", *options, code=2)
 
 
+def test_a_token_file_that_others_can_read(tmp_path):
+    file = tmp_path / "token"
+    file.write_text("0123456789abcdef")
+    web = Web(http=("8080",), token_file=str(file))
+    for mode in (0o600, 0o400):
+        file.chmod(mode)
+        assert list(_warnings(Listening(web=web))) == []
+    for mode in (0o644, 0o640, 0o602):
+        file.chmod(mode)
+        (warning,) = _warnings(Listening(web=web))
+        assert f"--token-file {file} can be read or changed by other accounts. Try: chmod 600" in warning
+    language.use("ja")
+    (warning,) = _warnings(Listening(web=web))
+    assert "他のアカウントからも読み書きできます" in warning
+
+
 def test_a_token_is_none_of_b_cap():
     web = Web(http=("8080",), token_file="token.txt")
     assert list(_warnings(Listening(web=web))) == []

@@ -31,6 +31,14 @@ def is_private(path: str | Path) -> bool:
     return found.st_uid == os.getuid() and not found.st_mode & 0o077
 
 
+def is_open_to_others(path: str) -> bool:
+    """Whether other accounts can read or change a file, as far as its mode tells."""
+    try:
+        return hasattr(os, "getuid") and bool(Path(path).stat().st_mode & 0o077)
+    except OSError:
+        return False
+
+
 def read_token(path: str) -> str:
     """Return the token that a file holds, without what is blank around it.
 

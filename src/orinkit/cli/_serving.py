@@ -16,6 +16,7 @@ from cyclopts import Group, Parameter
 from orinkit import logs
 from orinkit.cao.provider import Provider
 from orinkit.cli._errors import Failure, unusable, whole_number
+from orinkit.cli._files import is_open_to_others
 from orinkit.cli._web import Web
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
@@ -284,6 +285,12 @@ def _warnings(listening: Listening) -> Iterator[str]:
         address = parse_address(_url(web.scheme, place))
         if isinstance(address, HttpAddress) and not is_loopback(address.host):
             yield _warning(place, pick("there is no --token-file", "--token-file の指定がない"))
+    if web.token_file is not None and is_open_to_others(web.token_file):
+        yield pick(
+            f"orinkit: warning: --token-file {web.token_file} can be read or changed by other accounts. Try: chmod 600 "
+            f"{web.token_file}",
+            f"orinkit: 警告: --token-file {web.token_file} は他のアカウントからも読み書きできます。対処: chmod 600 {web.token_file}",
+        )
     beside = [f"--{option}" for option in ("tcp", "udp", "serial", "pty") if getattr(listening, option)]
     if web.token_file is not None and beside:
         options = ", ".join(beside)

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from operator import itemgetter
 from typing import Final, Protocol
 
+from orinkit.cao.secret import Guesses
 from orinkit.cao.session import Host, Numbers
 from orinkit.server import throttle
 from orinkit.server.places import most_of_an_address
@@ -74,6 +75,8 @@ class Connections:
         all: whatever has to be closed: these, connections that are being refused, serial lines without a client,
             connections over HTTP.
         turned_away: connections of those of ``all`` for whom there is no room, while they are told so.
+        guesses: wrong tokens over HTTP, by address.
+        held: how many answers to wrong tokens are being held back.
         opening: how many connections have been accepted and are not in ``all`` yet.
         closing: no more connections.
         empty: is set when the last of ``all`` has gone.
@@ -101,6 +104,8 @@ class Connections:
         self.open: set[Client] = set()
         self.all: set[Closable] = set()
         self.turned_away: set[Closable] = set()
+        self.guesses = Guesses()
+        self.held = 0
         self.opening = 0
         self.closing = False
         self.empty = asyncio.Event()

@@ -18,13 +18,14 @@ from starlette.types import Message, Receive, Scope, Send
 
 from orinkit import hresult
 from orinkit.cao.functions import robot_halt, robot_hold, task_stop
+from orinkit.cao.secret import HELD
 from orinkit.cao.service import ServiceOptions, read_options
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.ecap.message import Request, read_request, write_reply
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.server.connections import Connections
-from orinkit.server.http_door import Door, Headers, closed, plain, too_long
+from orinkit.server.http_door import Door, Headers, ambiguous, closed, plain, too_long
 from orinkit.server.http_guard import GuardedProtocol
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
@@ -46,7 +47,9 @@ _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
 _LARGE_AT_A_TIME: Final = 2  # threads; more would only take turns, and the event loop with them
 _ELEMENT: Final = 16  # bytes of an array's element as text, about
-_SUSPICIOUS: Final = (401, 403, 421)
+_NO_TOKEN: Final = 401
+_SUSPICIOUS: Final = (_NO_TOKEN, 403, 421)
+_NOTHING: Final = -1  # bytes of a body that are waited for
 _LONGEST_DETAIL: Final = 500  # characters
 _BEATS: Final = range(80, 60_001)  # ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
@@ -86,11 +89,18 @@ class App:
         exchange = Exchange(scope, receive, send)
         CLIENT.set(exchange.connection.host)
         try:
+            unclear = ambiguous(scope["headers"])
+            if unclear is not None:
+                self._log(exchange, unclear.status_code)
+                await exchange.refuse(unclear, _NOTHING)
+                return
             refusal = closed() if self._shared.closing else self._door.refusal(scope["method"], exchange.headers)
             if refusal is None:
                 refusal = await self._serve(exchange)
             if refusal is not None:
                 self._log(exchange, refusal.status_code)
+                if refusal.status_code == _NO_TOKEN:
+                    await self._slow_down(exchange, refusal)
                 await exchange.refuse(refusal, self._shared.limits.packet)
         except _Gone:
             pass
@@ -111,6 +121,24 @@ class App:
         if status in _SUSPICIOUS:
             level = self._shared.refusal_level(asyncio.get_running_loop().time())
         logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
+
+    async def _slow_down(self, exchange: Exchange, refusal: PlainTextResponse) -> None:
+        """Hold the answer to a wrong token back, if its address has shown several; where too many are held, close instead."""
+        shared = self._shared
+        network = exchange.connection.network
+        failure = shared.guesses.failed(network, asyncio.get_running_loop().time())
+        if failure.reported:
+            logger.warning("%s: %d requests over HTTP with a wrong token, or with none", network, failure.reported)
+        if not failure.delay:
+            return
+        if shared.held >= HELD or shared.closing:
+            refusal.headers["connection"] = "close"
+            return
+        shared.held += 1
+        try:
+            await asyncio.sleep(failure.delay)
+        finally:
+            shared.held -= 1
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
         """Answer a request that may come in; returns what refuses it, because of its length."""

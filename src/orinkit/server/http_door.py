@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hmac
 import socket
+from collections.abc import Iterable
 from ipaddress import ip_address
 from typing import Final, TypeAlias
 
@@ -92,12 +93,33 @@ class Door:
 
 # --- what is told ------------------------------------------------------------------------------------------------------
 
+_ONCE: Final = (b"host", b"origin", b"authorization", b"content-length", b"content-type")
+_CLOSE: Final = {"Connection": "close"}
 _NOT_A_FORM: Final = f"Content-Type: {_FORM.decode()} と UTF-8 が必要です"
 
 
 def plain(status: int, text: str, headers: dict[str, str] | None = None) -> PlainTextResponse:
     """Return an answer with a text of one line."""
     return PlainTextResponse(f"{text}\n", status, headers)
+
+
+def ambiguous(headers: Iterable[tuple[bytes, bytes]]) -> PlainTextResponse | None:
+    """Return the answer to a request whose header can be read in more than one way; ``None`` for any other.
+
+    A proxy in front may have read it in the other way. Equal lengths count once: h11 has made one of them.
+    """
+    names = [name for name, _ in headers]
+    for name in _ONCE:
+        if names.count(name) > 1:
+            shown = name.decode().title()
+            return plain(400, pick(f"{shown} is there more than once", f"{shown} ヘッダが複数あります"), _CLOSE)
+    if b"content-length" in names and b"transfer-encoding" in names:
+        text = pick(
+            "Content-Length and Transfer-Encoding exclude each other",
+            "Content-Length と Transfer-Encoding は同時に使えません",
+        )
+        return plain(400, text, _CLOSE)
+    return None
 
 
 def closed() -> PlainTextResponse:

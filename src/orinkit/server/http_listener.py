@@ -6,11 +6,12 @@ The packages that HTTP needs are imported when a listener is opened.
 from __future__ import annotations
 
 import asyncio
+import logging
 import ssl
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from orinkit import extra
 from orinkit.errors import ConnectFailed
@@ -25,6 +26,11 @@ if TYPE_CHECKING:
     from uvicorn.config import Config
 
     from orinkit.server.http_app import App
+
+logger = logging.getLogger("orinkit.server")
+
+LEAST_TOKEN: Final = 16
+"""Characters of a token below which it is warned of."""
 
 
 class HttpListener:
@@ -70,6 +76,7 @@ class HttpListener:
             shared.opening += 1
             return make() if context is None else Entrance(guard, context, make)
 
+        _warn_of_token(address, options)
         server = await asyncio.get_running_loop().create_server(
             accept, address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True, start_serving=False
         )
@@ -90,6 +97,20 @@ class HttpListener:
     async def close(self) -> None:
         """Take no more clients."""
         self._server.close()
+
+
+def _warn_of_token(address: HttpAddress, options: HttpOptions) -> None:
+    if 0 < len(options.token) < LEAST_TOKEN:
+        logger.warning(
+            pick(
+                "%s: the token has %d characters and can be guessed. Try: %d or more; openssl rand -hex 16 makes one",
+                "%s: トークンが %d 文字しかなく、推測されるおそれがあります。対処: %d 文字以上にしてください "
+                "(openssl rand -hex 16 で生成できます)",
+            ),
+            address,
+            len(options.token),
+            LEAST_TOKEN,
+        )
 
 
 def _config(app: App) -> Config:
