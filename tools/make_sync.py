@@ -69,6 +69,7 @@ REPLACEMENTS = (
     (r"\barun_can\b", "run_can"),
     (r"\basay_goodbye\b", "say_goodbye"),
     (r"\bapause\b", "pause"),
+    (r"\batake_now\b", "take_now"),
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),
     (r"transport\.aio_links", "transport.links"),

@@ -22,7 +22,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.wire import SILENCE, STREAM, Wire
 from orinkit.cao.answers import Trace, checked, no_answer
 from orinkit.cao.dialect import RC8, Dialect
-from orinkit.cao.functions import service_stop
+from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, CallTimeout, InvalidValue, error_for
 from orinkit.language import pick
@@ -239,6 +239,14 @@ class Conversation:
         else:  # a VE026A answers nothing where an RC8 answers VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
         return checked(function, value, exact=exact)
+
+
+def sign_of_life(handle: int) -> bytes:
+    """Return a packet that may be sent over a stream while a call is under way, to be heard: Controller_GetName.
+
+    Its serial is 0, which no call has, so its answer (E_BUSY_PROC) is dropped.
+    """
+    return encode_request(controller_get_name, (handle,), 0)
 
 
 def _too_long(function: Function[..., Any], length: int, limits: Limits, wire: Wire) -> InvalidValue:

@@ -85,6 +85,9 @@ class ServerConversation:
         stopped: True from an answered Service_Stop to the next request.
         packets: how many whole packets have come.
         calls: how many of them were calls to be executed.
+        alive: seconds within which the client wants to be heard, ``None`` for no limit; set by ``Alive=<ms>``.
+        heard: when the last whole request came.
+        answered: when a call was last answered.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class ServerConversation:
         dialect: Dialect = RC8,
     ) -> None:
         self.wdt: float | None = None
+        self.alive: float | None = None
         self.invoke_timeout = invoke_timeout
         self._default_timeout = invoke_timeout
         self._wire = wire
@@ -112,7 +116,7 @@ class ServerConversation:
         self.calls = 0
         self.timed_out = False
         self._next_wdt = 0.0
-        self._now = 0.0
+        self._now = self.heard = self.answered = 0.0
         self._give_up = 0.0
 
     @property
@@ -194,6 +198,7 @@ class ServerConversation:
     def _request(self, frame: bytes) -> Action | None:
         self.packets += 1
         _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
+        self.heard = self._now
         if len(frame) > self._limits.packet:  # a datagram; a stream would have lost its place
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
         end = len(frame) - self._wire.tail
@@ -252,7 +257,7 @@ class ServerConversation:
 
     def _set_options(self, arguments: list[Variant]) -> None:
         options = read_options(arguments)
-        self.wdt = options.wdt
+        self.wdt, self.alive = options.wdt, options.alive
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
     def finish(self, call: Execute, code: int, result: Variant | None) -> bytes:
@@ -260,6 +265,7 @@ class ServerConversation:
         if call is not self._current:
             return b""
         self._current = None
+        self.answered = self._now
         if self.timed_out:
             self.timed_out = False
             return b""
@@ -290,6 +296,11 @@ class ServerConversation:
         dialect = self._dialect
         code = dialect.codes.get(code, code)
         return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._wire.crc)
+
+    def abandon(self) -> None:
+        """Have nobody wait for the call that is at work: its client is taken to have gone."""
+        self._current = None
+        self.alive = None
 
     def deadline(self) -> float | None:
         """Return when :meth:`tick` is due next, ``None`` while it is not."""

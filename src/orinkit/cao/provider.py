@@ -363,6 +363,13 @@ class MessageObject(CaoObject):
 class ControllerObject(OwnerObject):
     """A controller: where a client's objects begin."""
 
+    def is_moving(self) -> bool:
+        """Whether an arm moves, or may begin to, because of what this client has told it; asked while the client is silent."""
+        return False
+
+    def stop_moving(self) -> None:
+        """The client has fallen silent: bring to rest what it moves. What it holds it keeps until it has gone."""
+
     def get_extension(self, name: str, option: str) -> Result[ExtensionObject]:
         """Connect to an extension board."""
         raise not_implemented()

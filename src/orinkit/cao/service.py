@@ -13,6 +13,7 @@ from orinkit.language import pick
 from orinkit.variant import Variant
 
 _LEAST_MS: Final = 80
+LEAST_ALIVE_MS: Final = 200
 _MOST_MS: Final = 0x7FFF_FFFF
 
 
@@ -22,10 +23,13 @@ class ServiceOptions(NamedTuple):
     Attributes:
         wdt: seconds between S_EXECUTING packets while a call is at work (``WDT=<ms>``); ``None`` for none.
         invoke_timeout: seconds that a call may take (``InvokeTimeout=<ms>``); ``None`` for the server's own.
+        alive: seconds within which the client wants to be heard while its arm moves (``Alive=<ms>``, orinkit's own
+            option); ``None`` for no such limit.
     """
 
     wdt: float | None = None
     invoke_timeout: float | None = None
+    alive: float | None = None
 
 
 def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
@@ -45,6 +49,7 @@ def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
     return ServiceOptions(
         _seconds(options, "WDT", _LEAST_MS + 1),
         _seconds(options, "InvokeTimeout", _LEAST_MS),
+        _seconds(options, "Alive", LEAST_ALIVE_MS),
     )
 
 

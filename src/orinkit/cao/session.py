@@ -339,6 +339,33 @@ class Session:
             f"ハンドル {handle} は {entry.interface} です ({function.name} には {function.interface} が必要)",
         )
 
+    # --- motion -------------------------------------------------------------------------------------------------
+
+    def is_moving(self) -> bool:
+        """Whether something moves because of what the client has told it; yes where the device cannot tell."""
+        return any(self._moves(entry) for entry in self._controllers())
+
+    def stop_moving(self) -> None:
+        """Bring to rest what the client moves; it keeps its objects."""
+        for entry in self._controllers():
+            try:
+                with entry.guard:
+                    entry.served.stop_moving()  # type: ignore[attr-defined]
+            except Exception:
+                logger.exception("%s: stopping what a silent client moves", entry.label)
+
+    def _controllers(self) -> list[_Entry]:
+        return [entry for entry in self._entries.values() if entry.interface == "Controller"]
+
+    @staticmethod
+    def _moves(entry: _Entry) -> bool:
+        try:
+            with entry.guard:
+                return bool(entry.served.is_moving())  # type: ignore[attr-defined]
+        except Exception:
+            logger.exception("%s: asking whether anything moves", entry.label)
+            return True
+
     # --- objects ------------------------------------------------------------------------------------------------
 
     def _check_room(self) -> None:

@@ -133,8 +133,8 @@ class Connection:
         """Dialect of the controller as far as it can be known before the controller is asked."""
         return dialect_of(self.dialect, self.provider) or RC8_DIALECT
 
-    def open(self, url: str) -> orinkit.Controller:
-        """Connect to the controller."""
+    def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
+        """Connect to the controller; ``alive`` as :func:`orinkit.connect` has it."""
         return orinkit.connect(
             url,
             provider=self.provider,
@@ -146,6 +146,7 @@ class Connection:
             dialect=self.dialect,
             token=self._token(),
             cafile=self.cafile or "",
+            alive=alive,
         )
 
     @contextmanager

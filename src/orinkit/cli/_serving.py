@@ -23,6 +23,7 @@ from orinkit.language import pick
 from orinkit.server.accepting import watch
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.server.places import DEFAULT_CLIENTS
+from orinkit.server.vigil import ALIVE, check_alive
 from orinkit.transport.address import Address, HttpAddress, is_loopback, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 
@@ -108,6 +109,15 @@ class Listening:
             )
         ),
     ] = DEAD_AFTER
+    alive: Annotated[
+        float,
+        Parameter(
+            help=pick(
+                "Seconds that a client on UDP, a serial line or HTTP without a kept connection may be silent while its arm moves.",
+                "UDP、シリアル、接続を維持しない HTTP のクライアントが、アームの動作中に無通信でいられる時間 (秒)。",
+            )
+        ),
+    ] = ALIVE
     verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=pick("Log more.", "詳細なログを出力する。"))] = (
         False
     )
@@ -130,8 +140,9 @@ def check(listening: Listening) -> None:
             raise unusable(f"{option} must be 1 or more, not {number}", f"{option} は 1 以上です ({number})")
     try:
         check_dead_after(listening.dead_after)
+        check_alive(listening.alive)
     except InvalidValue as error:
-        raise Failure(f"--dead-after: {error}", 2) from None
+        raise Failure(str(error).replace("dead_after", "--dead-after").replace("alive", "--alive"), 2) from None
     _urls(listening)
     listening.web.options()
 
@@ -206,6 +217,7 @@ async def _serve(
                 per_address=listening.clients_per_address,
                 objects=listening.objects,
                 dead_after=listening.dead_after,
+                alive=listening.alive,
                 http=listening.web.options(),
             )
             await servers.enter_async_context(server)

@@ -47,6 +47,14 @@ def move(
     no_motor: Annotated[
         bool, Parameter(help=pick("Do not switch the motor on; it has to be.", "モータを ON にしない (ON である必要あり)。"))
     ] = False,
+    alive: Annotated[
+        float,
+        Parameter(help=pick(
+            "Seconds without a sign of life of this command after which the server stops the arm; 0 does not ask for it: "
+            "controllers of other makers may refuse Alive in Service_Start.",
+            "このコマンドからの通信が途絶えてからサーバがアームを停止するまでの時間 (秒)。0 なら要求しない "
+            "(他社のコントローラは Service_Start の Alive を拒否する場合がある)。")),
+    ] = 1.0,
     connection: Connection = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
@@ -62,7 +70,12 @@ def move(
     option_text(options)  # what cannot be is said before anything moves
     mark = mark or ""
     parse_target(to_text(pose, mark))
-    with notes_shown(), connection.open(url) as controller, controller.robot() as robot, ExitStack() as stack:
+    with (
+        notes_shown(),
+        connection.open(url, alive or None) as controller,
+        controller.robot() as robot,
+        ExitStack() as stack,
+    ):
         _require_motions(robot)
         bar = stack.enter_context(Bar())
         recorder = None

@@ -13,6 +13,7 @@ from orinkit import hresult
 from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao import functions as f
 from orinkit.cao.answers import Trace
+from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.table import Function
 from orinkit.client._async_client import AsyncClient
@@ -23,6 +24,7 @@ from orinkit.client._common import (
     RC8,
     ErrorInfo,
     NodeFunctions,
+    check_alive,
     check_content,
     dialect_of,
     error_count,
@@ -37,6 +39,7 @@ from orinkit.client._common import (
     no_such_error,
     service_option,
     text_list,
+    with_alive,
 )
 from orinkit.client._robot_common import sendable
 from orinkit.errors import CallError, ObjectNotFound, OrinError
@@ -408,6 +411,7 @@ async def open_controller(
     token: str = "",
     cafile: str = "",
     dead_after: float = DEAD_AFTER,
+    alive: float | None = None,
 ) -> AsyncController:
     """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
 
@@ -435,6 +439,10 @@ async def open_controller(
         cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
         dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as lost
             (cable pulled, machine off): 2 to 7,200.
+        alive: ties motion to this program: if nothing is heard of it for that many seconds while the arm moves, the
+            server stops the arm, though the connection stands; 0.3 to 3,600. Signs of life are sent by a thread (in
+            asyncio by a task), so a program that is stopped (SIGSTOP) or, in asyncio, whose event loop is blocked, shows
+            none. An option of orinkit's servers (``Alive=`` in Service_Start), which other controllers may not know.
 
     Raises:
         InvalidAddress: the URL cannot be used.
@@ -445,16 +453,21 @@ async def open_controller(
         MissingExtra: serial lines need serialx, HTTP needs httpx2.
     """
     known = dialect_of(dialect, provider)
+    check_alive(alive, service, known or RC8_DIALECT)
     client = await AsyncClient.open(
         url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after
     )
     try:
         client.dialect = known or client.dialect
-        await client.call(f.service_start, service_option(service, client.wire, client.dialect, client.timeout))
+        shown = alive is not None and client.wire.lossy  # by the tries of a call, which S_EXECUTING would put off
+        asked = service if shown else service_option(service, client.wire, client.dialect, client.timeout)
+        await client.call(f.service_start, with_alive(asked, alive))
         handle = await client.call(f.controller_connect, name, provider, machine, option)
         controller = AsyncController(client, handle, name or provider)
         if known is None and (client.wire.shared or client.echoes) and is_ve026a(await _version(controller)):
             client.dialect = VE026A
+        if alive is not None:
+            await client.promise(alive, handle)
     except BaseException:
         await client.close()
         raise

@@ -12,21 +12,27 @@ from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from orinkit import hresult
+from orinkit.bcap.client import sign_of_life
 from orinkit.bcap.wire import DEFAULT_TRIES, STREAM
 from orinkit.cao.answers import Reply, Trace
 from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import Dialect
+from orinkit.cao.functions import controller_connect, controller_get_name
+from orinkit.cao.motion_signs import MOVING
 from orinkit.cao.table import Function
 from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after
-from orinkit.client._opening import access_to, conversation, opening_of, parting
+from orinkit.client._opening import access_to, another, beside, conversation, opening_of, parting, share
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.transport.drive import AsyncLentLink, AsyncLink, Deadline, arun, asay_goodbye
 from orinkit.transport.forks import keep_from_children
+from orinkit.transport.pulses import AsyncPulse, atake_now
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _LAST_SERIAL: Final = 0xFFFF
+_BEAT: Final = 0.5  # s between signs of life
+_SIGNS: Final = 4  # within the time that was promised
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -75,6 +81,12 @@ class AsyncClient:
         self._left = False
         self.handles = Handles()
         keep_from_children(self)
+        self._pulse: AsyncPulse | None = None
+        self._quiet = Deadline(0.0)  # passes when the program has not called anything for a while
+        self._every = _BEAT
+        self._second: AsyncClient | None = None  # says that it lives while a call is at work, where one link cannot
+        self._controller = 0
+        self._beats = bool(wire.memory or wire.shared)  # where no connection tells that the program lives
         self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
 
     @property
@@ -199,9 +211,66 @@ class AsyncClient:
         seconds: float,
         exact: bool = False,
     ) -> tuple[int, Any]:
-        if self._remembered is not None:
-            return await self._carry_in_time(function, arguments, seconds, exact)
+        if self._beats:
+            return await self._carry_and_beat(function, arguments, seconds, exact)
         return await self._carry_now(function, arguments, seconds, exact)
+
+    async def promise(self, seconds: float, controller: int) -> None:
+        """Show signs of life from now on, also while a call is at work: three and more within that time.
+
+        To be called after Controller_Connect, and once. Where packets may be lost a call at work is shown by its tries, so
+        :attr:`timeout` is shortened to a third of the time.
+
+        Args:
+            seconds: that the server has been told (``Alive=<ms>``).
+            controller: handle of the controller.
+        """
+        self._beats, self._every, self._controller = True, seconds / _SIGNS, controller
+        if self.wire.lossy:
+            self._timeout = min(self._timeout, seconds / _SIGNS)
+        share(self._link)
+        link = another(self._link)
+        if link is not None:
+            self._second = type(self)(link, timeout=self._timeout, wire=self.wire)
+        if self._pulse is not None:
+            self._pulse.end()
+        self._pulse = AsyncPulse(self._show, self._every)
+
+    async def _show(self) -> None:
+        """Show a sign of life: a call if nothing is at work, else something beside it."""
+        if await atake_now(self._lock):
+            try:
+                if self._quiet.passed and not self._left:
+                    await self._carry_in_time(controller_get_name, (self._controller,), self._timeout, exact=False)
+            finally:
+                self._lock.release()
+        elif self._second is not None:
+            await self._second.call(controller_get_name, self._controller)
+        elif not self.wire.lossy:
+            beside(self._link, sign_of_life(self._controller))
+
+    async def _carry_and_beat(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+    ) -> tuple[int, Any]:
+        """Carry out a call; with the first one that may begin a motion, begin to show signs of life (:meth:`_beat`)."""
+        if function.id in MOVING and self._pulse is None and not self._left:
+            self._pulse = AsyncPulse(self._beat, _BEAT)
+        try:
+            code, result = await self._carry_in_time(function, arguments, seconds, exact)
+        finally:
+            self._quiet = Deadline(self._every / 2)
+        if function is controller_connect:
+            self._controller = result.value if exact else result
+        return code, result
+
+    async def _beat(self) -> None:
+        """Ask for the controller's name, unless the program has just called something.
+
+        A server stops the arm of a client that it does not hear where no connection tells that it is there.
+        """
+        async with self._lock:
+            if self._quiet.passed and not self._left:
+                await self._carry_in_time(controller_get_name, (self._controller,), self._timeout, exact=False)
 
     async def _carry_in_time(
         self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
@@ -215,7 +284,8 @@ class AsyncClient:
                 error.detail = forgotten_after(self.wire)
             raise
         finally:
-            self._remembered = Deadline(self.wire.memory)
+            if self._remembered is not None:
+                self._remembered = Deadline(self.wire.memory)
 
     async def _carry_now(
         self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
@@ -279,7 +349,7 @@ class AsyncClient:
     def left_behind(self) -> Iterable[int]:
         """Be of no more use in a forked child, where a thread that held the lock is not there to give it back."""
         self._lock = asyncio.Lock()
-        self._left = True
+        self._left, self._pulse = True, None
         return ()
 
     async def close(self) -> None:
@@ -288,6 +358,12 @@ class AsyncClient:
         With UDP and serial lines Service_Stop is sent before, and no answer is waited for; with HTTP for a second at most.
         """
         link = self._link
+        if self._pulse is not None:
+            self._pulse.end()
+        second, self._second = self._second, None
+        if second is not None:
+            second._left = True  # noqa: SLF001 - it is not the one to say goodbye
+            await second.close()
         try:
             words = [] if self._left else self._conversation.farewell()
             self._left = True

@@ -24,6 +24,8 @@ RC8: Final = "CaoProv.DENSO.VRC"
 
 DEFAULT_TIMEOUT: Final = STREAM.timeout
 T = TypeVar("T", str, bytes)
+_LEAST_ALIVE: Final = 0.3  # s
+_MOST_ALIVE: Final = 3600.0
 _LEAST_WDT: Final = 0.08
 _USUAL_WDT: Final = 0.4
 _MOST_SECONDS: Final = 2e6
@@ -124,6 +126,42 @@ def service_option(option: str | None, wire: Carrier, dialect: Dialect, timeout:
         return None
     interval = min(_USUAL_WDT, timeout / 2)
     return f"WDT={round(interval * 1000)}" if interval > _LEAST_WDT + 0.001 else None
+
+
+def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> None:
+    """Check the seconds within which a client is to be heard.
+
+    Raises:
+        InvalidValue: they are no number from 0.3 to 3,600; or the dialect knows no options.
+    """
+    if seconds is None:
+        return
+    given: object = seconds
+    if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST_ALIVE <= given <= _MOST_ALIVE:
+        raise InvalidValue(
+            pick(
+                f"alive must be {_LEAST_ALIVE:g} to {_MOST_ALIVE:g} seconds, not {brief(seconds)}",
+                f"alive は {_LEAST_ALIVE:g}～{_MOST_ALIVE:g} 秒でなければなりません ({brief(seconds)})",
+            )
+        )
+    if not dialect.takes_options:
+        raise InvalidValue(
+            pick(
+                f"alive cannot be said in the dialect {dialect.name}, whose Service_Start has no options",
+                f"方言 {dialect.name} の Service_Start にはオプションがないため、alive は指定できません",
+            )
+        )
+    if option is not None and "alive=" in option.replace(" ", "").lower():
+        raise InvalidValue(
+            pick("give alive= or Alive in service=, not both", "alive= と service= の Alive は同時に指定できません")
+        )
+
+
+def with_alive(option: str | None, seconds: float | None) -> str | None:
+    """Return Service_Start's option with the time within which the client is to be heard; ``None`` leaves it as it is."""
+    if seconds is None:
+        return option
+    return ",".join(part for part in (option, f"Alive={round(seconds * 1000)}") if part)
 
 
 def motor_state(dialect: Dialect, *, on: bool) -> Value:

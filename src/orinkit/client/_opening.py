@@ -83,6 +83,32 @@ def parting(link: L) -> L:
     return link
 
 
+@runtime_checkable
+class _Shareable(Protocol):
+    """A link over which something can be sent while a call is under way."""
+
+    def share(self) -> None: ...
+
+    def beside(self, data: bytes) -> None: ...
+
+
+def share(link: object) -> None:
+    """Prepare a link for :func:`beside`."""
+    if isinstance(link, _Shareable):
+        link.share()
+
+
+def beside(link: object, data: bytes) -> None:
+    """Send something over a link on which a call is under way, if that can be done; not over one that is lent."""
+    if isinstance(link, _Shareable):
+        link.beside(data)
+
+
+def another(link: L) -> L | None:
+    """Return another link for the same client to the same place, ``None`` where there can be none."""
+    return link.another() if isinstance(link, _Repeatable) else None
+
+
 def access_to(address: AnyAddress, token: str, cafile: str) -> Access:
     """Return what a client shows to a server.
 

@@ -105,6 +105,14 @@ class RemoteObject(CaoObject):
                 self._marked = True
         return value if reply.code == hresult.S_OK else Coded(reply.code, value)
 
+    def is_moving(self) -> bool:
+        """Whether a motion that was passed on may still run."""
+        return self._connection.may_move
+
+    def stop_moving(self) -> None:
+        """Give up the connection: the controller stops the arm. The next call connects again, without the arm."""
+        self._connection.give_up()
+
     def _check_kept(self, function: Function[..., Any]) -> None:
         """Refuse to tell tag and ID of a controller where they went with a lost connection."""
         connection = self._connection

@@ -197,6 +197,15 @@ class _RestrictedObject(CaoObject):
     def release(self) -> None:
         self._served.release()
 
+    def is_moving(self) -> bool:
+        """Ask the controller itself."""
+        return isinstance(self._served, ControllerObject) and self._served.is_moving()
+
+    def stop_moving(self) -> None:
+        """Stop what it moves: that is always allowed."""
+        if isinstance(self._served, ControllerObject):
+            self._served.stop_moving()
+
     def _call(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> Any:
         self._rules.check(function, arguments)
         result = getattr(self._served, function.method)(*arguments)

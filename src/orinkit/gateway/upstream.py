@@ -26,6 +26,7 @@ from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao import functions as f
 from orinkit.cao.answers import Reply
 from orinkit.cao.dialect import DIALECTS, Dialect
+from orinkit.cao.motion_signs import leaves_moving
 from orinkit.cao.table import Function
 from orinkit.client._async_client import AsyncClient
 from orinkit.client._common import dialect_of, service_option
@@ -179,6 +180,7 @@ class Connection:
         generation: how often it has been opened; handles of an earlier generation mean nothing any more.
         handle: of the controller object, in this generation.
         url: of the controller, for people.
+        may_move: whether a motion that was passed on may still run.
     """
 
     def __init__(self, upstream: Upstream, wanted: Wanted, ended: Callable[[Connection], None]) -> None:
@@ -193,6 +195,7 @@ class Connection:
         self._client: AsyncClient | None = None
         self._closed = False
         self._lossy = False  # nobody there now does not say that nobody was when it was sent first
+        self.may_move = False
         self._at_work = False  # a call has been sent, and neither was answered nor has its time passed
         self._silent = 0
         self._heard = 0.0
@@ -226,12 +229,18 @@ class Connection:
         Raises:
             CallError: the controller's error code, or one of those of the module's docstring.
         """
+        after = leaves_moving(function, arguments)
+        if after is not None:
+            self.may_move = True
         try:
-            return await self._exchange(function, handle, *arguments)
+            reply = await self._exchange(function, handle, *arguments)
         except CallError:
             raise
         except OrinError as error:
             raise self._failure(function, error) from error
+        if after is not None:
+            self.may_move = after
+        return reply
 
     def hold(self, release: Function[[int], None], handle: int) -> None:
         """One more object has this handle: controllers may give several the same."""
@@ -259,6 +268,10 @@ class Connection:
             self._released.clear()
             self._stop_alarm()
             self._spawn(self._part())
+
+    def give_up(self) -> None:
+        """Close the connection to the controller in the background; the next call opens another one."""
+        self._spawn(self._lose(ConnectionClosed(pick("its client is silent", "クライアントからの通信が途絶えました"))))
 
     async def ended(self) -> None:
         """Wait until it has been closed, if it is being closed, in this event loop; not for long."""
@@ -336,6 +349,7 @@ class Connection:
     async def _lose(self, error: OrinError) -> None:
         """The connection is not there any more."""
         client, self._client = self._client, None
+        self.may_move = False
         self._released.clear()
         self._stop_alarm()
         self._refusal = _refusal(self.url, error)

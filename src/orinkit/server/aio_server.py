@@ -16,6 +16,7 @@ from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.places import DEFAULT_CLIENTS
 from orinkit.server.tcp import TcpListener
 from orinkit.server.throttle import THROTTLE
+from orinkit.server.vigil import ALIVE
 from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.links import for_drivers
@@ -46,6 +47,8 @@ class AsyncServer:
         invoke_timeout: seconds that a call may take unless the client says otherwise.
         dead_after: seconds without an answer from a client's machine after which its TCP connection counts as lost
             (cable pulled, machine off): 2 to 7,200.
+        alive: seconds that a client on UDP, on a serial line, or over HTTP without a connection that is kept may be silent
+            while its motions run and no call of it is at work: 0.5 to 3,600. Then it is taken to have gone.
         http: who is let in over HTTP, and the server's certificate for https.
 
     Use it with ``async with``, or call :meth:`start` and :meth:`close`.
@@ -64,12 +67,13 @@ class AsyncServer:
         limits: Limits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
         dead_after: float = DEAD_AFTER,
+        alive: float = ALIVE,
         http: HttpOptions = DEFAULT_HTTP,
     ) -> None:
         self._http = http
         self._addresses = [_place(url) for url in urls or (DEFAULT_URL,)]
         self._host = Host(providers, objects)
-        self._connections = Connections(self._host, limits, clients, invoke_timeout, dead_after, per_address)
+        self._connections = Connections(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
         self._listeners: list[Listener] = []
         self.urls: list[str] = []
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 from orinkit.cao.provider import Provider
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.places import DEFAULT_CLIENTS
+from orinkit.server.vigil import ALIVE
 from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -97,6 +98,7 @@ def serve(
     limits: Limits = DEFAULT_LIMITS,
     invoke_timeout: float = 180.0,
     dead_after: float = DEAD_AFTER,
+    alive: float = ALIVE,
     http: HttpOptions = DEFAULT_HTTP,
 ) -> Server:
     """Serve providers beside the program until the server is closed; use it in a ``with`` statement.
@@ -120,6 +122,7 @@ def serve(
             limits=limits,
             invoke_timeout=invoke_timeout,
             dead_after=dead_after,
+            alive=alive,
             http=http,
         )
     )

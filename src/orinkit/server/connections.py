@@ -13,6 +13,7 @@ from orinkit.cao.secret import Guesses
 from orinkit.cao.session import Host, Numbers
 from orinkit.server import throttle
 from orinkit.server.places import most_of_an_address
+from orinkit.server.vigil import ALIVE, check_alive
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import Limits
 
@@ -67,6 +68,7 @@ class Connections:
         clients: how many clients at a time; one more is answered with E_MAX_CONNECT, unless one makes room that is idle
             and holds nothing.
         invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
+        alive: seconds that a client without a connection may be silent while its motions run.
         dead_after: seconds without an answer from a client's machine after which its TCP connection is given up.
         per_address: how many clients of one address at a time; by default three quarters of ``clients``, rounded up.
 
@@ -93,6 +95,7 @@ class Connections:
         invoke_timeout: float,
         dead_after: float = DEAD_AFTER,
         per_address: int | None = None,
+        alive: float = ALIVE,
     ) -> None:
         throttle.install()
         self.host = host
@@ -101,6 +104,7 @@ class Connections:
         self.invoke_timeout = invoke_timeout
         self.dead_after = check_dead_after(dead_after)
         self.per_address = most_of_an_address(clients) if per_address is None else per_address
+        self.alive = check_alive(alive)
         self.open: set[Client] = set()
         self.all: set[Closable] = set()
         self.turned_away: set[Closable] = set()

@@ -145,7 +145,7 @@ class App:
         key = self._key(exchange.headers.get(b"cookie", b""))
         session = self._sessions.by_key(key) if key else None
         if session is not None:
-            session.enter()
+            self._enter(session, exchange)
         try:
             body = await exchange.body(self._shared.limits.packet)
             if body is None:
@@ -158,7 +158,7 @@ class App:
             if session is None or session.ended:  # while its request was read
                 session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
                 if session is not None:
-                    session.enter()
+                    self._enter(session, exchange)
             reply = await self._reply(exchange, session, request)
             if key and request.function.id == _SERVICE_STOP:
                 exchange.add(b"set-cookie", self._set_cookie("", b"; Max-Age=0"))
@@ -167,6 +167,11 @@ class App:
             if session is not None:
                 session.leave(broken=exchange.connection.gone)
         return None
+
+    def _enter(self, session: HttpSession, exchange: Exchange) -> None:
+        connection = exchange.connection
+        session.enter(connection)
+        connection.carried.add(session)
 
     # --- who it is ------------------------------------------------------------------------------------------------
 

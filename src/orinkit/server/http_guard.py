@@ -11,7 +11,7 @@ import logging
 import math
 import ssl
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from enum import Enum
 from functools import cached_property
 from itertools import chain
@@ -76,6 +76,13 @@ class Kept(Protocol):
 
     def abort(self) -> None:
         """Close it at once."""
+
+
+class Carried(Protocol):
+    """A client whose requests come on connections."""
+
+    def disconnected(self, connection: Hashable) -> None:
+        """One of them has ended."""
 
 
 class Guard:
@@ -161,6 +168,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     Attributes:
         gone: the connection has been closed.
+        carried: the clients whose requests have come on it; each is told of its end.
     """
 
     def __init__(self, guard: Guard, config: Config, state: ServerState) -> None:
@@ -177,6 +185,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._unsent = 0
         self.gone = False
         self._said_all = False  # the client has closed its side
+        self.carried: set[Carried] = set()
         self._early: list[bytes] | None = []  # what has come before connection_made; with TLS something may
 
     @property
@@ -292,6 +301,9 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._unset_keepalive_if_required()
         if self._when_gone is not None:
             self._when_gone()
+        carried, self.carried = self.carried, set()
+        for client in carried:
+            client.disconnected(self)
         self._shared.discard(self)
 
     def pause_writing(self) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
+from collections.abc import Hashable
 from inspect import iscoroutine
 from typing import Final
 
@@ -21,6 +22,7 @@ from orinkit.cao.service import ServiceOptions
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.language import pick
 from orinkit.server.connections import Connections
+from orinkit.server.vigil import Vigil
 from orinkit.server.waiting import result_of
 from orinkit.transport.address import network_of
 
@@ -111,16 +113,59 @@ class HttpSession:
         self._broken = False
         self._closing = False
         self.ended = False
-        self._heard = self._loop.time()
+        self.promise: float | None = None
+        self.heard = self._heard = self._loop.time()
+        self._connections: dict[Hashable, bool] = {}  # that are open, and whether one has carried several requests
+        self._vigil = Vigil(self._loop, self)
         self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
         logger.info("%s connected", self._name)
 
     # --- requests -------------------------------------------------------------------------------------------------
 
-    def enter(self) -> None:
-        """A request of it has come."""
+    def enter(self, connection: Hashable = None) -> None:
+        """A request of it has come.
+
+        Args:
+            connection: that it came on; :meth:`disconnected` is to be told of its end.
+        """
         self._waiting += 1
         self._broken = False
+        self.heard = self._loop.time()
+        if connection is not None:
+            self._connections[connection] = connection in self._connections
+        self._vigil.attend()
+
+    def disconnected(self, connection: Hashable) -> None:
+        """A connection has ended. With the last one that was kept for several requests its client has gone, if its arm moves."""
+        kept = self._connections.pop(connection, False)
+        if kept and not self.plain and not self._keeps_one and not self.ended and self.session.is_moving():
+            self.end("its last connection has ended while its arm moves")
+
+    @property
+    def _keeps_one(self) -> bool:
+        return any(self._connections.values())
+
+    # --- signs of life: orinkit.server.vigil ------------------------------------------------------------------------
+
+    @property
+    def answered(self) -> float:
+        """When it was last answered."""
+        return self._heard
+
+    @property
+    def at_work(self) -> bool:
+        """Whether a request of it is being answered."""
+        return self._waiting > 0
+
+    @property
+    def patience(self) -> float | None:
+        """Seconds that it may be silent while its motions run; no limit as long as it keeps a connection."""
+        return None if self._keeps_one and not self.plain else self._shared.alive
+
+    def give_up(self, reason: str) -> None:
+        """It is taken to have gone."""
+        logger.warning("%s: %s", self._name, reason)
+        self.end(reason)
 
     def leave(self, *, broken: bool = False) -> None:
         """A request of it has been answered.
@@ -163,6 +208,7 @@ class HttpSession:
     def set_options(self, options: ServiceOptions) -> None:
         """Take what it has asked for with Service_Start."""
         default = self._shared.invoke_timeout
+        self.promise = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
         if self.behind is not None:
             self.behind.set_options(options)
@@ -234,6 +280,7 @@ class HttpSession:
             return
         self.ended = True
         self._timer.cancel()
+        self._vigil.end()
         self._sessions.forget(self)
         self._shared.open.discard(self)
         calls, self._calls = self._calls, set()

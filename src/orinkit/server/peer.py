@@ -16,6 +16,7 @@ from orinkit.cao.results import begin_call
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.server.connections import Connections
 from orinkit.server.throttle import CLIENT
+from orinkit.server.vigil import Vigil
 from orinkit.server.waiting import result_of
 from orinkit.transport.address import network_of
 
@@ -53,6 +54,7 @@ class Peer(ABC):
         self._loop = loop
         self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, wire, shared.host.dialect)
         self._session: Session | None = None
+        self._vigil: Vigil | None = None
         self._task: asyncio.Task[None] | None = None
         self._cancellable = False
         self._alarm: asyncio.TimerHandle | None = None
@@ -82,6 +84,8 @@ class Peer(ABC):
         Work in a thread goes on, as a thread cannot be cancelled; an object that it makes is released then.
         """
         self._set_alarm(None)
+        if self._vigil is not None:
+            self._vigil.end()
         self._waiting = None
         self._shared.open.discard(self)
         session, self._session = self._session, None  # they know each other: without this only the collector ends them
@@ -109,6 +113,45 @@ class Peer(ABC):
     def give_way(self) -> None:
         """Be a client no more: another one has come, and this one holds nothing."""
         self._rest("idle, it has made way for another client")
+
+    # --- signs of life: orinkit.server.vigil ------------------------------------------------------------------------
+
+    patience: float | None = None
+
+    @property
+    def heard(self) -> float:
+        """When the last whole request came."""
+        return self._conversation.heard
+
+    @property
+    def answered(self) -> float:
+        """When it was last answered."""
+        return self._conversation.answered
+
+    @property
+    def at_work(self) -> bool:
+        """Whether a call of it is at work."""
+        return self._conversation.busy
+
+    @property
+    def promise(self) -> float | None:
+        """Seconds within which it wants to be heard."""
+        return self._conversation.alive
+
+    @property
+    def session(self) -> Session | None:
+        """Its objects."""
+        return self._session
+
+    def give_up(self, reason: str) -> None:
+        """It is taken to have gone."""
+        logger.warning("%s: closed: %s", self._name, reason)
+        self.abort()
+
+    def _attend(self) -> None:
+        if self._vigil is None:
+            self._vigil = Vigil(self._loop, self)
+        self._vigil.attend()
 
     @abstractmethod
     def _about(self) -> ClientInfo:
@@ -181,6 +224,8 @@ class Peer(ABC):
         self._answer(call, Reply(hresult.E_MAX_CONNECT))
 
     def _execute(self, session: Session, call: Execute) -> None:
+        if self.patience is not None or self._conversation.alive is not None:
+            self._attend()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is Reply:
             self._answer(call, outcome)

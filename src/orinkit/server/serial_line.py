@@ -49,6 +49,7 @@ class LineCaller(Caller, asyncio.Protocol):
         self._name = self._host = path
         self._lost = lost
         self._full = False
+        self.patience = shared.alive
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------
@@ -114,6 +115,12 @@ class LineCaller(Caller, asyncio.Protocol):
         """The client has gone: what it has not read is not for the next one."""
         super()._rest(reason)
         self._forget_unsent()
+
+    def give_up(self, reason: str) -> None:
+        """The client is taken to have gone; the line goes on."""
+        logger.warning("%s: %s", self._name, reason)
+        self._conversation.abandon()
+        self._rest(reason)
 
     def close(self) -> None:
         """Close the line once what was written has been taken."""

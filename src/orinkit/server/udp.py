@@ -44,6 +44,7 @@ class UdpCaller(Caller):
         self._host = str(place[0])
         self._send = partial(at.send, place)
         self._is_gone = at.is_gone
+        self.patience = at.shared.alive
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes) -> None:
@@ -85,6 +86,10 @@ class UdpCaller(Caller):
         self._leave(reason)
         self._socket.drop(self)
         self._shared.discard(self)
+
+    def give_up(self, reason: str) -> None:
+        """It is taken to have gone: known no more."""
+        self._forget(reason)
 
     def close(self) -> None:
         """Let it go, with all that it holds."""

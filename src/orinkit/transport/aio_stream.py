@@ -72,6 +72,14 @@ class AsyncStreamLink(OfThisProcess, ABC):
         except OSError as error:
             raise lost(error) from error
 
+    def share(self) -> None:
+        """Have :meth:`beside` used from now on."""
+
+    def beside(self, data: bytes) -> None:
+        """Send a few bytes while another task waits in :meth:`receive`; what goes wrong is for that task to find out."""
+        if self._transport is not None and not self._ended:
+            self._transport.write(data)
+
     async def receive(self, seconds: float) -> bytes | None:
         """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.
 

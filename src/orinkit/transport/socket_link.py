@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterable
+import threading
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from orinkit.errors import TransportError
@@ -25,8 +26,9 @@ class SocketLink(OfThisProcess):
         self._socket = connection
         self._open = True
         self._seconds = -1.0
-        self._sendall = connection.sendall
+        self._sendall: Callable[[bytes], object] = connection.sendall
         self._recv = connection.recv
+        self._sending: threading.Lock | None = None
         keep_from_children(self)
 
     def fileno(self) -> int:
@@ -64,6 +66,33 @@ class SocketLink(OfThisProcess):
             if isinstance(error, OSError):
                 raise self._broken(error) from error
             raise
+
+    def share(self) -> None:
+        """Have :meth:`beside` used from now on; nothing is being sent."""
+        lock = self._sending = threading.Lock()
+        whole = self._sendall
+
+        def sendall(data: bytes) -> None:
+            with lock:
+                whole(data)
+
+        self._sendall = sendall
+
+    def beside(self, data: bytes) -> None:
+        """Send a few bytes from another thread than the one that waits in :meth:`receive`, unless something is being sent.
+
+        What goes wrong is for that thread to find out.
+        """
+        if not self._open or self._sending is None or not self._sending.acquire(blocking=False):
+            return
+        try:
+            sent = self._socket.send(data)
+        except OSError:
+            return
+        finally:
+            self._sending.release()
+        if sent < len(data):  # the stream has a torn packet
+            self.close()
 
     def receive(self, seconds: float) -> bytes | None:
         """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.

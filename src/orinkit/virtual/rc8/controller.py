@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
+from orinkit import hresult
 from orinkit.cao.options import Options
 from orinkit.cao.provider import (
     CommandObject,
@@ -146,6 +147,17 @@ class RC8Controller(ControllerObject):
         if event is None:
             raise not_found("Message")
         return EventMessage(event, self._caller.state.identity.type, self.name)
+
+    def is_moving(self) -> bool:
+        """Whether the client has the arm and motions of it run, wait, or are paused."""
+        arm = self._caller.state.arm
+        return arm.holder is self._caller and arm.busy
+
+    def stop_moving(self) -> None:
+        """Bring the arm to rest, if the client has it; its motions are forgotten."""
+        arm = self._caller.state.arm
+        if arm.holder is self._caller:
+            arm.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     def release(self) -> None:
         """Let go: no more events."""

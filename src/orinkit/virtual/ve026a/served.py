@@ -138,6 +138,15 @@ class VE026AController(ControllerObject):
         parameters.error_code(parameter)
         return self._arm.clear_error(self._operator)
 
+    def is_moving(self) -> bool:
+        """Whether the client moves the arm in slave mode."""
+        return self._arm.slave.owner is self._operator and not self._arm.standing
+
+    def stop_moving(self) -> None:
+        """Bring the arm to rest, if the client moves it."""
+        if self._arm.slave.owner is self._operator:
+            self._arm.stop(hresult.E_ABORT)
+
     def release(self) -> None:
         """Let go: the client has gone."""
         self._arm.forget(self._operator)

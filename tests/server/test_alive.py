@@ -1,0 +1,224 @@
+"""``connect(alive=)``: the arm stops when the program that moves it is stopped, though its connection stands."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import pytest
+from leaping import leap
+
+import orinkit
+from both import Both, only
+from orinkit import hresult
+from orinkit.cao.dialect import RC8, VE026A
+from orinkit.cao.service import read_options
+from orinkit.client._common import check_alive, with_alive
+from orinkit.errors import CallError, InvalidValue
+from orinkit.gateway import RemoteProvider
+from orinkit.server.background import Server
+from orinkit.variant import variant
+from orinkit.virtual.rc8 import VirtualRC8
+from peers import RawClient
+from stopping import stopped
+from waiting import PATIENCE, until
+
+EVERYWHERE = only("tcp", "udp", "serial", "http", because="each wire carries signs of life in its own way")
+BEGIN = """
+import asyncio, orinkit, sys, time
+from orinkit import J, aio
+
+def main():
+    with orinkit.connect(sys.argv[1], dialect="rc8", alive=1.0) as rc8:
+        robot = rc8.robot("Arm")
+        robot.execute("TakeArm", [0, 0])
+        robot.execute("ExtSpeed", 1)
+        print("moving", flush=True)
+        try:
+            robot.move(1, J(150, 45, 90, 0, 45, 0))
+        except orinkit.CallError as error:
+            print(error.info.name, flush=True)
+        robot.execute("ExtSpeed", 100)
+        robot.move(1, J(0, 45, 90, 0, 45, 0))
+        print("moved", flush=True)
+        sys.stdin.readline()
+
+async def body():
+    async with await aio.connect(sys.argv[1], dialect="rc8", alive=1.0) as rc8:
+        robot = await rc8.robot("Arm")
+        await robot.execute("TakeArm", [0, 0])
+        await robot.execute("ExtSpeed", 1)
+        print("moving", flush=True)
+        task = asyncio.create_task(robot.move(1, J(150, 45, 90, 0, 45, 0)))
+        await asyncio.sleep(0.3)
+        if sys.argv[2] == "blocked":
+            sys.stdin.readline()
+        try:
+            await task
+        except orinkit.CallError as error:
+            print(error.info.name, flush=True)
+        await robot.execute("ExtSpeed", 100)
+        await robot.move(1, J(0, 45, 90, 0, 45, 0))
+        print("moved", flush=True)
+        sys.stdin.readline()
+
+main() if sys.argv[2] == "sync" else asyncio.run(body())
+"""
+
+
+@contextmanager
+def program(url: str, kind: str) -> Iterator[subprocess.Popen[str]]:
+    """A program that moves, and has moved on when it was told that the arm was stopped."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", BEGIN, url, kind], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "moving\n"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("kind", ["sync", "async"])
+@EVERYWHERE
+def test_a_stopped_program_stops_the_arm(listen_at: str, kind: str) -> None:
+    device = VirtualRC8(motor=True)
+    arm = device.state.arm
+    with orinkit.serve(device, listen_at, alive=60.0) as server, program(server.url, kind) as process:
+        until(lambda: arm.queue.joints[0] > 0.1)
+        with stopped(process.pid):
+            until(lambda: not arm.busy)
+            where = arm.queue.joints[0]
+            assert where < 100
+            if listen_at.startswith(("tcp", "http")):
+                assert arm.holder is not None  # it may go on yet
+        assert process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout.readline() == "STOPPED_DURING_PC_MOTION\n"
+        assert process.stdout.readline() == "moved\n"
+        assert arm.queue.joints[0] == pytest.approx(0.0)
+        process.stdin.write("\n")
+        process.stdin.flush()
+        assert process.wait(PATIENCE) == 0
+
+
+def test_a_blocked_event_loop_stops_the_arm() -> None:
+    device = VirtualRC8(motor=True)
+    arm = device.state.arm
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, program(server.url, "blocked") as process:
+        until(lambda: arm.queue.joints[0] > 0.05)
+        until(lambda: not arm.busy)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+        assert process.stdout.readline() == "STOPPED_DURING_PC_MOTION\n"
+        assert process.stdout.readline() == "moved\n"
+
+
+@only("tcp", "http", because="these keep a silent client otherwise")
+def test_a_program_that_stays_stopped_loses_the_arm(listen_at: str) -> None:
+    device = VirtualRC8(motor=True)
+    arm = device.state.arm
+    with orinkit.serve(device, listen_at) as server, program(server.url, "sync") as process:
+        until(lambda: arm.queue.joints[0] > 0.1)
+        with stopped(process.pid):
+            until(lambda: not arm.busy)
+            assert arm.holder is not None
+            leap(server, 10.0)
+            until(lambda: arm.holder is None)
+            assert server.clients == 0
+
+
+def test_through_a_gateway() -> None:
+    device = VirtualRC8(motor=True)
+    arm = device.state.arm
+    with ExitStack() as stack:
+        server = stack.enter_context(orinkit.serve(device, "tcp://127.0.0.1:0"))
+        gateway = stack.enter_context(orinkit.serve(RemoteProvider(server.url), "tcp://127.0.0.1:0"))
+        process = stack.enter_context(program(gateway.url, "sync"))
+        until(lambda: arm.queue.joints[0] > 0.1)
+        with stopped(process.pid):
+            until(lambda: not arm.busy and arm.holder is None)
+
+
+def _client(server: Server) -> Any:
+    (client,) = server._server._connections.open
+    return client
+
+
+@EVERYWHERE
+def test_a_program_that_lives_moves_on(both: Both, listen_at: str) -> None:
+    """A motion that is waited for goes on, however long it takes: the time that is promised passes several times."""
+    device = VirtualRC8(motor=True)
+    arm = device.state.arm
+    with orinkit.serve(device, listen_at) as server:
+        rc8 = both.connect(server.url, alive=6.0)
+        robot = both.run(rc8.robot("Arm"))
+        both.run(robot.execute("TakeArm", [0, 0]))
+        both.run(robot.execute("ExtSpeed", 1))
+        seen: list[bool] = []
+
+        def watch() -> None:
+            until(lambda: arm.busy)
+            for _ in range(3):
+                time = server._loop.time()
+                until(lambda time=time: _client(server).heard > time)
+                leap(server, 3.0)
+                seen.append(arm.busy and arm.holder is not None)
+
+        def skip() -> None:
+            try:
+                watch()
+            finally:
+                with device.guard:
+                    arm.skip()
+
+        thread = threading.Thread(target=skip)
+        thread.start()
+        both.run(robot.move(1, orinkit.J(150, 45, 90, 0, 45, 0)))
+        thread.join()
+        assert seen == [True] * 3
+        both.run(rc8.close())
+
+
+def test_alive_is_said_with_service_start() -> None:
+    assert with_alive("WDT=400", 1.0) == "WDT=400,Alive=1000"
+    assert with_alive(None, 0.5) == "Alive=500"
+    assert with_alive("WDT=400", None) == "WDT=400"
+    assert read_options([variant("WDT=400,alive=1000")]).alive == 1.0
+    assert read_options([variant("WDT=400")]).alive is None
+    with pytest.raises(CallError) as refused:
+        read_options([variant("Alive=100")])
+    assert refused.value.code == hresult.E_INVALIDARG
+
+
+@pytest.mark.parametrize("seconds", [0, 0.2, 3601, float("nan"), "1", True])
+def test_seconds_that_cannot_be(both: Both, seconds: Any) -> None:
+    with pytest.raises(InvalidValue, match="alive"):
+        both.connect("tcp://127.0.0.1:1", alive=seconds)
+
+
+def test_where_it_cannot_be_said() -> None:
+    check_alive(None, None, VE026A)
+    check_alive(1.0, "WDT=400", RC8)
+    with pytest.raises(InvalidValue, match="ve026a"):
+        check_alive(1.0, None, VE026A)
+    with pytest.raises(InvalidValue, match="both"):
+        check_alive(1.0, "WDT=400, Alive = 500", RC8)
+
+
+def test_a_client_that_promises_and_does_nothing_more() -> None:
+    """As a program that is killed with its machine: nothing moves, and it is let go."""
+    with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server, RawClient(server.url) as raw:
+        raw.ask(1, "Alive=1000")
+        leap(server, 5.0)
+        assert server.clients == 1
+        leap(server, 6.0)
+        until(lambda: not server.clients)

@@ -1,0 +1,328 @@
+"""A client without a connection has to show that it is there while its motions run; one that is killed stops its arm."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from leaping import leap, take_turns
+
+import orinkit
+from both import Both, only
+from orinkit.cao import functions as f
+from orinkit.cao.motion_signs import leaves_moving
+from orinkit.errors import InvalidValue, OrinError
+from orinkit.gateway import RemoteProvider, Restricted, Rules
+from orinkit.server.background import Server
+from orinkit.variant import variant
+from orinkit.virtual.rc8 import VirtualRC8
+from waiting import until
+
+WITHOUT = only("udp", "serial", "http", because="TCP tells of the end of a client by itself")
+FAR = orinkit.J(150, 45, 90, 0, 45, 0)
+
+
+class Arm:
+    """The arm of a served controller."""
+
+    def __init__(self, device: VirtualRC8, server: Server) -> None:
+        self.arm = device.state.arm
+        self.server = server
+
+    @property
+    def moving(self) -> bool:
+        return self.arm.busy and self.arm.holder is not None
+
+    def free(self) -> bool:
+        """Whether it stands, and nobody has it."""
+        return not self.arm.busy and self.arm.holder is None
+
+    def after(self, seconds: float) -> bool:
+        """Whether it still moves when nothing has been heard for so long."""
+        leap(self.server, seconds)
+        take_turns(self.server)
+        return self.moving
+
+
+@contextmanager
+def cell(listen_at: str, **options: Any) -> Iterator[Arm]:
+    device = VirtualRC8(motor=True)
+    with orinkit.serve(device, listen_at, **options) as server:
+        yield Arm(device, server)
+
+
+def begin(both: Both, url: str, **options: Any) -> Any:
+    """Connect, and queue six motions that take minutes."""
+    rc8 = both.connect(url, **options)
+    robot = both.run(rc8.robot("Arm"))
+    both.run(robot.execute("TakeArm", [0, 0]))
+    both.run(robot.execute("ExtSpeed", 1))
+    for angle in (150, -150) * 3:
+        both.run(robot.move(1, orinkit.J(angle, 45, 90, 0, 45, 0), "NEXT"))
+    return rc8
+
+
+def fall_silent(both: Both, rc8: Any) -> None:
+    """Have a client show no sign of life any more, as if it had been killed."""
+    rc8.client._pulse.end()
+    both.run(_nothing() if both.loop is not None else None)
+
+
+async def _nothing() -> None:
+    return None
+
+
+PROGRAM = """
+import orinkit, sys, time
+rc8 = orinkit.connect(sys.argv[1], dialect="rc8")
+robot = rc8.robot("Arm")
+robot.execute("TakeArm", [0, 0])
+robot.execute("ExtSpeed", 1)
+for angle in (150, -150) * 3:
+    robot.move(1, orinkit.J(angle, 45, 90, 0, 45, 0), "NEXT")
+print("moving", flush=True)
+time.sleep(600)
+"""
+
+
+@WITHOUT
+def test_a_program_is_killed(listen_at: str) -> None:
+    with cell(listen_at) as arm:
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, arm.server.url], stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "moving\n"
+            assert arm.moving
+        finally:
+            process.kill()
+            process.communicate()
+        until(arm.free)
+
+
+@only("udp", "serial", because="with HTTP it is the connection that ends")
+def test_silence_ends_a_client_whose_arm_moves(both: Both, listen_at: str) -> None:
+    with cell(listen_at, alive=100.0) as arm:
+        rc8 = begin(both, arm.server.url)
+        fall_silent(both, rc8)
+        if listen_at.startswith("udp"):
+            assert not arm.after(100.5)
+        else:
+            assert arm.after(50)
+            assert not arm.after(51)
+        until(arm.free)
+        assert arm.server.clients == 0
+        with pytest.raises(OrinError):
+            both.run(rc8.execute("GetErrorCount"))
+        both.run(rc8.client.close())
+
+
+@WITHOUT
+def test_silence_is_nothing_while_nothing_moves(both: Both, listen_at: str) -> None:
+    with cell(listen_at) as arm:
+        rc8 = both.connect(arm.server.url)
+        robot = both.run(rc8.robot("Arm"))
+        both.run(robot.execute("TakeArm", [0, 0]))
+        fall_silent(both, rc8)
+        leap(arm.server, 5)
+        assert arm.server.clients == 1
+        assert arm.arm.holder is not None
+        both.run(rc8.close())
+
+
+@WITHOUT
+def test_a_client_that_lives_shows_it(both: Both, listen_at: str) -> None:
+    """While its program does nothing."""
+    said: list[bytes] = []
+    with cell(listen_at, alive=100.0) as arm:
+        rc8 = begin(both, arm.server.url, trace=lambda way, data: said.append(data) if way == "<" else None)
+        for _ in range(3):
+            before = len(said)
+            if both.loop is None:
+                until(lambda count=before: len(said) > count)
+            else:
+                while len(said) == before:
+                    both.run(_a_moment())
+            assert arm.after(60 if listen_at.startswith("pty") else 6)
+        assert arm.moving
+        both.run(rc8.close())
+        until(arm.free)
+
+
+async def _a_moment() -> None:
+
+    await asyncio.sleep(0.01)
+
+
+@WITHOUT
+def test_a_call_at_work_is_a_sign_of_life(listen_at: str) -> None:
+    with cell(listen_at) as arm, orinkit.connect(arm.server.url, dialect="rc8") as rc8:
+        robot = rc8.robot("Arm")
+        robot.execute("TakeArm", [0, 0])
+        robot.execute("ExtSpeed", 1)
+        ended: list[Any] = []
+
+        def move() -> None:
+            try:
+                robot.move(1, FAR)
+            except OrinError as error:
+                ended.append(error)
+
+        thread = threading.Thread(target=move, daemon=True)
+        thread.start()
+        until(lambda: arm.arm.queue.joints[0] > 0.1)
+        assert arm.after(1.9)
+        assert arm.after(1.9)
+        assert arm.after(1.9)
+        rc8.client.close()
+        thread.join()
+        assert ended
+
+
+# --- HTTP ---------------------------------------------------------------------------------------------------------------
+
+
+class Web:
+    """A client of e-CAP that is no program of orinkit's.
+
+    Args:
+        cookies: keeps cookies.
+        kept: keeps its connection.
+    """
+
+    def __init__(self, url: str, *, cookies: bool, kept: bool) -> None:
+        self._place = url.rpartition("/")[2]
+        self._cookies, self._kept = cookies, kept
+        self._cookie = ""
+        self._connection: http.client.HTTPConnection | None = None
+
+    def ask(self, body: str) -> str:
+        connection = self._connection or http.client.HTTPConnection(self._place)
+        headers = {"Cookie": self._cookie} if self._cookie else {}
+        connection.request("POST", "/", body, headers)
+        answer = connection.getresponse()
+        given = answer.getheader("Set-Cookie")
+        if given and self._cookies:
+            self._cookie = given.partition(";")[0]
+        text = answer.read().decode()
+        if self._kept:
+            self._connection = connection
+        else:
+            connection.close()
+        assert text.startswith("0x00000000"), text
+        return text.rpartition(",")[2].strip()
+
+    def begin(self) -> None:
+        self.ask("Func=1,Arg1=")
+        controller = self.ask("Func=3,Arg1=,Arg2=CaoProv.DENSO.VRC,Arg3=localhost,Arg4=")
+        robot = self.ask(f"Func=7,Arg1={controller},Arg2=Arm,Arg3=")
+        self.ask(f"Func=64,Arg1={robot},Arg2=TakeArm")
+        self.ask(f"Func=64,Arg1={robot},Arg2=ExtSpeed,Arg3=3,1")
+        self.ask(f"Func=72,Arg1={robot},Arg2=1,Arg3=8,J(150, 45, 90, 0, 45, 0),Arg4=NEXT")
+
+    def close(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+
+
+@pytest.mark.parametrize(("cookies", "kept"), [(False, False), (False, True), (True, False)])
+def test_http_without_cookie_or_kept_connection(cookies: bool, kept: bool) -> None:
+    """As curl and a PLC: 2 s without a request, whatever becomes of connections."""
+    with cell("http://127.0.0.1:0", alive=100.0) as arm:
+        web = Web(arm.server.url, cookies=cookies, kept=kept)
+        web.begin()
+        assert arm.moving
+        web.close()
+        assert arm.after(8.0 if cookies else 40.0)
+        if not cookies:
+            assert not arm.after(61.0)
+        else:
+            assert not arm.after(93.0)
+        until(arm.free)
+
+
+def test_http_with_cookie_and_kept_connection() -> None:
+    """As a web page: as long as a connection of it is open, and no longer."""
+    with cell("http://127.0.0.1:0") as arm:
+        web = Web(arm.server.url, cookies=True, kept=True)
+        web.begin()
+        assert arm.after(30.0)
+        web.close()
+        until(arm.free)
+        assert arm.server.clients == 0
+
+
+def test_http_whose_last_connection_ends_while_nothing_moves() -> None:
+    with cell("http://127.0.0.1:0") as arm:
+        web = Web(arm.server.url, cookies=True, kept=True)
+        web.ask("Func=1,Arg1=")
+        controller = web.ask("Func=3,Arg1=,Arg2=CaoProv.DENSO.VRC,Arg3=localhost,Arg4=")
+        web.close()
+        web._connection = None
+        assert web.ask(f"Func=21,Arg1={controller}") == "Controller1"
+        assert arm.server.clients == 1
+        web.close()
+
+
+# --- who tells that something moves ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("restricted", [False, True])
+def test_behind_a_gateway(restricted: bool) -> None:
+    with cell("tcp://127.0.0.1:0") as arm:
+        remote: Any = RemoteProvider(arm.server.url)
+        if restricted:
+            remote = Restricted(remote, Rules(commands=("*",)))
+        both = Both("sync")
+        with orinkit.serve(remote, "udp://127.0.0.1:0") as gateway:
+            rc8 = begin(both, gateway.url)
+            fall_silent(both, rc8)
+            leap(gateway, 1.0)
+            assert arm.moving
+            leap(gateway, 2.0)
+            until(arm.free)
+            rc8.client.close()
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "answer"),
+    [
+        (f.robot_move, (1, "J(1,2,3,4,5,6)", "NEXT"), True),
+        (f.robot_move, (1, variant("@P J(1,2,3,4,5,6)"), "speed=50, next"), True),
+        (f.robot_move, (1, "J(1,2,3,4,5,6)"), False),
+        (f.robot_execute, ("Approach", variant([1, "P1", 10.0, "NEXT"])), True),
+        (f.robot_execute, (variant("GiveArm"),), False),
+        (f.robot_execute, ("Motor", variant([1, 0])), None),
+        (f.robot_execute, (), None),
+        (f.robot_halt, (), False),
+        (f.variable_get_value, (), None),
+    ],
+)  # fmt: skip
+def test_which_calls_leave_an_arm_moving(function: Any, arguments: Any, answer: bool | None) -> None:
+    assert leaves_moving(function, arguments) is answer
+
+
+@pytest.mark.parametrize("seconds", [0, 0.4, 3601, float("nan"), "2", None, True])
+def test_seconds_that_cannot_be(seconds: Any) -> None:
+    with pytest.raises(InvalidValue, match="alive"):
+        orinkit.serve(VirtualRC8(), "udp://127.0.0.1:0", alive=seconds)
+
+
+def test_a_paused_motion_counts_too() -> None:
+    """It could go on at any moment: a pause is taken off at the pendant."""
+    with cell("udp://127.0.0.1:0") as arm:
+        both = Both("sync")
+        rc8 = begin(both, arm.server.url)
+        fall_silent(both, rc8)
+        with arm.arm._cycles:
+            arm.arm.hold()
+        until(lambda: arm.arm.queue.standing)
+        leap(arm.server, 2.5)
+        until(arm.free)
+        rc8.client.close()
