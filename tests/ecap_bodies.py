@@ -162,7 +162,7 @@ BAD_BODIES = [
     BadBody("a percent sign by itself", b"Func=9,Arg1=2,Arg2=100%,Arg3=", _ARG, "Arg2: '%' is no escape: % and two hexadecimal digits; a % itself is %25"),
     BadBody("a wrong escape", b"Func=9,Arg1=2,Arg2=%G1x", _ARG, "Arg2: '%G1' is no escape"),
     BadBody("an escape cut off", b"Func=9,Arg1=2,Arg2=x%4", _ARG, "Arg2: '%4' is no escape"),
-    BadBody("an escape with a blank", b"Func=9,Arg1=2,Arg2=%+1", _ARG, "Arg2: '% 1' is no escape"),
+    BadBody("an escape with a blank", b"Func=9,Arg1=2,Arg2=%+1", _ARG, "Arg2: '%+1' is no escape"),
     BadBody("an escape that JavaScript's escape() makes", b"Func=9,Arg1=2,Arg2=%u5EA7", _ARG, "Arg2: '%u5' is no escape"),
     BadBody("a wrong escape in what was encoded in one piece", b"Func%3D9%zz", _ARG, "'%zz' is no escape"),
     BadBody("Shift_JIS", "Func=9,Arg1=2,Arg2=座標".encode("shift_jis"), _ARG, "Arg2 is no UTF-8: bytes 8d c0 95 57 at 0. Try: send UTF-8, not Shift_JIS"),

@@ -36,6 +36,7 @@ precision, like on the wire), and plain text is written as the documents print i
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any, Final
 
 from orinkit._notation_numbers import FLAGS, KINDS, LONGEST, REAL, WHOLE
@@ -49,7 +50,8 @@ MAX_LENGTH: Final = 16 * 1024 * 1024
 """How many characters a text to parse may have."""
 
 _BLANKS: Final = " \t\r\n"  # no other: an ideographic space is part of a Japanese text
-_PIECE: Final = 10_000  # elements that are written at a time
+_PIECE: Final = 4096  # elements, or characters, that are read or written at a time: other threads wait meanwhile
+_MOST_BLANKS: Final = 65_536  # characters of a number with the blanks around it
 _SHOWN: Final = 20  # characters of a text that an error message quotes
 
 _NOTHING: Final = (VarType.EMPTY, VarType.NULL)
@@ -183,7 +185,9 @@ class _Reader:
 
     def number(self, base: int, end: int) -> Any:
         """Read one element of a type other than VT_BSTR and VT_VARIANT; it reaches up to ``end``."""
-        piece = self.text[self.at : end].strip(_BLANKS)
+        self._blank()
+        piece = self.text[self.at : end]
+        piece = piece.strip(_BLANKS) if len(piece) <= _MOST_BLANKS else piece[: LONGEST + 1]
         kind = KINDS[base]
         value = kind.read(piece) if len(piece) <= LONGEST else None
         if value is None:
@@ -233,9 +237,12 @@ class _Reader:
             raise _error(self.at, f"nested deeper than {MAX_DEPTH}", f"入れ子が上限 {MAX_DEPTH} 段を超えています")
 
     def _blank(self) -> None:
-        match = _SPACE.match(self.text, self.at)
-        assert match  # it also matches nothing
-        self.at = match.end()
+        while True:
+            match = _SPACE.match(self.text, self.at, self.at + _PIECE)
+            assert match  # it also matches nothing
+            self.at, begun = match.end(), self.at
+            if self.at < begun + _PIECE:
+                return
 
     def _skip(self, sign: str) -> bool:
         """Go behind a sign, and the blanks before it, if it is there."""
@@ -268,13 +275,26 @@ class _Reader:
         values: list[Any] = []
         if not self._at_end():
             read = KINDS[base].read
-            for piece in self.text[self.at : end].split(","):
+            for piece in self._cut(end):
                 after = self.at + len(piece)
                 value = read(piece.strip(_BLANKS)) if len(piece) <= LONGEST else None
                 values.append(self.number(base, after) if value is None else value)
                 self.at = after + 1
             self.at = end
         return bytes(values) if base == VarType.UI1 else values
+
+    def _cut(self, end: int) -> Iterator[str]:
+        """Yield what stands between the commas up to the end."""
+        at = self.at
+        while True:
+            last = self.text.rfind(",", at, min(at + 16 * _PIECE, end))
+            if last < 0:  # nothing but a long piece, or the rest
+                last = self.text.find(",", at, end)
+            if last < 0:
+                yield from [self.text[at:end]]
+                return
+            yield from self.text[at:last].split(",")
+            at = last + 1
 
     def _string(self) -> str:
         if self.depth:
@@ -313,7 +333,10 @@ class _Reader:
         if depth:
             raise self._unbalanced(opened)
         self.at = end
-        return self.text[start:end].rstrip(_BLANKS)
+        while end > start and not self.text[max(start, end - _PIECE) : end].rstrip(_BLANKS):
+            end = max(start, end - _PIECE)
+        last = max(start, end - _PIECE)
+        return self.text[start:last] + self.text[last:end].rstrip(_BLANKS)
 
     def _unbalanced(self, at: int) -> NotationError:
         sign = self.text[at]
@@ -335,7 +358,7 @@ class _Reader:
                 '引用符が閉じていません。引用符の中の " は "" と書いてください',
             )
         self.at = end + 1
-        return self.text[start + 1 : end].replace('""', '"')
+        return _undoubled(self.text[start + 1 : end])
 
 
 # --- Variant -> text --------------------------------------------------------------------------------------------------
@@ -383,14 +406,37 @@ def _write_data(item: Variant, depth: int) -> str:
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
     """Return a string as it stands inside brackets or as element of an array: quoted if it would be read otherwise."""
-    special = text.strip(_BLANKS) != text or text.startswith('"') or not _balanced(text) or (element and "," in text)
-    return '"' + text.replace('"', '""') + '"' if special and (brackets or element) else text
+    if not text or not (brackets or element):
+        return text
+    begins, ends = text[0], text[-1]
+    special = begins in _BLANKS or ends in _BLANKS or begins == '"' or (element and "," in text) or not _balanced(text)
+    return f'"{_doubled(text)}"' if special else text
+
+
+def _undoubled(text: str) -> str:
+    """Return what :func:`_doubled` has been given; a slice ends where no quote is cut from its twin."""
+    pieces = []
+    at = 0
+    while at < len(text):
+        end = at + _PIECE
+        quotes = 0
+        while end - quotes > at and text[end - quotes - 1 : end - quotes] == '"':
+            quotes += 1
+        end -= quotes % 2 if end < len(text) else 0
+        pieces.append(text[at:end].replace('""', '"'))
+        at = end
+    return "".join(pieces)
+
+
+def _doubled(text: str) -> str:
+    return "".join([text[at : at + _PIECE].replace('"', '""') for at in range(0, len(text), _PIECE)])
 
 
 def _balanced(text: str) -> bool:
     depth = 0
-    for sign in _BRACKET.findall(text):
-        depth += 1 if sign == "(" else -1
-        if depth < 0:
-            return False
+    for at in range(0, len(text), _PIECE):
+        for sign in _BRACKET.findall(text, at, at + _PIECE):
+            depth += 1 if sign == "(" else -1
+            if depth < 0:
+                return False
     return depth == 0

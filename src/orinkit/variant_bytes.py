@@ -50,8 +50,8 @@ class Limits:
     Attributes:
         packet: bytes of a whole packet and of one argument (VE026A table 3-5: 16 MBytes).
         depth: how deep VARIANT arrays may be nested.
-        variants: how many elements all arrays of one argument may have together, counted by what they cost to read: one
-            for each element of VARIANT, BSTR, DATE and CY, one for 16 of BOOL and for 128 of another type.
+        variants: how many elements all arrays of one packet may have together, counted by what they cost to read and to
+            forget: one for each element of VARIANT, BSTR, DATE and CY, one for 16 of another type; bytes do not count.
         error_size: bytes of a VT_ERROR: 4; 2 in packets of a VE026A (its table 3-1).
     """
 
@@ -70,6 +70,7 @@ DEFAULT_LIMITS: Final = Limits()
 # Plain numbers instead of the enum's members: these three are on the way of every set-point of a robot.
 _BSTR: Final = int(VarType.BSTR)
 _SHORT: Final = 64
+_SLICE: Final = 4096  # elements that are read or written at a time: other threads wait while Python does it
 
 
 @lru_cache(maxsize=1024)
@@ -190,7 +191,7 @@ def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
             _append(item.type, item.value, parts, error_size)
     elif base == VarType.BSTR:
         for text in items:
-            data = text.encode("utf-16-le", "surrogatepass")
+            data = _utf_16(text)
             parts.append(_LENGTH.pack(len(data)))
             parts.append(data)
     elif vt == VarType.UI1 | ARRAY:
@@ -199,7 +200,15 @@ def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
         parts.append(_short_errors(items))
     elif base not in (VarType.EMPTY, VarType.NULL):
         convert = _TO_WIRE.get(base)
-        parts.append(struct.pack(f"<{len(items)}{FORMATS[base]}", *(map(convert, items) if convert else items)))
+        for at in range(0, len(items), _SLICE):
+            piece = items[at : at + _SLICE]
+            parts.append(struct.pack(f"<{len(piece)}{FORMATS[base]}", *(map(convert, piece) if convert else piece)))
+
+
+def _utf_16(text: str) -> bytes:
+    if len(text) <= _SLICE:
+        return text.encode("utf-16-le", "surrogatepass")
+    return b"".join([text[at : at + _SLICE].encode("utf-16-le", "surrogatepass") for at in range(0, len(text), _SLICE)])
 
 
 def _short_errors(items: Sequence[int]) -> bytes:
@@ -230,7 +239,7 @@ def _broken(en: str, ja: str, code: int = hresult.E_INVALIDRCVPACKET) -> Protoco
     return ProtocolError(pick(en, ja), code)
 
 
-def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False) -> tuple[Any, int]:  # fmt: skip
+def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False, budget: list[int] | None = None) -> tuple[Any, int]:  # fmt: skip
     """Read one packet argument at ``position``; return its value and the position behind it.
 
     Args:
@@ -239,6 +248,8 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
         end: where the argument must have ended at the latest; the end of ``data`` by default.
         limits: bounds on what is read.
         exact: give a :class:`Variant` instead of a plain value.
+        budget: how many elements the packet may have still, in a list of one number that this counts down; as many as
+            :attr:`Limits.variants` by default.
 
     Raises:
         ProtocolError: the bytes are no argument; its ``code`` is what a server answers (VE026A table 3-5).
@@ -267,7 +278,12 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
             f"argument length {length} at offset {position} does not fit the {end - position - 4} bytes present",
             f"オフセット {position} の引数長 {length} が残り {end - position - 4} バイトと合いません",
         )
-    value, after = _Reader(data, stop, limits, exact).read(vt, count, position + 10, 0)
+    reader = _Reader(data, stop, limits, exact)
+    if budget is not None:
+        reader.left = budget[0]
+    value, after = reader.read(vt, count, position + 10, 0)
+    if budget is not None:
+        budget[0] = reader.left
     if after != stop:
         raise _count_mismatch(vt, count, position, length - 6)
     return (trusted(vt, value) if exact else value), stop
@@ -281,8 +297,32 @@ def _count_mismatch(vt: int, count: int, position: int, present: int) -> Protoco
 
 
 # What time an element takes to read, told in how many of them count as one: bytes are not even looked at.
-_ELEMENTS_FOR_ONE: Final[dict[int, int]] = {VarType.CY: 1, VarType.DATE: 1, VarType.BOOL: 16, VarType.UI1: 1 << 32}
-_PLAIN_FOR_ONE: Final = 128
+_ELEMENTS_FOR_ONE: Final[dict[int, int]] = {VarType.CY: 1, VarType.DATE: 1, VarType.UI1: 1 << 32}
+_PLAIN_FOR_ONE: Final = 16
+
+
+def _text(data: bytes) -> str:
+    if len(data) <= 2 * _SLICE:
+        return data.decode("utf-16-le", "surrogatepass")
+    pieces = []
+    at = 0
+    while at < len(data):
+        end = at + 2 * _SLICE
+        if end < len(data) and 0xD8 <= data[end - 1] <= 0xDB:  # the first half of a character
+            end -= 2
+        pieces.append(data[at:end].decode("utf-16-le", "surrogatepass"))
+        at = end
+    return "".join(pieces)
+
+
+def _unpacked(code: str, data: bytes, position: int, count: int) -> Sequence[Any]:
+    if count <= _SLICE:
+        return struct.unpack_from(f"<{count}{code}", data, position)
+    items: list[Any] = []
+    size = struct.calcsize(f"<{code}")
+    for at in range(0, count, _SLICE):
+        items += struct.unpack_from(f"<{min(_SLICE, count - at)}{code}", data, position + at * size)
+    return items
 
 
 class _Reader:
@@ -322,9 +362,11 @@ class _Reader:
 
     def _fixed(self, base: int, array: bool, count: int, position: int) -> Any:
         if array and base == VarType.UI1:
-            return self.data[position : position + count]
+            with memoryview(self.data) as view:
+                return bytes(view[position : position + count])
         short = base == VarType.ERROR and self.limits.error_size == _SHORT_ERROR
-        items: Iterable[Any] = struct.unpack_from(f"<{count}{'H' if short else FORMATS[base]}", self.data, position)
+        code = "H" if short else FORMATS[base]
+        items: Iterable[Any] = _unpacked(code, self.data, position, count)
         if base == VarType.BOOL:
             items = [item != 0 for item in items]
         elif base == VarType.CY:
@@ -333,7 +375,7 @@ class _Reader:
             convert = exact_date if self.exact else plain_date
             items = [convert(item) for item in items]
         if array:
-            return list(items)
+            return items if isinstance(items, list) else list(items)
         (item,) = items
         return item
 
@@ -342,8 +384,8 @@ class _Reader:
         if self.left < 0:
             raise LimitExceeded(
                 pick(
-                    f"more than {self.limits.variants} elements in one argument",
-                    f"1 つの引数の要素数が上限 {self.limits.variants} を超えています",
+                    f"more than {self.limits.variants} elements in one packet",
+                    f"1 パケットの要素数が上限 {self.limits.variants} を超えています",
                 ),
                 hresult.E_ARGSIZEOVER,
             )
@@ -361,7 +403,7 @@ class _Reader:
                     f"string of {length} bytes at offset {position}, {self.end - position - 4} are present",
                     f"オフセット {position} の文字列長 {length} バイトが残り {self.end - position - 4} バイトと合いません",
                 )
-            texts.append(self.data[position + 4 : after].decode("utf-16-le", "surrogatepass"))
+            texts.append(_text(self.data[position + 4 : after]))
             position = after
         return (texts if array else texts[0]), position
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Close, Execute, Send, ServerConversation
+from orinkit.bcap.server import LARGE, Close, Decode, Encoded, Execute, Send, ServerConversation
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.variant_bytes import Limits, encode
 
@@ -24,16 +24,22 @@ def request(serial, function_id, *arguments, reserved=0):
     return packet.encode(Packet(serial, function_id, list(arguments), reserved))
 
 
+def actions(server, data, now=NOW):
+    """What is to be done; large packets are read at once."""
+    for action in server.receive(data, now):
+        yield from server.decoded(action, action.read(), now) if isinstance(action, Decode) else [action]
+
+
 def executed(server, data, now=NOW):
     """The only action: a call to execute."""
-    (action,) = list(server.receive(data, now))
+    (action,) = actions(server, data, now)
     assert isinstance(action, Execute)
     return action
 
 
 def answered(server, data, now=NOW):
     """The only action: an answer."""
-    (action,) = list(server.receive(data, now))
+    (action,) = actions(server, data, now)
     assert isinstance(action, Send)
     return packet.decode(action.data)
 
@@ -438,3 +444,68 @@ def test_any_option_is_taken_or_refused(option):
         assert packet.decode(action.data) == Packet(1, hresult.E_INVALIDARG)
     assert server.wdt is None or 0.08 < server.wdt <= 2147483.647
     assert 0.08 <= server.invoke_timeout <= 2147483.647
+
+
+# --- large packets and results ----------------------------------------------------------------------------------------
+
+
+LONG = "x" * LARGE
+
+
+def decoding(server, data, now=NOW):
+    (action,) = list(server.receive(data, now))
+    assert isinstance(action, Decode)
+    return action
+
+
+def test_a_large_packet_is_read_by_whoever_drives_the_conversation():
+    server = ServerConversation()
+    decode = decoding(server, request(3, 102, 5, LONG))
+    assert (decode.serial, decode.function_id, server.busy) == (3, 102, True)
+    assert packet.decode(answered_data(server, request(4, 2))).code == hresult.E_BUSY_PROC
+    (call,) = server.decoded(decode, decode.read(), NOW)
+    assert call == Execute(3, 102, [variant(5), variant(LONG)])
+    assert packet.decode(server.finish(call, 0, None)) == Packet(3, 0)
+
+
+def answered_data(server, data):
+    (action,) = list(server.receive(data, NOW))
+    return action.data
+
+
+def test_a_small_packet_is_read_at_once():
+    server = ServerConversation()
+    assert isinstance(next(server.receive(request(3, 102, 5, "x" * 100), NOW)), Execute)
+
+
+def test_a_large_packet_that_is_wrong_is_refused_once_it_has_been_read():
+    server = ServerConversation()
+    data = bytearray(request(3, 102, 5, LONG))
+    data[39:43] = struct.pack("<I", 2 * LARGE + 2)  # bytes of the text
+    decode = decoding(server, bytes(data))
+    (answer,) = server.decoded(decode, decode.read(), NOW)
+    assert packet.decode(answer.data) == Packet(3, hresult.E_INVALIDRCVPACKET)
+    assert not server.busy
+
+
+def test_the_client_hears_of_a_large_packet_that_takes_its_time_and_nothing_is_executed_behind_its_back():
+    server = start("WDT=100,InvokeTimeout=1000")
+    decode = decoding(server, request(3, 102, 5, LONG))
+    assert server.deadline() == pytest.approx(NOW + 0.1)
+    assert packet.decode(server.tick(NOW + 0.1)).code == hresult.S_EXECUTING
+    assert packet.decode(server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
+    assert list(server.decoded(decode, decode.read(), NOW + 2)) == []
+    assert not server.busy
+    assert list(server.decoded(decode, decode.read(), NOW + 3)) == []  # it is forgotten
+    executed(server, request(4, 2))
+
+
+def test_a_large_result_is_written_by_whoever_drives_the_conversation():
+    server = ServerConversation(Limits(packet=100_000))
+    call = executed(server, request(3, 101, 5))
+    encoded = server.encode(call, variant(LONG))
+    assert packet.decode(server.finish(call, 0, encoded)) == Packet(3, 0, [LONG])
+    call = executed(server, request(4, 101, 5))
+    encoded = server.encode(call, variant(bytes(100_000)))
+    assert encoded == Encoded(hresult.E_TOO_MUCH_DATA)
+    assert packet.decode(server.finish(call, 0, encoded)) == Packet(4, hresult.E_TOO_MUCH_DATA)

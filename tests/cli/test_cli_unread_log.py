@@ -13,11 +13,18 @@ from peers import RawClient
 from waiting import PATIENCE, until
 
 ROUNDS = 25
+SECRET = "a-secret-of-this-test"
 
 
-def test_a_log_that_nobody_reads_stops_nothing(program):
+def test_a_log_that_nobody_reads_stops_nothing(program, tmp_path):
+    secret = tmp_path / "secret"
+    secret.write_text(SECRET)
+    secret.chmod(0o600)
     server = subprocess.Popen(
-        [*program, "serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", "--motor-on", "--verbose"],
+        [
+            *program, "serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", "--motor-on", "--verbose",
+            "--control-secret-file", str(secret),
+        ],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
     )  # fmt: skip
     try:
@@ -25,7 +32,7 @@ def test_a_log_that_nobody_reads_stops_nothing(program):
         url, control = (server.stdout.readline().split()[-1] for _ in range(2))
         with (
             orinkit.connect(url, timeout=PATIENCE) as controller,
-            orinkit.connect(control, provider=PROVIDER_NAME, timeout=PATIENCE) as pendant,
+            orinkit.connect(control, provider=PROVIDER_NAME, option=f"Secret={SECRET}", timeout=PATIENCE) as pendant,
             RawClient(url) as attacker,
         ):
             robot = controller.robot()

@@ -21,6 +21,7 @@ from leaping import leap
 import orinkit
 from devices import Recorder, Workshop
 from orinkit import aio, hresult, language
+from orinkit.bcap.server import LARGE
 from orinkit.ecap.message import Request, read_request
 from orinkit.errors import ConnectFailed, InvalidValue
 from orinkit.server import aio_server, http_app
@@ -700,7 +701,7 @@ def test_a_body_that_takes_long_to_read_stops_nobody(server: Server, web: Web, m
     go = threading.Event()
 
     def read(body: bytes, limits: Limits) -> Request:
-        if len(body) > http_app.LARGE:
+        if len(body) > LARGE:
             assert go.wait(PATIENCE)
         return read_request(body, limits)
 

@@ -646,7 +646,7 @@ def test_the_async_server(workshop: Workshop) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["変数１２３", "äöü ß €", "🤖🦾", "\u202etfel", "a\x00b", "\ufeff", "", " ", "x" * 30_000, "ー" * 30_000]
+    "text", ["変数１２３", "äöü ß €", "🤖🦾", "\u202etfel", "a\x00b", "\ufeff", "", " ", "x" * 1000, "ー" * 1000]
 )
 def test_any_text_anywhere(text: str) -> None:
     recorder = Recorder()

@@ -10,7 +10,7 @@ import binascii
 import re
 import struct
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from orinkit import hresult, variant_bytes
 from orinkit.errors import LimitExceeded, ProtocolError
@@ -28,6 +28,7 @@ LENGTH: Final = struct.Struct("<I")
 _START: Final = struct.Struct("<BI").unpack_from
 _CRC: Final = struct.Struct("<H")
 _EOT: Final = bytes([EOT])
+_COPIED: Final = 64 * 1024  # bytes of a packet that may be copied: 16 MiB would take 10 ms
 _SHOWN: Final = 32  # bytes of what is no packet
 _HTTP: Final = re.compile(rb"HTTP/\d|[A-Z]{3,7} [/*]")
 
@@ -57,6 +58,20 @@ def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, 
         return b"%b%b\x04" % (HEADER.pack(SOH, len(body) + OVERHEAD, serial, reserved, code, count), body)
     head = HEADER.pack(SOH, len(body) + OVERHEAD + 2, serial, reserved, code, count)
     return b"%b%b%b\x04" % (head, body, _CRC.pack(checksum(head[1:] + body)))
+
+
+def with_room(body: bytes) -> bytearray:
+    """Return encoded arguments with room for what is around them in a packet, to be filled by :func:`pack_around`."""
+    room = bytearray(_BODY + len(body) + 1)
+    room[_BODY:-1] = body
+    room[-1] = EOT
+    return room
+
+
+def pack_around(room: bytearray, serial: int, code: int, count: int, reserved: int = 0) -> bytearray:
+    """Return what :func:`with_room` has made as a packet of ``count`` arguments, without a CRC; nothing is copied."""
+    HEADER.pack_into(room, 0, SOH, len(room), serial, reserved, code, count)
+    return room
 
 
 def encode(packet: Packet, *, crc: bool = False) -> bytes:
@@ -104,8 +119,9 @@ def decode_arguments(
         )
     arguments = []
     position = _BODY
+    budget = [limits.variants]
     for _ in range(count):
-        value, position = variant_bytes.decode(frame, position, end, limits, exact=exact)
+        value, position = variant_bytes.decode(frame, position, end, limits, exact=exact, budget=budget)
         arguments.append(value)
     return arguments, position
 
@@ -255,7 +271,11 @@ class Framer:
                     fatal=True,
                 )
             )
-        frame = bytes(buffer[:length])
+        if len(buffer) == length and length > _COPIED:
+            self._buffer = bytearray()
+            return cast("bytes", buffer)  # is read like bytes, and nobody changes it any more
+        with memoryview(buffer) as view:
+            frame = bytes(view[:length])
         del buffer[:length]
         return frame
 

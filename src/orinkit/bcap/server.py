@@ -1,8 +1,8 @@
 """The server's side of a b-CAP conversation, without I/O and without a clock.
 
 :class:`ServerConversation` is fed with the bytes received and says what to do: :class:`Send` bytes, :class:`Execute` a
-call, :class:`Close` the link, :class:`Reset` what the client has. The shell around it executes the call, hands the
-answer to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` when
+call, :class:`Decode` a large packet first, :class:`Close` the link, :class:`Reset` what the client has. The shell around it
+executes the call, hands the answer to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` when
 :meth:`~ServerConversation.deadline` has come. One call is executed at a time; another one meanwhile is answered with
 E_BUSY_PROC (reference behaviour: docs/protocol.md). Where packets may be lost, a request that comes again is not
 executed again (:mod:`orinkit.bcap.repeats`).
@@ -13,7 +13,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from functools import partial
+from typing import Final, NamedTuple, TypeAlias
 
 from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
@@ -32,6 +33,8 @@ _MOST_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values(
 _FAILED: Final = 0x8000_0000
 _OVERDUE: Final = 0.5  # s that the rest of a packet may take on a serial line before one behind its head is believed
 _NEVER: Final = float("inf")
+LARGE: Final = 16 * 1024
+"""Bytes of a packet, or of a result, that take long enough to be read or written beside the event loop."""
 
 logger = logging.getLogger("orinkit.bcap.server")
 
@@ -66,7 +69,33 @@ class Execute:
     arguments: list[Variant]
 
 
-Action: TypeAlias = Send | Execute | Close | Reset
+@dataclass(frozen=True, slots=True, eq=False)
+class Decode:
+    """Read a large packet where nobody else has to wait for it; the client is busy meanwhile.
+
+    Hand what ``read`` returns to :meth:`ServerConversation.decoded`, with this object.
+    """
+
+    serial: int
+    function_id: int
+    read: Callable[[], list[Variant] | ProtocolError]
+
+
+class Encoded(NamedTuple):
+    """A result as bytes, or the code that says why it cannot be sent.
+
+    Attributes:
+        code: ``None`` where nothing is wrong with it.
+        body: one encoded argument.
+        room: the same with room for the rest of a packet around it, of a large one: it would be copied otherwise.
+    """
+
+    code: int | None
+    body: bytes = b""
+    room: bytearray | None = None
+
+
+Action: TypeAlias = Send | Execute | Decode | Close | Reset
 
 
 class ServerConversation:
@@ -106,7 +135,7 @@ class ServerConversation:
         self._limits = replace(wire.bound(limits), error_size=dialect.error_size)
         self._framer = wire.server_framer(self._limits)
         self._requests = Requests(shared=wire.shared) if wire.lossy else None
-        self._current: Execute | None = None
+        self._current: Execute | Decode | None = None
         self._serial = 0  # of the latest try of the current call
         self._reserved = 0
         self._next: Action | None = None  # what is to follow what has just been said
@@ -173,12 +202,14 @@ class ServerConversation:
             if frame is None:
                 return
             take, took = following, True
-            action = self._request(frame)
-            if action is not None:
-                yield action
-            while self._next is not None:
-                action, self._next = self._next, None
-                yield action
+            yield from self._one_after_the_other(self._request(frame))
+
+    def _one_after_the_other(self, action: Action | None) -> Iterator[Action]:
+        if action is not None:
+            yield action
+        while self._next is not None:
+            action, self._next = self._next, None
+            yield action
 
     def _inside(self, took: bool) -> bytes | None:
         """Return a packet that waits behind the head of one that has not come to its end for long (a serial line)."""
@@ -236,9 +267,43 @@ class ServerConversation:
         self._serial, self._reserved = serial, reserved
         if _MOST_ARGUMENTS < count <= len(frame) // 10:  # not worth reading: no function has so many
             return Send(self._answer(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
+        read = partial(self._read, frame, count, end)
+        action: Action
+        if len(frame) > LARGE:
+            self._current = action = Decode(serial, function_id, read)
+        else:
+            action = self._call(serial, function_id, read())
+        self.timed_out = False
+        self._give_up = self._now + self.invoke_timeout
+        if self.wdt is not None:
+            self._next_wdt = self._now + self.wdt
+        return action
+
+    def _read(self, frame: bytes, count: int, end: int) -> list[Variant] | ProtocolError:
+        """Read the arguments of a packet; changes nothing, so it may be called from any thread."""
         try:
-            arguments, _ = packet.decode_arguments(frame, count, end, self._limits, exact=True)
+            return packet.decode_arguments(frame, count, end, self._limits, exact=True)[0]
         except ProtocolError as error:
+            return error
+
+    def decoded(self, decode: Decode, arguments: list[Variant] | ProtocolError, now: float) -> Iterator[Action]:
+        """Take what a large packet has in it; yields what to do, as :meth:`receive`.
+
+        Nothing is executed whose client has been told that it took too long.
+        """
+        self._now = now
+        if decode is not self._current:
+            return
+        self._current = None
+        if self.timed_out:
+            self.timed_out = False
+            return
+        yield from self._one_after_the_other(self._call(decode.serial, decode.function_id, arguments))
+
+    def _call(self, serial: int, function_id: int, arguments: list[Variant] | ProtocolError) -> Action:
+        """Return the call of a request whose arguments have been read, or its refusal."""
+        if isinstance(arguments, ProtocolError):
+            error = arguments
             if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
                 self._next = Reset(str(error)) if self._wire.lossy else Close(str(error))
             return Send(self._answer(error.code))
@@ -249,10 +314,6 @@ class ServerConversation:
                 return Send(self._answer(error.code))
         self.calls += 1
         self._current = call = Execute(serial, function_id, arguments)
-        self.timed_out = False
-        self._give_up = self._now + self.invoke_timeout
-        if self.wdt is not None:
-            self._next_wdt = self._now + self.wdt
         return call
 
     def _set_options(self, arguments: list[Variant]) -> None:
@@ -260,8 +321,14 @@ class ServerConversation:
         self.wdt, self.alive = options.wdt, options.alive
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
-    def finish(self, call: Execute, code: int, result: Variant | None) -> bytes:
-        """Return the packet that answers a call; nothing where it has been answered already, by E_TIMEOUT or here."""
+    def finish(self, call: Execute, code: int, result: Variant | Encoded | None) -> bytes | bytearray:
+        """Return the packet that answers a call; nothing where it has been answered already, by E_TIMEOUT or here.
+
+        Args:
+            call: what has been executed.
+            code: return code.
+            result: the result, ``None`` where there is none; a large one by way of :meth:`encode`.
+        """
         if call is not self._current:
             return b""
         self._current = None
@@ -271,20 +338,31 @@ class ServerConversation:
             return b""
         if call.function_id == _SERVICE_STOP:
             self.stopped = True
-        data = self._answer(code) if result is None else self._answer_with(call, code, result)
+        data = self._answer(code) if result is None else self._answer_with(code, self._as_bytes(call, result))
         if self.stopped and self._requests is not None:
             self._requests.stop()
         return data
 
-    def _answer_with(self, call: Execute, code: int, result: Variant) -> bytes:
+    def encode(self, call: Execute, result: Variant) -> Encoded:
+        """Return a result for :meth:`finish`; changes nothing, so it may be called from any thread."""
         try:
             body = variant_bytes.encode_variant(result, self._limits.error_size)
         except Exception:
             logger.exception("the result of function %d cannot be sent", call.function_id)
-            return self._answer(hresult.E_FAIL)
+            return Encoded(hresult.E_FAIL)
         if len(body) + packet.OVERHEAD + self._wire.tail - 1 > self._limits.packet:
-            return self._answer(hresult.E_TOO_MUCH_DATA)
-        return self._answer(code, 1, body)
+            return Encoded(hresult.E_TOO_MUCH_DATA)
+        if len(body) > LARGE and self._requests is None:
+            return Encoded(None, room=packet.with_room(body))
+        return Encoded(None, body)
+
+    def _as_bytes(self, call: Execute, result: Variant | Encoded) -> Encoded:
+        return result if isinstance(result, Encoded) else self.encode(call, result)
+
+    def _answer_with(self, code: int, result: Encoded) -> bytes | bytearray:
+        if result.room is not None:
+            return packet.pack_around(result.room, self._serial, self._dialect.codes.get(code, code), 1, self._echoed)
+        return self._answer(code, 1, result.body) if result.code is None else self._answer(result.code)
 
     def _answer(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
         """Return the answer to the current request, which is kept where it may be lost."""
@@ -301,6 +379,10 @@ class ServerConversation:
         """Have nobody wait for the call that is at work: its client is taken to have gone."""
         self._current = None
         self.alive = None
+
+    @property
+    def _echoed(self) -> int:
+        return self._reserved if self._dialect.echoes_reserved else 0
 
     def deadline(self) -> float | None:
         """Return when :meth:`tick` is due next, ``None`` while it is not."""

@@ -18,6 +18,9 @@ from orinkit.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 
 
+_LONGEST: Final = 4400  # characters of a number: Python reads no more than 4,300 digits
+
+
 def wrong_type(given: Variant, wanted: str) -> CallError:
     """Return the exception for an argument of the wrong type."""
     return error_for(
@@ -58,6 +61,8 @@ def to_number(given: Variant) -> float | int:
 
 
 def _number_in(text: str) -> float | int:
+    if len(text) > _LONGEST:
+        raise ValueError(text[:_LONGEST])
     text = text.strip()
     if _NUMBER.fullmatch(text) is None:  # float() takes more than controllers do: 1_0, full-width digits
         raise ValueError(text)

@@ -10,6 +10,7 @@ import re
 from typing import Final
 
 from orinkit import hresult
+from orinkit.cao.table import LONGEST_OPTION
 from orinkit.errors import error_for
 from orinkit.language import pick
 
@@ -17,7 +18,6 @@ _OPENING: Final = {"(": ")", "[": "]", "{": "}", "<": ">"}
 _DECIMAL: Final = re.compile(r"\s*[+-]?[0-9]+\s*")
 _HEX: Final = re.compile(r"\s*0[xX][0-9A-Fa-f]+\s*")
 _QUOTES: Final = "\"'"
-_LONGEST: Final = 0xFFFF
 
 
 class Options:
@@ -28,16 +28,16 @@ class Options:
         repeated: names that are given more than once, in lower case.
 
     Raises:
-        CallError: E_INVALIDARG, the text has more than 65535 characters.
+        CallError: E_INVALIDARG, the text has more than 4,096 characters.
     """
 
     def __init__(self, text: str) -> None:
-        if len(text) > _LONGEST:
+        if len(text) > LONGEST_OPTION:
             raise error_for(
                 hresult.E_INVALIDARG,
                 pick(
-                    f"an option string of {len(text)} characters, at most {_LONGEST} are read",
-                    f"オプション文字列が {len(text)} 文字で、上限 {_LONGEST} 文字を超えています",
+                    f"an option string of {len(text)} characters, at most {LONGEST_OPTION} are read",
+                    f"オプション文字列が {len(text)} 文字で、上限 {LONGEST_OPTION} 文字を超えています",
                 ),
             )
         self.text = text

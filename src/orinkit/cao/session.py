@@ -486,15 +486,29 @@ def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> li
                 f"引数が {len(given)} 個あります ({function.name} は {len(expected)} 個)",
             ),
         )
-    values = [_read(argument, value) for argument, value in zip(expected, given, strict=False)]
+    values = [_read(function, *pair) for pair in zip(expected, given, strict=False)]
     values += [_default(argument) for argument in expected[len(given) :]]
     return values
 
 
-def _read(argument: Argument, value: Variant) -> Any:
+def _read(function: Function[..., Any], argument: Argument, value: Variant) -> Any:
     if argument.is_handle:
         return coerce.to_handle(value)
-    return _READERS[argument.vt](value)
+    read = _READERS[argument.vt](value)
+    if argument.vt is VarType.BSTR and len(read) > argument.longest:
+        raise _too_long(function, argument, len(read))
+    return read
+
+
+def _too_long(function: Function[..., Any], argument: Argument, length: int) -> CallError:
+    where = f"{function.name}: {argument.name}"
+    return error_for(
+        hresult.E_INVALIDARG,
+        pick(
+            f"{where} of {length} characters, at most {argument.longest} are allowed",
+            f"{where} が {length} 文字で、上限 {argument.longest} 文字を超えています",
+        ),
+    )
 
 
 def _default(argument: Argument) -> object:

@@ -21,6 +21,12 @@ AnyValue = Annotated[Any, VarType.VARIANT]
 INTERFACES: Final = ("Service", "Controller", "Extension", "File", "Robot", "Task", "Variable", "Command", "Message")
 
 
+LONGEST_NAME: Final = 1024
+"""Characters that a name, or any other text that is an argument by itself, may have."""
+LONGEST_OPTION: Final = 4096
+"""Characters that an option string may have."""
+
+
 class Argument(NamedTuple):
     """One argument of a function.
 
@@ -37,6 +43,11 @@ class Argument(NamedTuple):
     is_handle: bool = False
     optional: bool = False
     default: object = None
+
+    @property
+    def longest(self) -> int:
+        """Characters that a text may have: of a name 1,024, of an option string 4,096."""
+        return LONGEST_OPTION if self.name == "option" else LONGEST_NAME
 
     @property
     def unsent(self) -> bool:

@@ -14,7 +14,7 @@ All of it takes time in proportion to the length of the body, whatever is in it.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 from orinkit import hresult
@@ -29,13 +29,17 @@ BLANKS: Final = " \t\r\n"
 """What may stand around names and numbers."""
 
 _QUOTED: Final = 160  # bytes of a piece that an error quotes, of which it shows 40 characters
-_BLANK: Final = rb"[ \t\r\n]*+"
+_SLICE: Final = 32 * 1024  # bytes that are looked through at a time: other threads wait while Python does it
+_MARGIN: Final = 256  # bytes that a match may have behind the slice that it begins in
+_BLANK: Final = rb"[ \t\r\n]{0,64}+"
 _NAME: Final = rb"(func|arg[1-5])" + _BLANK + rb"="
 _SEPARATOR: Final = re.compile(rb"&|,(?=" + _BLANK + _NAME.replace(b"(", b"(?:") + rb")", re.IGNORECASE)
 _FIELD: Final = re.compile(_BLANK + _NAME, re.IGNORECASE)
 _WHOLE: Final = re.compile(_BLANK + rb"(?:func|arg[1-5])(?:%20|\+)*+%3d", re.IGNORECASE)
 _BAD_ESCAPE: Final = re.compile(rb"%(?![0-9a-f]{2})", re.IGNORECASE)
 _MARK: Final = b"\xef\xbb\xbf"
+_SURROGATES: Final = 8192  # bytes that are decoded at a time where there are surrogates: each takes long
+_LONGEST_PAIR: Final = 6  # bytes of two surrogates
 
 
 class Field(NamedTuple):
@@ -62,13 +66,13 @@ def read_fields(body: bytes) -> dict[str, Field]:
     fields = _decoded(_cut(body), _form_bytes)
     if len(fields) == 1:
         whole = b"Func=" + fields["func"].text.encode("utf-8", "surrogatepass")
-        if _SEPARATOR.search(whole):
+        if _search(_SEPARATOR, whole):
             return _decoded(_cut(whole), bytes)
     return fields
 
 
 def _cut(body: bytes) -> dict[str, bytes]:
-    pieces = _SEPARATOR.split(body, MOST)
+    pieces = _pieces(body)
     if len(pieces) > MOST:
         raise refused(
             pick(
@@ -94,6 +98,25 @@ def _cut(body: bytes) -> dict[str, bytes]:
     return found
 
 
+def _pieces(body: bytes) -> list[bytes]:
+    """Cut a body into no more pieces than are needed to tell that they are too many."""
+    pieces: list[bytes] = []
+    at = 0
+    while len(pieces) < MOST and (found := _search(_SEPARATOR, body, at)) is not None:
+        pieces.append(body[at : found.start()])
+        at = found.end()
+    return [*pieces, body[at:]]
+
+
+def _search(pattern: re.Pattern[bytes], data: bytes, start: int = 0) -> re.Match[bytes] | None:
+    """Return the first match, as ``pattern.search`` does, looked for slice by slice."""
+    for at in range(start, len(data), _SLICE):
+        found = pattern.search(data, at, at + _SLICE + _MARGIN)
+        if found is not None and found.start() < at + _SLICE:
+            return found
+    return None
+
+
 def _decoded(pieces: dict[str, bytes], decode: Callable[[bytes], bytes]) -> dict[str, Field]:
     return {name: _decode(name.capitalize(), value, decode) for name, value in pieces.items()}
 
@@ -116,10 +139,9 @@ def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> Field:
 
 def _form_bytes(value: bytes) -> bytes:
     """Return what a form-urlencoded value stands for."""
-    value = value.replace(b"+", b" ")
-    if b"%" not in value:
+    if b"%" not in value and b"+" not in value:
         return value
-    bad = _BAD_ESCAPE.search(value)
+    bad = _search(_BAD_ESCAPE, value)
     if bad:
         found = quoted(value[bad.start() : bad.start() + 3].decode("ascii", "replace"))
         raise refused(
@@ -128,6 +150,23 @@ def _form_bytes(value: bytes) -> bytes:
                 f"{found} は % と 16 進数 2 桁の形式ではありません。% 自体は %25 と書きます",
             )
         )
+    return b"".join(map(_unescaped, _slices(value)))
+
+
+def _slices(value: bytes) -> Iterator[bytes]:
+    """Yield a value in slices, no escape cut in two."""
+    at = 0
+    while at < len(value):
+        end = at + _SLICE
+        if end < len(value):
+            escape = value.rfind(b"%", end - 2, end)
+            end = end if escape < 0 else escape
+        yield value[at:end]
+        at = end
+
+
+def _unescaped(value: bytes) -> bytes:
+    value = value.replace(b"+", b" ")
     # Ten times as fast as urllib.parse, which takes seconds for the longest bodies: \x41 is what Python can read at once.
     return value.replace(b"\\", b"%5C").replace(b"%", b"\\x").decode("unicode_escape").encode("latin-1")
 
@@ -141,11 +180,25 @@ def to_text(data: bytes) -> str:
     try:
         return data.decode()
     except UnicodeDecodeError:
-        return (
-            data.decode("utf-8", "surrogatepass")
-            .encode("utf-16-le", "surrogatepass")
-            .decode("utf-16-le", "surrogatepass")
-        )
+        return "".join(_with_surrogates(data))
+
+
+def _with_surrogates(data: bytes) -> Iterator[str]:
+    """Yield the text of UTF-8 in slices, neither a character nor a pair of surrogates cut in two."""
+    at = 0
+    while at < len(data):
+        end = min(at + _SURROGATES, len(data))
+        for _ in range(_LONGEST_PAIR):
+            if end < len(data) and (
+                data[end] & 0xC0 == 0x80 or data[end : end + 2] >= b"\xed\xb0" > data[end : end + 1]
+            ):
+                end -= 1
+        try:
+            text = data[at:end].decode("utf-8", "surrogatepass")
+        except UnicodeDecodeError as error:
+            raise UnicodeDecodeError("utf-8", data, at + error.start, at + error.end, error.reason) from None
+        yield text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "surrogatepass")
+        at = end
 
 
 def refused(reason: str) -> CallError:

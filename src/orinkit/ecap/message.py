@@ -303,7 +303,9 @@ def write_reply(code: int, result: Variant | None) -> bytes:
         InvalidValue: VARIANT arrays are nested deeper than notation allows.
     """
     text = "" if result is None or result.type == VarType.EMPTY else f",{format_variant(result)}"
-    return f"0x{hresult.unsigned(code):08X}{text}".encode("utf-8", "surrogatepass")
+    text = f"0x{hresult.unsigned(code):08X}{text}"
+    slices = range(0, len(text), _SLICE)  # other threads wait while Python encodes one
+    return b"".join([text[at : at + _SLICE].encode("utf-8", "surrogatepass") for at in slices])
 
 
 def read_reply(body: bytes, limits: Limits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
@@ -391,7 +393,10 @@ def _too_long(length: int, limits: Limits) -> str:
     )
 
 
-_HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]*+([0-9]{1,5})")
+_SLICE: Final = 4096  # characters that are looked at at a time
+_MARGIN: Final = 80  # characters of the beginning of a VARIANT, or more
+_FIRST: Final = re.compile(r"[ \t\r\n]*+([0-9]{1,5})")
+_HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]{0,64}+([0-9]{1,5}|[ \t\r\n])")
 _SLOW: Final = {int(vt | ARRAY) for vt in (VarType.BSTR, VarType.DATE, VarType.CY)}
 # What each sign of a text may cost to be read, in microseconds, and how many of them each element that is allowed may: in
 # all a second by default. Brackets, and commas of slow types, are dearer than they are: arrays of them are bounded by
@@ -423,14 +428,26 @@ def _check_cost(texts: Iterable[str], limits: Limits) -> None:
 
 
 def _cost(text: str, left: int) -> int:
-    head = _HEAD.match(text)
+    head = _FIRST.match(text)
     if not head or not (int(head[1]) & ARRAY or int(head[1]) == VarType.VARIANT):
         return 0  # a scalar, or no notation
-    cost = _BRACKET_COST * text.count("(") + text.count('"') // _QUOTES_FOR_ONE
+    cost = _BRACKET_COST * _count(text, "(") + _count(text, '"') // _QUOTES_FOR_ONE
     if cost > left:
         return cost
-    slow = not _SLOW.isdisjoint(map(int, set(_HEAD.findall(text))))
-    return cost + (_SLOW_COST if slow else 1) * text.count(",")
+    return cost + (_SLOW_COST if _has_slow(text) else 1) * _count(text, ",")
+
+
+def _count(text: str, sign: str) -> int:
+    return sum(text.count(sign, at, at + _SLICE) for at in range(0, len(text), _SLICE))
+
+
+def _has_slow(text: str) -> bool:
+    """Whether there may be an array of a type that takes long; many blanks may hide anything."""
+    for at in range(0, len(text), _SLICE):
+        heads = set(_HEAD.findall(text, at, at + _SLICE + _MARGIN))
+        if any(head.isspace() or int(head) in _SLOW for head in heads):
+            return True
+    return False
 
 
 def _parse(text: str, limits: Limits) -> Variant:

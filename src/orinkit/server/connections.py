@@ -12,6 +12,7 @@ from typing import Final, Protocol
 from orinkit.cao.secret import Guesses
 from orinkit.cao.session import Host, Numbers
 from orinkit.server import throttle
+from orinkit.server.large import Worker
 from orinkit.server.places import most_of_an_address
 from orinkit.server.vigil import ALIVE, check_alive
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
@@ -84,6 +85,7 @@ class Connections:
         empty: is set when the last of ``all`` has gone.
         tasks: handlers at work, also those whose client has gone; and requests over HTTP that are being answered.
         numbers: handles of the clients over HTTP: one that a client has kept for too long must not be another's.
+        worker: reads large packets and writes large results.
         view: where data is read to; all connections share it, for it is handled at once.
     """
 
@@ -115,6 +117,7 @@ class Connections:
         self.empty = asyncio.Event()
         self.tasks: set[asyncio.Task[None]] = set()
         self.numbers = Numbers()
+        self.worker = Worker()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
         self._warned: dict[str, float] = {}

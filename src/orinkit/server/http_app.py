@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Final
 from urllib.parse import quote
 
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from orinkit import hresult
+from orinkit.bcap.server import LARGE
 from orinkit.cao.functions import robot_halt, robot_hold, task_stop
 from orinkit.cao.secret import HELD
 from orinkit.cao.service import ServiceOptions, read_options
@@ -29,24 +29,16 @@ from orinkit.server.http_door import Door, Headers, ambiguous, closed, plain, to
 from orinkit.server.http_guard import GuardedProtocol
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
+from orinkit.server.large import is_large
 from orinkit.server.throttle import CLIENT
-from orinkit.server.waiting import in_thread
-from orinkit.variant import VARIANT_ARRAY, Variant
 
 logger = logging.getLogger("orinkit.server")
-
-T = TypeVar("T")
-
-LARGE: Final = 64 * 1024
-"""Bytes of a body that is read, or written, in a thread, so that no other client waits for it."""
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
 _STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # however much is at work
 _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
-_LARGE_AT_A_TIME: Final = 2  # threads; more would only take turns, and the event loop with them
-_ELEMENT: Final = 16  # bytes of an array's element as text, about
 _NO_TOKEN: Final = 401
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421)
 _NOTHING: Final = -1  # bytes of a body that are waited for
@@ -76,7 +68,6 @@ class App:
         self._door = Door(options, secure=secure)
         self._secure = secure
         self._cookie = b""
-        self._large = asyncio.Semaphore(_LARGE_AT_A_TIME)
         self._takes_options = shared.host.dialect.takes_options
         self._codes = shared.host.dialect.codes
 
@@ -209,12 +200,7 @@ class App:
     async def _read(self, body: bytes) -> Request:
         if len(body) <= LARGE:
             return read_request(body, self._shared.limits)
-        return await self._in_thread(partial(read_request, body, self._shared.limits))
-
-    async def _in_thread(self, function: Callable[[], T]) -> T:
-        async with self._large:
-            result: T = await in_thread(function)
-            return result
+        return await self._shared.worker.run(partial(read_request, body, self._shared.limits))
 
     async def _reply(self, exchange: Exchange, session: HttpSession | None, request: Request) -> Reply:
         function_id = request.function.id
@@ -275,8 +261,8 @@ class App:
         ):
             code, result = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
         try:
-            if result is not None and _is_long(result):
-                body = await self._in_thread(partial(write_reply, code, result))
+            if result is not None and is_large(result):
+                body = await self._shared.worker.run(partial(write_reply, code, result))
             else:
                 body = write_reply(code, result)
         except Exception:
@@ -420,19 +406,3 @@ def _immediately(session: Session, request: Request) -> Reply:
     outcome = session.invoke(request.function.id, request.arguments)
     assert isinstance(outcome, Reply)
     return outcome
-
-
-def _is_long(result: Variant) -> bool:
-    """Whether a result may be long as text; looks at no more of it than it has to."""
-    left = LARGE
-    rest: list[Any] = [result]
-    while rest and left >= 0:
-        item = rest.pop()
-        value = item.value if isinstance(item, Variant) else item
-        if isinstance(value, str | bytes):
-            left -= len(value)
-        elif isinstance(value, list):
-            left -= _ELEMENT * len(value)
-            if left >= 0 and value and (item.type == VARIANT_ARRAY or isinstance(value[0], str)):
-                rest += value
-    return left < 0

@@ -5,20 +5,24 @@ from __future__ import annotations
 import asyncio
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
+from functools import partial
+from itertools import chain
 from typing import Final
 
 from orinkit import hresult
-from orinkit.bcap.server import Action, Close, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import Wire
 from orinkit.cao.provider import Blocking, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.server.connections import Connections
+from orinkit.server.large import is_large
 from orinkit.server.throttle import CLIENT
 from orinkit.server.vigil import Vigil
 from orinkit.server.waiting import result_of
 from orinkit.transport.address import network_of
+from orinkit.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
@@ -46,7 +50,7 @@ class Peer(ABC):
 
     _name: str
     _host: str
-    _send: Callable[[bytes], None]
+    _send: Callable[[bytes | bytearray], None]
     _is_gone: Callable[[], bool]
 
     def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop, wire: Wire) -> None:
@@ -62,6 +66,7 @@ class Peer(ABC):
         self._slow = False
         self._heard = 0.0
         self._network: str | None = None
+        self._held = False
 
     # --- who it is ------------------------------------------------------------------------------------------------
 
@@ -201,6 +206,9 @@ class Peer(ABC):
                     self._execute(session, action)
             elif type(action) is Send:
                 self._send(action.data)
+            elif type(action) is Decode:
+                self._hold()
+                self._be_busy(self._decode(action), cancellable=True)
             elif type(action) is Close:
                 level = self._shared.refusal_level(self._loop.time(), "closed")
                 logger.log(level, "%s: closed: %s", self._name, action.reason)
@@ -208,7 +216,7 @@ class Peer(ABC):
                 return
             elif type(action) is Reset:
                 self._rest(action.reason)
-            if self._slow:
+            if self._slow or self._held:
                 self._waiting = actions
                 return
 
@@ -223,6 +231,45 @@ class Peer(ABC):
     def _refuse(self, call: Execute) -> None:
         self._answer(call, Reply(hresult.E_MAX_CONNECT))
 
+    def _be_busy(self, work: Coroutine[object, object, None], *, cancellable: bool) -> None:
+        """Have something done that takes its time, and the client told meanwhile that it is at work."""
+        self._task = task = self._loop.create_task(work)
+        self._cancellable = cancellable
+        self._shared.tasks.add(task)
+        task.add_done_callback(self._shared.tasks.discard)
+        self._set_alarm(self._conversation.deadline())
+
+    def _hold(self) -> None:  # noqa: B027 - not every kind of connection does it
+        """Look at no further request while one is read, or its result written, elsewhere.
+
+        Where requests may be lost each is answered at once; its client sends it again.
+        """
+
+    def _let_go(self) -> None:  # noqa: B027
+        """Look at further requests again."""
+
+    def _go_on(self) -> None:
+        """Do what had to wait, unless it has to wait longer."""
+        if not (self._slow or self._held):
+            waiting, self._waiting = self._waiting, None
+            if waiting is not None:
+                self._conversation.go_on(self._loop.time())
+                self._act(waiting)
+
+    def _free(self) -> None:
+        self._task = None
+        self._set_alarm(None)
+
+    async def _decode(self, action: Decode) -> None:
+        session = self._session
+        arguments = await self._shared.worker.run(action.read)
+        if self._session is not session or self._is_gone():
+            return
+        self._free()
+        self._let_go()
+        waiting, self._waiting = self._waiting, None
+        self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
+
     def _execute(self, session: Session, call: Execute) -> None:
         if self.patience is not None or self._conversation.alive is not None:
             self._attend()
@@ -230,11 +277,7 @@ class Peer(ABC):
         if type(outcome) is Reply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
-            self._task = self._loop.create_task(self._finish(session, call, outcome))
-            self._cancellable = type(outcome.work) is not Blocking
-            self._shared.tasks.add(self._task)
-            self._task.add_done_callback(self._shared.tasks.discard)
-            self._set_alarm(self._conversation.deadline())
+            self._be_busy(self._finish(session, call, outcome), cancellable=type(outcome.work) is not Blocking)
 
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
         begin_call(lambda: self._conversation.timed_out or not self._serves(session))
@@ -247,8 +290,7 @@ class Peer(ABC):
         else:
             reply = session.complete(pending, result, told=not self._conversation.timed_out)
         if self._serves(session):
-            self._task = None
-            self._set_alarm(None)
+            self._free()
             self._conversation.go_on(self._loop.time())
             self._answer(call, reply)
 
@@ -257,7 +299,25 @@ class Peer(ABC):
         return self._session is session and not self._is_gone()
 
     def _answer(self, call: Execute, reply: Reply) -> None:
-        data = self._conversation.finish(call, reply.code, reply.result)
+        result = reply.result
+        if result is not None and is_large(result):
+            self._hold()
+            self._be_busy(self._encode(call, reply.code, result), cancellable=True)
+        else:
+            self._deliver(call, reply.code, result)
+
+    async def _encode(self, call: Execute, code: int, result: Variant) -> None:
+        session = self._session
+        encoded = await self._shared.worker.run(partial(self._conversation.encode, call, result))
+        if self._session is session and not self._is_gone():
+            self._free()
+            self._let_go()
+            self._conversation.go_on(self._loop.time())
+            self._deliver(call, code, encoded)
+            self._go_on()
+
+    def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
+        data = self._conversation.finish(call, code, result)
         if data:
             self._send(data)
 
@@ -279,8 +339,8 @@ class Caller(Peer):
     def _newcomer(self) -> Session | None:
         return self._admit()
 
-    def _answer(self, call: Execute, reply: Reply) -> None:
-        data = self._conversation.finish(call, reply.code, reply.result)
+    def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
+        data = self._conversation.finish(call, code, result)
         if self._conversation.stopped:
             self._rest()
         if data:

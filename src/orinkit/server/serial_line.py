@@ -91,7 +91,7 @@ class LineCaller(Caller, asyncio.Protocol):
 
     # --- the shell ------------------------------------------------------------------------------------------------
 
-    def _send(self, data: bytes) -> None:
+    def _send(self, data: bytes | bytearray) -> None:
         if not self._full and not self._transport.is_closing():
             self._transport.write(data)
 

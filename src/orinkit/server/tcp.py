@@ -89,11 +89,18 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def resume_writing(self) -> None:
         """It takes them again."""
         self._slow = False
-        self._transport.resume_reading()
-        waiting, self._waiting = self._waiting, None
-        if waiting is not None:
-            self._conversation.go_on(self._loop.time())
-            self._act(waiting)
+        if not self._held:
+            self._transport.resume_reading()
+        self._go_on()
+
+    def _hold(self) -> None:
+        self._held = True
+        self._transport.pause_reading()
+
+    def _let_go(self) -> None:
+        self._held = False
+        if not self._slow:
+            self._transport.resume_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client has gone: whatever it held is released."""
@@ -124,7 +131,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._give_up("it has made no call")
         elif self._begun:
             # while its answers are not taken, it is this side that does not read
-            if self._slow or self._conversation.incomplete - self._seen[1] >= PROGRESS:
+            if self._slow or self._held or self._conversation.incomplete - self._seen[1] >= PROGRESS:
                 self._mark(now)
             if now < self._begun + PATIENCE:
                 self._await_packet(now)

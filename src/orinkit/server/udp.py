@@ -9,14 +9,15 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any, Final, Self, TypeAlias, cast
 
-from orinkit.bcap.server import Execute
+from orinkit.bcap.server import Encoded, Execute
 from orinkit.bcap.wire import DATAGRAM
 from orinkit.cao.provider import ClientInfo
-from orinkit.cao.session import Reply, Session
+from orinkit.cao.session import Session
 from orinkit.server.connections import Connections
 from orinkit.server.peer import Caller
 from orinkit.transport.address import Address
 from orinkit.transport.forks import keep_from_children
+from orinkit.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
@@ -64,9 +65,9 @@ class UdpCaller(Caller):
                 self._timer = self._loop.call_later(FORGOTTEN_AFTER, self._look_at_the_time)
         return session
 
-    def _answer(self, call: Execute, reply: Reply) -> None:
+    def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
         self._heard = self._loop.time()
-        super()._answer(call, reply)
+        super()._deliver(call, code, result)
 
     def _rest(self, reason: object = None) -> None:
         self._leave(reason)

@@ -115,7 +115,7 @@ def string(given: Variant) -> str:
     if element.type != VarType.BSTR:
         raise _mismatch(given, "VT_BSTR")
     text = str(element.value)
-    length = len(text.encode("cp932", "replace"))
+    length = len(text) if len(text) > _STRING_BYTES else len(text.encode("cp932", "replace"))  # at least so many
     if length > _STRING_BYTES:
         raise error_for(hresult.STRING_TOO_LONG, pick(f"{length} bytes", f"{length} バイト"))
     return text

@@ -1,0 +1,216 @@
+"""No packet holds up the event loop, whatever is in it: other clients, the motions and the emergency stop go on."""
+
+from __future__ import annotations
+
+import http.client
+import threading
+from collections.abc import Iterator
+
+import pytest
+from large_values import MOST, argument, arrays, ask, text, texts
+from watching import watched
+
+import orinkit
+from orinkit import hresult
+from orinkit.cao.functions import BY_NAME, FUNCTIONS
+from orinkit.server.background import Server
+from orinkit.variant import VarType
+from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.rc8.commands import COMMANDS
+from orinkit.virtual.rc8.robot.commands import ROBOT_COMMANDS
+from peers import RawClient
+from waiting import PATIENCE
+
+VALUES = dict([*texts(), *arrays()])
+FEW = ("text of control characters", "text of surrogates", "VT_UI1", "I2", "DATE", "texts", "nothings", "deep")
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with orinkit.serve(VirtualRC8(motor=True, language="en"), "tcp://127.0.0.1:0", "http://127.0.0.1:0") as server:
+        yield server
+
+
+@pytest.fixture
+def client(server) -> Iterator[RawClient]:
+    with RawClient(server.urls[0]) as client:
+        yield client
+
+
+def call(name: str) -> int:
+    return BY_NAME[name].id
+
+
+def connect(client: RawClient) -> int:
+    return int(client.ask(call("Controller_Connect"), "", "CaoProv.DENSO.VRC", "", ""))
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_a_large_value_holds_up_nobody(server, client, name):
+    handle = connect(client)
+    variable = client.ask(call("Controller_GetVariable"), handle, "S1", "")
+    robot = client.ask(call("Controller_GetRobot"), handle, "Arm0", "")
+    value = VALUES[name]
+    with watched(server) as watch:
+        for watch.label, function, *arguments in (
+            ("tag", "Controller_PutTag", handle, value),
+            ("tag read", "Controller_GetTag", handle),
+            ("tag forgotten", "Controller_PutTag", handle, None),
+            ("variable", "Variable_PutValue", variable, value),
+            ("move", "Robot_Move", robot, 1, value, ""),
+            ("command", "Controller_Execute", handle, "GetErrorDescription", value),
+        ):
+            ask(client, call(function), *arguments)
+    watch.check()
+
+
+@pytest.mark.parametrize("name", ["text of control characters", "text of surrogates"])
+def test_a_name_or_option_of_megabytes_is_refused_at_once(server, client, name):
+    handle = connect(client)
+    long = VALUES[name]
+    with watched(server) as watch:
+        for watch.label, function, *arguments in (
+            ("option", "Service_Start", long),
+            ("name", "Controller_Connect", long, "CaoProv.DENSO.VRC", "", ""),
+            ("provider", "Controller_Connect", "x", long, "", ""),
+            ("machine", "Controller_Connect", "x", "CaoProv.DENSO.VRC", long, ""),
+            ("name of a variable", "Controller_GetVariable", handle, long, ""),
+            ("option of a variable", "Controller_GetVariable", handle, "I1", long),
+            ("command", "Controller_Execute", handle, long, None),
+        ):
+            assert ask(client, call(function), *arguments) == hresult.E_INVALIDARG
+    watch.check()
+
+
+def test_the_longest_name_and_the_longest_option(client):
+    handle = connect(client)
+    find = call("Controller_GetVariable")
+    assert client.ask(find, handle, "x" * 1024, "") == hresult.E_CAO_OBJECT_NOTFOUND
+    assert client.ask(find, handle, "x" * 1025, "") == hresult.E_INVALIDARG
+    assert client.ask(find, handle, "I1", "x" * 4096) < 0x8000_0000
+    assert client.ask(find, handle, "I1", "x" * 4097) == hresult.E_INVALIDARG
+
+
+def test_requests_behind_a_large_one_are_answered_in_order(client):
+    handle = connect(client)
+    large = "x" * 20_000
+    for _ in range(20):
+        client.request(call("Controller_PutTag"), handle, large)
+        client.request(call("Controller_GetTag"), handle)
+    for _ in range(20):
+        assert client.packet().arguments == []
+        assert client.packet().arguments == [large]
+
+
+def test_a_client_that_goes_while_its_packet_is_read_leaves_nothing_behind(server):
+    for _ in range(5):
+        with RawClient(server.urls[0]) as gone:
+            handle = connect(gone)
+            gone.request(call("Controller_PutTag"), handle, ["text"] * 40_000)
+    with RawClient(server.urls[0]) as client:
+        assert client.ask(call("Controller_PutTag"), connect(client), "x" * 100_000) is None
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"," * MOST, b"8197" + b",1" * 700_000, b"8199" + b",2026-11-21 10:00:00.5" * 49_000, b"8,%1b" * 3_000_000,
+        b'8204,(8,"' + b'""' * 4_000_000 + b'")', b"8200" + b',"a,b"' * 49_000,
+    ],
+    ids=["commas", "numbers", "dates", "escapes", "quotes", "texts"],
+)  # fmt: skip
+def test_a_large_body_over_http_holds_up_nobody(server, body):
+    place = server.urls[1].partition("//")[2].strip("/")
+    connection = http.client.HTTPConnection(place, timeout=PATIENCE)
+    headers = {"Content-Type": "application/x-www-form-urlencoded"}
+
+    def post(data: bytes) -> bytes:
+        connection.request("POST", "/", data, headers)
+        answer = connection.getresponse()
+        cookie = answer.getheader("set-cookie")
+        if cookie:
+            headers["Cookie"] = cookie.partition(";")[0]
+        return answer.read()
+
+    handle = post(b"Func=3,Arg1=,Arg2=CaoProv.DENSO.VRC,Arg3=,Arg4=").rpartition(b",")[2]
+    with watched(server) as watch:
+        for watch.label in ("whole", "tag", "tag read", "name"):
+            post(
+                {
+                    "whole": body,
+                    "tag": b"Func=%d,Arg1=%b,Arg2=%b" % (call("Controller_PutTag"), handle, body),
+                    "tag read": b"Func=%d,Arg1=%b" % (call("Controller_GetTag"), handle),
+                    "name": b"Func=%d,Arg1=%b,Arg2=%b" % (call("Controller_GetVariable"), handle, body),
+                }[watch.label]
+            )
+    connection.close()
+    watch.check()
+
+
+def attack(url: str, ending: threading.Event) -> None:
+    with RawClient(url) as client:
+        handle = connect(client)
+        many = VALUES["DATE"]
+        while not ending.is_set():
+            ask(client, call("Controller_GetVariable"), handle, text("\x1b"), "")
+            ask(client, call("Controller_PutTag"), handle, many)
+
+
+def test_the_emergency_stop_is_answered_while_eight_clients_send_such_packets():
+    from orinkit.virtual.rc8.control import PROVIDER_NAME, ControlProvider
+
+    rc8 = VirtualRC8(motor=True, language="en")
+    ending = threading.Event()
+    buttons = ControlProvider(rc8)
+    option = f"Secret={buttons.secret}"
+    with (
+        orinkit.serve(rc8, "tcp://127.0.0.1:0") as server,
+        orinkit.serve(buttons, "tcp://127.0.0.1:0") as control,
+        orinkit.connect(control.url, provider=PROVIDER_NAME, option=option, timeout=PATIENCE) as pendant,
+    ):
+        attackers = [threading.Thread(target=attack, args=(server.url, ending)) for _ in range(8)]
+        for each in attackers:
+            each.start()
+        try:
+            with watched(server) as watch:
+                for on in (True, False) * 5:
+                    pendant.execute("EmergencyStop", on)
+        finally:
+            ending.set()
+            for each in attackers:
+                each.join()
+    watch.check()
+
+
+# --- everything (make soak) -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", list(VALUES))
+def test_no_value_anywhere_holds_up_anybody(server, client, name):
+    handle = connect(client)
+    objects = {
+        "Controller": handle,
+        "Robot": client.ask(call("Controller_GetRobot"), handle, "Arm0", ""),
+        "Variable": client.ask(call("Controller_GetVariable"), handle, "S1", ""),
+        "File": client.ask(call("Controller_GetFile"), handle, "large.pcs", "@Create=1"),
+        "Task": client.ask(call("Controller_GetTask"), handle, "large", ""),
+        "Extension": client.ask(call("Controller_GetExtension"), handle, "Hand0", ""),
+        "Command": client.ask(call("Controller_GetCommand"), handle, "Robot.Motor", ""),
+    }
+    commands = {"Controller": list(COMMANDS), "Robot": list(ROBOT_COMMANDS)}
+    with watched(server) as watch:
+        for function in FUNCTIONS.values():
+            places = [number for number, each in enumerate(function.arguments) if each.vt is VarType.VARIANT]
+            if not places or function.interface not in objects or function.name.startswith("File_"):
+                continue
+            for command in commands.get(function.interface, ["x"]) if function.name.endswith("_Execute") else [""]:
+                watch.label = f"{function.name} {command}"
+                given = [command or "" if each.vt is VarType.BSTR else 1 for each in function.arguments]
+                given[0] = objects[function.interface]
+                ask(client, function.id, *given[: places[0]], VALUES[name], *given[places[0] + 1 :])
+    watch.check()
+
+
+def test_an_argument_is_what_it_should_be():
+    assert argument(VarType.I4, 1, b"\5\0\0\0") == orinkit.variant_bytes.encode(5)
