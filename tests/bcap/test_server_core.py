@@ -150,6 +150,10 @@ def test_packets_and_calls_are_counted():
     assert (server.packets, server.calls, server.incomplete) == (2, 1, 7)
 
 
+def test_a_packet_that_the_shell_does_not_take():
+    assert packet.decode(ServerConversation().refuse_packet()) == Packet(0, hresult.E_PACKETSIZEOVER)
+
+
 def test_several_requests_at_once_one_after_the_other():
     server = ServerConversation()
     seen = []

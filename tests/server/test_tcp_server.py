@@ -657,12 +657,12 @@ def test_any_text_anywhere(text: str) -> None:
         ) as controller:
             variable = controller.variable(text, text)
             variable.value = text
-            variable.tag = [text, text]
+            variable.tag = [text[:10_000]] * 2  # 64 KiB are kept
             controller.execute(text, text)
             assert text in controller.name
         assert Call("Controller_GetVariable", f"RC{text}", (text, text)) in recorder.calls
         assert Call("Variable_PutValue", f"RC{text}/{text}", (text,)) in recorder.calls
-        assert Call("Variable_PutTag", f"RC{text}/{text}", ([text, text],)) in recorder.calls
+        assert Call("Variable_PutTag", f"RC{text}/{text}", ([text[:10_000]] * 2,)) in recorder.calls
         assert Call("Controller_Execute", f"RC{text}", (text, text)) in recorder.calls
 
 

@@ -163,6 +163,10 @@ class ServerConversation:
         """How many bytes have come of a packet that is not whole yet, whatever it travels by."""
         return self._framer.pending
 
+    def refuse_packet(self) -> bytes:
+        """Return the answer to a packet that is too long to be taken: to whom it is sent the connection is closed."""
+        return self._pack(0, 0, hresult.E_PACKETSIZEOVER)
+
     def receive(self, data: bytes, now: float) -> Iterator[Action]:
         """Take bytes of the stream; yields what to do, one thing after the other.
 

@@ -11,7 +11,7 @@ import itertools
 import logging
 from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from inspect import isawaitable
 from traceback import format_exception_only
@@ -20,6 +20,7 @@ from typing import Any, Final, TypeAlias
 from orinkit import hresult
 from orinkit.cao import coerce
 from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.keeping import KEPT, MOST_OF_A_CLIENT, Kept, size_to_keep
 from orinkit.cao.options import Options
 from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Later, Provider
 from orinkit.cao.table import Argument, Function
@@ -75,6 +76,7 @@ class Host:
     def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
         self.providers = [providers] if isinstance(providers, Provider) else _checked(providers)
         self.objects = objects
+        self.kept = Kept()
         self._by_name = {name.lower(): p for p in reversed(self.providers) for name in _names(p)}
         first, *others = self.providers
         for other in others:
@@ -163,6 +165,7 @@ class _Entry:
     parent: int
     label: str
     guard: AbstractContextManager[object]
+    kept: dict[str, int] = field(default_factory=dict)  # bytes of what each method has had it keep
 
 
 class Session:
@@ -181,6 +184,7 @@ class Session:
         self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
         self._entries: dict[int, _Entry] = {}  # insertion order is age
         self._handles = numbers or Numbers()
+        self._kept = Kept(MOST_OF_A_CLIENT, host.kept)
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
@@ -245,9 +249,21 @@ class Session:
             existing = self._existing(function.creates, handle, label, values[-1])
             if existing is not None:
                 return existing
+        if function.method in KEPT:
+            self._keep(entry, function.method, values[1])
         with entry.guard:
             result = getattr(entry.served, function.method)(*values[1:])
         return self._outcome(function, handle, label, result)
+
+    def _keep(self, entry: _Entry, method: str, value: Variant) -> None:
+        """Count what an object is to keep, instead of what it has kept until now.
+
+        Raises:
+            CallError: E_TOO_MUCH_DATA, E_OUTOFMEMORY.
+        """
+        size = size_to_keep(value)
+        self._kept.change(size - entry.kept.get(method, 0))
+        entry.kept[method] = size
 
     def _outcome(
         self, function: Function[..., Any], parent: int, label: str, result: Any, provider: Provider | None = None
@@ -404,6 +420,7 @@ class Session:
 
     def _let_go(self, handle: int) -> None:
         entry = self._entries.pop(handle)
+        self._kept.change(-sum(entry.kept.values()))
         try:
             with entry.guard:
                 entry.served.release()

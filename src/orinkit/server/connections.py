@@ -13,7 +13,7 @@ from orinkit.cao.secret import Guesses
 from orinkit.cao.session import Host, Numbers
 from orinkit.server import throttle
 from orinkit.server.large import Worker
-from orinkit.server.places import most_of_an_address
+from orinkit.server.places import Partial, most_of_an_address
 from orinkit.server.vigil import ALIVE, check_alive
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import Limits
@@ -78,6 +78,7 @@ class Connections:
         all: whatever has to be closed: these, connections that are being refused, serial lines without a client,
             connections over HTTP.
         turned_away: connections of those of ``all`` for whom there is no room, while they are told so.
+        partial: bytes of requests that have not come whole.
         guesses: wrong tokens over HTTP, by address.
         held: how many answers to wrong tokens are being held back.
         opening: how many connections have been accepted and are not in ``all`` yet.
@@ -110,6 +111,7 @@ class Connections:
         self.open: set[Client] = set()
         self.all: set[Closable] = set()
         self.turned_away: set[Closable] = set()
+        self.partial = Partial()
         self.guesses = Guesses()
         self.held = 0
         self.opening = 0

@@ -25,11 +25,12 @@ from orinkit.ecap.message import Request, read_request, write_reply
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.server.connections import Connections
-from orinkit.server.http_door import Door, Headers, ambiguous, closed, plain, too_long
+from orinkit.server.http_door import Door, Headers, ambiguous, closed, full, plain, too_long
 from orinkit.server.http_guard import GuardedProtocol
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
 from orinkit.server.large import is_large
+from orinkit.server.places import Partial
 from orinkit.server.throttle import CLIENT
 
 logger = logging.getLogger("orinkit.server")
@@ -92,7 +93,7 @@ class App:
                 self._log(exchange, refusal.status_code)
                 if refusal.status_code == _NO_TOKEN:
                     await self._slow_down(exchange, refusal)
-                await exchange.refuse(refusal, self._shared.limits.packet)
+                await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _NOTHING)
         except _Gone:
             pass
         except asyncio.CancelledError:
@@ -138,14 +139,16 @@ class App:
         if session is not None:
             self._enter(session, exchange)
         try:
-            body = await exchange.body(self._shared.limits.packet)
-            if body is None:
-                return too_long(self._shared.limits.packet)
             try:
+                body = await exchange.body(self._shared.limits.packet, self._shared.partial)
+                if body is None:
+                    return too_long(self._shared.limits.packet) if exchange.has_room else full()
                 request = await self._read(body)
             except CallError as error:
                 await self._answer(exchange, Reply(error.code, detail=error.detail))
                 return None
+            finally:  # what waits to be read counts too
+                exchange.give_room(self._shared.partial)
             if session is None or session.ended:  # while its request was read
                 session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
                 if session is not None:
@@ -289,9 +292,22 @@ class Exchange:
         connection: that it has come on.
         beat: milliseconds between signs that the server is at work; 0 where the client does not ask for them.
         begun: the answer has begun.
+        has_room: there is room for its body.
     """
 
-    __slots__ = ("_more", "_receive", "_send", "_whole", "beat", "begun", "connection", "headers", "scope")
+    __slots__ = (
+        "_counted",
+        "_more",
+        "_receive",
+        "_send",
+        "_whole",
+        "beat",
+        "begun",
+        "connection",
+        "has_room",
+        "headers",
+        "scope",
+    )
 
     def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.scope = scope
@@ -302,6 +318,8 @@ class Exchange:
         self.begun = False
         self._receive = receive
         self._send = send
+        self.has_room = True
+        self._counted = 0
         self._whole = False
         self._more: list[tuple[bytes, bytes]] = []
 
@@ -323,8 +341,18 @@ class Exchange:
     def _length(self) -> int:
         return int(self.headers.get(b"content-length", b"0"))
 
-    async def body(self, most: int) -> bytes | None:
-        """Return the request's body; ``None`` where it is longer than that."""
+    def give_room(self, partial: Partial) -> None:
+        """Count the request's body no more."""
+        partial.change(self._counted, 0)
+        self._counted = 0
+
+    async def body(self, most: int, partial: Partial) -> bytes | None:
+        """Return the request's body; ``None`` where it is longer than that, or there is no room for it (``has_room``).
+
+        Args:
+            most: bytes.
+            partial: counts its bytes, until :meth:`give_room`.
+        """
         if self._length() > most:
             return None
         pieces: list[bytes] = []
@@ -332,6 +360,10 @@ class Exchange:
         while not self._whole and count <= most:
             pieces.append(await self._next())
             count += len(pieces[-1])
+            self.has_room = partial.change(self._counted, count)
+            self._counted = count
+            if not self.has_room:
+                return None
         if count > most:
             return None
         return pieces[0] if len(pieces) == 1 else b"".join(pieces)

@@ -127,6 +127,15 @@ def closed() -> PlainTextResponse:
     return plain(503, closing(), {"Connection": "close"})
 
 
+def full() -> PlainTextResponse:
+    """Return the answer to a body for which there is no room, because others are sending too much."""
+    return plain(
+        503,
+        pick("too many requests are under way; try again", "受信中のリクエストが多すぎます。再試行してください"),
+        _CLOSE,
+    )
+
+
 def _not_post(method: str) -> PlainTextResponse:
     text = pick("e-CAP is spoken with POST", "e-CAP は POST で送信してください")
     if method == "GET":

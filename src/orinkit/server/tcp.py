@@ -39,6 +39,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         super().__init__(shared, loop, STREAM)
         shared.opening += 1
         self._patience: asyncio.TimerHandle | None = None
+        self._partial = 0  # bytes of it that are counted
         self._begun = 0.0  # when the packet began that is not whole yet; 0 where there is none
         self._seen = 0, 0  # packets before it, and its bytes then
 
@@ -76,7 +77,10 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """The client has sent something."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(bytes(self._shared.view[:nbytes]), now))
-        if self._conversation.incomplete:
+        incomplete = self._conversation.incomplete
+        if incomplete or self._partial:
+            self._count(incomplete)
+        if incomplete:
             self._await_packet(now)
         elif self._begun:
             self._begun = 0.0
@@ -107,8 +111,22 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         if self._patience is not None:
             self._patience.cancel()
             self._patience = None
+        self._shared.partial.change(self._partial, 0)
+        self._partial = 0
         self._leave(exc)
         self._shared.discard(self)
+
+    def _count(self, incomplete: int) -> None:
+        """Count the bytes of a packet that has begun; there is only so much room for those of all clients."""
+        before, self._partial = self._partial, incomplete
+        if self._shared.partial.change(before, incomplete) or self._is_gone():
+            return
+        self._send(self._conversation.refuse_packet())
+        level = self._shared.refusal_level(self._loop.time(), "partial")
+        logger.log(
+            level, "%s: closed: packets that have not come whole have %d bytes", self._name, self._shared.partial.bytes
+        )
+        self.close()
 
     # --- time ---------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,132 @@
+"""Tags and parameters of commands: how much a client can have a server keep."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from hypothesis import given
+
+from devices import Workshop
+from orinkit import hresult, language
+from orinkit.cao import functions as f
+from orinkit.cao.keeping import MOST, MOST_OF_A_CLIENT, MOST_OF_ALL, Kept, size_to_keep
+from orinkit.cao.session import Host, Session
+from orinkit.errors import CallError
+from orinkit.variant import Variant, variant
+from orinkit.variant_bytes import encode_variant
+from strategies import variants
+
+pytestmark = pytest.mark.core
+
+
+def refused(call, *arguments):
+    with pytest.raises(CallError) as caught:
+        call(*arguments)
+    return caught.value.code
+
+
+@given(variants())
+def test_the_size_is_that_in_a_packet(value):
+    length = len(encode_variant(value)) - 4
+    if length <= MOST:
+        assert length - 2 * astral(value) <= size_to_keep(value) <= length
+
+
+def astral(value: Variant) -> int:
+    """Signs that take two units in a packet, which count as one."""
+    items = value.value if isinstance(value.value, list) else [value.value]
+    return sum(
+        sum(sign > "\uffff" for sign in item)
+        if isinstance(item, str)
+        else astral(item)
+        if isinstance(item, Variant)
+        else 0
+        for item in items
+    )
+
+
+@pytest.mark.parametrize(
+    "value",
+    [bytes(MOST), "x" * (MOST // 2), [0.0] * (MOST // 8), ["x"] * (MOST // 6), [variant(1)] * (MOST // 10 + 1),
+     [[None] * 6000, [None] * 6000], [variant(None)] * 2_000_000],
+)  # fmt: skip
+def test_values_that_are_too_long(value):
+    assert refused(size_to_keep, variant(value)) == hresult.E_TOO_MUCH_DATA
+    language.use("ja")
+    with pytest.raises(CallError, match="タグまたはコマンドのパラメータ"):
+        size_to_keep(variant(value))
+
+
+def test_budgets():
+    of_all = Kept(150)
+    one, other = Kept(100, of_all), Kept(100, of_all)
+    one.change(100)
+    assert refused(one.change, 1) == hresult.E_OUTOFMEMORY
+    other.change(50)
+    assert refused(other.change, 1) == hresult.E_OUTOFMEMORY
+    assert (one.bytes, other.bytes, of_all.bytes) == (100, 50, 150)
+    one.change(-100)
+    other.change(50)
+    assert (one.bytes, other.bytes, of_all.bytes) == (0, 100, 100)
+
+
+# --- in a session -----------------------------------------------------------------------------------------------------
+
+
+def open_session(host):
+    session = Session(host)
+    session.invoke(3, [variant(text) for text in ("", "Test.Workshop", "localhost", "")])
+    return session
+
+
+def put_tag(session, handle, value):
+    return session.invoke(f.variable_put_tag.id, [variant(handle), variant(value)]).code
+
+
+def new_variable(session, number):
+    return session.invoke(f.controller_get_variable.id, [variant(2), variant(f"v{number}"), variant("")]).result.value
+
+
+def test_tags_of_a_client_are_bounded():
+    """The attack: 60 tags of nearly a packet."""
+    host = Host(Workshop())
+    session = open_session(host)
+    handles = [new_variable(session, number) for number in range(60)]
+    assert {put_tag(session, handle, bytes(15_800_000)) for handle in handles} == {hresult.E_TOO_MUCH_DATA}
+    codes = [put_tag(session, handle, bytes(60_000)) for handle in handles]
+    fit = MOST_OF_A_CLIENT // 60_006
+    assert codes == [0] * fit + [hresult.E_OUTOFMEMORY] * (60 - fit)
+    assert host.kept.bytes == fit * 60_006
+    assert put_tag(session, handles[0], "another") == 0  # instead of the first one
+    assert put_tag(session, handles[-1], bytes(60_000)) == 0
+    session.invoke(f.variable_release.id, [variant(handles[1])])
+    assert put_tag(session, handles[-2], bytes(60_000)) == 0
+    session.close()
+    assert host.kept.bytes == 0
+
+
+def test_tags_of_all_clients_are_bounded():
+    host = Host(Workshop())
+    sessions = [open_session(host) for _ in range(20)]
+    codes = []
+    for session in sessions:
+        handles = [new_variable(session, number) for number in range(17)]
+        codes += [put_tag(session, handle, bytes(60_000)) for handle in handles]
+    assert host.kept.bytes <= MOST_OF_ALL
+    assert codes.count(0) == MOST_OF_ALL // 60_006
+    for session in sessions:
+        session.close()
+    assert host.kept.bytes == 0
+
+
+def test_a_tag_that_is_refused_leaves_the_one_before():
+    session = open_session(Host(Workshop()))
+    handle = new_variable(session, 1)
+    assert put_tag(session, handle, "mine") == 0
+    assert put_tag(session, handle, bytes(MOST)) == hresult.E_TOO_MUCH_DATA
+    assert session.invoke(f.variable_get_tag.id, [variant(handle)]).result == variant("mine")
+
+
+def test_the_size_of_a_head():
+    assert size_to_keep(variant(None)) == struct.calcsize("<HI")

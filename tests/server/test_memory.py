@@ -1,0 +1,114 @@
+"""What clients can make a server keep: packets and bodies that never come whole, and tags."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+import pytest
+from test_http_server import Web
+
+import orinkit
+from devices import Workshop
+from orinkit import hresult
+from orinkit.bcap import packet
+from orinkit.bcap.packet import Packet
+from orinkit.server import places
+from orinkit.server.background import Server
+from orinkit.server.places import ALWAYS, Partial
+from peers import RawClient
+from waiting import until
+
+CONNECT, EXECUTE = 3, 17
+ROOM = 4 * 1024 * 1024
+LENGTH = 16 * 1024 * 1024
+
+pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    monkeypatch.setattr(places, "PARTIAL", ROOM)  # as much as a test can send soon
+    with orinkit.serve(Workshop(), "tcp://127.0.0.1:0", "http://127.0.0.1:0") as served:
+        yield served
+    Web.close_all()
+
+
+def partial(server: Server) -> Partial:
+    return server._server._connections.partial
+
+
+def test_packets_that_never_come_whole(server: Server, caplog: pytest.LogCaptureFixture) -> None:
+    """The attack: 50 connections, each with nearly all of a packet."""
+    head = packet.HEADER.pack(packet.SOH, LENGTH, 1, 0, EXECUTE, 1)
+    attackers = [RawClient(server.url) for _ in range(50)]
+    codes = []
+    for attacker in attackers:
+        try:
+            attacker.send(head + bytes(1024 * 1024))
+            until(lambda: partial(server).bytes <= ROOM)
+        except ConnectionError:
+            pass
+    until(lambda: server.clients <= 4)
+    assert partial(server).bytes <= ROOM
+    for attacker in attackers:
+        try:
+            attacker.socket.settimeout(0.05)
+            codes.append(attacker.packet().code)
+        except (OSError, Exception):  # noqa: BLE001 - reset, or nothing said yet
+            pass
+        attacker.close()
+    assert set(codes) <= {hresult.E_PACKETSIZEOVER}
+    until(lambda: partial(server).bytes == 0)
+    assert "packets that have not come whole have" in caplog.text
+
+
+def test_others_are_served_meanwhile(server: Server) -> None:
+    head = packet.HEADER.pack(packet.SOH, LENGTH, 1, 0, EXECUTE, 1)
+    with RawClient(server.url) as greedy, RawClient(server.url) as client:
+        handle = client.ask(CONNECT, "", "Test.Workshop", "localhost", "")
+        greedy.send(head + bytes(ROOM - 16 * 1024))
+        until(lambda: partial(server).bytes > ROOM - 32 * 1024)
+        text = "x" * (ALWAYS // 4)
+        request = packet.encode(Packet(5, EXECUTE, [handle, "Echo", text]))
+        for begin in range(0, len(request), 10_000):
+            client.send(request[begin : begin + 10_000])
+        assert client.packet().arguments == [text]
+        web = Web(server.urls[1])
+        assert web.ask("Func=1").status == 200
+    until(lambda: partial(server).bytes == 0)
+
+
+def test_bodies_that_never_come_whole(server: Server) -> None:
+    head = "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 16000000\r\n\r\n"
+    bodies = [Web(server.urls[1]) for _ in range(8)]
+    for web in bodies:
+        try:
+            web.send(head.encode() + b"Func=1,Arg1=8," + b"x" * 1024 * 1024)
+        except ConnectionError:
+            pass
+    until(lambda: partial(server).bytes <= ROOM and len(server._server._connections.all) <= 4)
+    for web in bodies:
+        web.close()
+    until(lambda: partial(server).bytes == 0)
+    with Web(server.urls[1]) as web:
+        assert web.ask("Func=1").status == 200
+
+
+def test_memory_grows_with_what_has_come_and_not_with_what_is_announced(server: Server) -> None:
+    head = struct.pack("<BI", packet.SOH, LENGTH)
+    clients = [RawClient(server.url) for _ in range(20)]
+    for client in clients:
+        client.send(head)
+    until(lambda: partial(server).bytes == 20 * len(head))
+    for client in clients:
+        client.close()
+    until(lambda: partial(server).bytes == 0)
+
+
+def test_tags_over_the_wire(server: Server) -> None:
+    with orinkit.connect(server.url, provider="Test.Workshop") as controller:
+        controller.tag = "x" * 30_000
+        with pytest.raises(orinkit.CallError, match="E_TOO_MUCH_DATA"):
+            controller.tag = "x" * 1_000_000
+        assert controller.tag == "x" * 30_000
