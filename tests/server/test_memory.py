@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import struct
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -112,3 +114,21 @@ def test_tags_over_the_wire(server: Server) -> None:
         with pytest.raises(orinkit.CallError, match="E_TOO_MUCH_DATA"):
             controller.tag = "x" * 1_000_000
         assert controller.tag == "x" * 30_000
+
+
+def test_large_packets_that_wait_to_be_read_count_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole ones too, until the worker has come to them."""
+    gate = threading.Event()
+    shared = server._server._connections
+    asked = asyncio.run_coroutine_threadsafe(shared.worker.run(gate.wait), server._loop)
+    request = packet.encode(Packet(1, EXECUTE, [2, "Echo", bytes(1024 * 1024)]))
+    clients = [RawClient(server.url) for _ in range(3)]
+    for client in clients:
+        client.send(request)
+    until(lambda: partial(server).bytes > 2_500_000)
+    gate.set()
+    asked.result(30)
+    for client in clients:
+        assert client.packet().code == hresult.E_HANDLE
+        client.close()
+    until(lambda: partial(server).bytes == 0)

@@ -101,6 +101,7 @@ def test_what_is_no_call_does_not_count_as_one(server: Server, data: bytes) -> N
         silent.send(data)
         if len(data) != 15:
             assert hresult.failed(silent.packet().code)
+        until(lambda: server.clients == 1)
         leap(server, LONG + 1)
         assert silent.ended()
     until(lambda: not shared(server).all)

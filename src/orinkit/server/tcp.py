@@ -78,7 +78,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(bytes(self._shared.view[:nbytes]), now))
         incomplete = self._conversation.incomplete
-        if incomplete or self._partial:
+        if (incomplete or self._partial) and not self._held:  # one that waits for the worker counts until it is read
             self._count(incomplete)
         if incomplete:
             self._await_packet(now)
@@ -103,6 +103,8 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _let_go(self) -> None:
         self._held = False
+        if self._partial:
+            self._count(self._conversation.incomplete)
         if not self._slow:
             self._transport.resume_reading()
 
@@ -145,11 +147,13 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """A first call, or the rest of a packet, should have come by now, unless it began later."""
         self._patience = None
         now = self._loop.time()
-        if not self._conversation.calls:
+        if self._held:  # it is this side that takes its time
+            self._patience = self._loop.call_at(now + PATIENCE, self._look_at_the_time)
+        elif not self._conversation.calls:
             self._give_up("it has made no call")
         elif self._begun:
             # while its answers are not taken, it is this side that does not read
-            if self._slow or self._held or self._conversation.incomplete - self._seen[1] >= PROGRESS:
+            if self._slow or self._conversation.incomplete - self._seen[1] >= PROGRESS:
                 self._mark(now)
             if now < self._begun + PATIENCE:
                 self._await_packet(now)
