@@ -56,7 +56,7 @@ def state(number: int) -> str:
     return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGQUIT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGUSR1])
 def test_nothing_stays_stopped_when_it_is_ended(number):
     program = subprocess.Popen(
         [sys.executable, str(STALL), sys.executable, "-c", "import os, time; print(os.getpid(), flush=True); time.sleep(60)"],

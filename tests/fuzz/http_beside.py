@@ -22,6 +22,7 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import CaoObject
 from orinkit.cao.session import Session
 from orinkit.server.background import Server
+from orinkit.server.throttle import THROTTLE
 from orinkit.virtual.rc8 import VirtualRC8
 from waiting import PATIENCE, until
 
@@ -152,6 +153,7 @@ def quiet(server: Server) -> tuple[dict[int, object], tuple[int, int]]:
     """Wait until every client has gone and nothing changes any more; returns what there is then."""
     pause = threading.Event()
     _wait_for_clients(server)
+    gc.collect()  # what earlier tests have left
     same, numbers = 0, counted()
     while same < 5:
         pause.wait(0.05)
@@ -178,6 +180,7 @@ def _wait_for_clients(server: Server) -> None:
     """Wait until the server has seen every client go, and nothing is at work for any of them."""
     shared = server._server._connections
     until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks), IDLE + PATIENCE)
+    THROTTLE.forget()  # it remembers what was logged, on purpose
     until(lambda: not any(thread.name == "orinkit-worker" for thread in threading.enumerate()))
 
 

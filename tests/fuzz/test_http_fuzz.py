@@ -38,7 +38,7 @@ REQUESTS = 2_000
 LIMITS = Limits(packet=4 << 20)
 RELEASES = {entry.name for entry in FUNCTIONS.values() if entry.releases}
 MAKES = {entry.name for entry in FUNCTIONS.values() if entry.creates}
-CROWDED = 400
+CROWDED = 300
 TURNS = 300
 
 
@@ -257,6 +257,7 @@ def test_crowd(
             fuzz(served, 2, 200)
             crowd.wait(lambda: min(web.turns, tcp.turns) >= TURNS or bool(web.error or tcp.error))
         assert (web.error, tcp.error) == (None, None)
+        crowd.wait(lambda: crowd.closed["HTTP/1.1 408 Request Timeout"] >= CROWDED / 2)
         crowd.wait(lambda: crowd.there >= CROWDED)  # they were there all the time
         for number in range(20):  # there is always room for one who comes anew
             with orinkit.connect(served.server.urls[0], timeout=20.0) as controller:

@@ -257,7 +257,8 @@ def test_limits_hold_in_mode_1_whatever_follows_the_pause(late, far):
         cell.clock.advance(late)
         if cell.error:
             break
-        cell.send((cell.arm.queue.joints[0] + way, *HOME[1:]))
+        goal = cell.arm.queue.joints[0] + way
+        cell.send((min(max(goal, AXIS.lower), AXIS.upper), *HOME[1:]))
         cell.clock.advance(PERIOD)
     assert np.abs(np.diff(seen, 2)).max(initial=0.0) <= 1.2501 * AXIS.acceleration * PERIOD**2
     assert np.abs(np.diff(seen)).max(initial=0.0) <= 1.2501 * AXIS.velocity * PERIOD
