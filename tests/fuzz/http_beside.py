@@ -28,7 +28,7 @@ from waiting import PATIENCE, until
 
 IDLE = 3.0  # s
 DESCRIPTORS = Path("/proc/self/fd")
-SLOW_HEADERS, SILENT, HALF_BODIES = 300, 200, 100
+SLOW_HEADERS, SILENT, HALF_BODIES = 250, 125, 75
 
 
 class Served(NamedTuple):

@@ -245,7 +245,7 @@ def test_crowd(
     monkeypatch: pytest.MonkeyPatch,
     pace: float,
 ) -> None:
-    """Six hundred that never finish, more than there is room for, and garbage; others make all of their calls meanwhile."""
+    """Four hundred and fifty that never finish, more than there is room for, and garbage; others make all of their calls meanwhile."""
     caplog.set_level(logging.ERROR)
     for stage in (Stage.NEW, Stage.HEADER, Stage.BODY):
         monkeypatch.setattr(stage, "seconds", pace * stage.seconds)
@@ -257,14 +257,13 @@ def test_crowd(
             fuzz(served, 2, 200)
             crowd.wait(lambda: min(web.turns, tcp.turns) >= TURNS or bool(web.error or tcp.error))
         assert (web.error, tcp.error) == (None, None)
-        crowd.wait(lambda: crowd.closed["HTTP/1.1 408 Request Timeout"] >= CROWDED / 2)
         crowd.wait(lambda: crowd.there >= CROWDED)  # they were there all the time
         for number in range(20):  # there is always room for one who comes anew
             with orinkit.connect(served.server.urls[0], timeout=20.0) as controller:
                 controller.variable("I9").value = number
                 assert controller.variable("I9").value == number
     assert crowd.there == 0
-    assert crowd.closed["HTTP/1.1 408 Request Timeout"] >= CROWDED / 2
+    assert crowd.closed["HTTP/1.1 408 Request Timeout"] >= CROWDED / 3
     assert set(crowd.closed) == {"", "HTTP/1.1 408 Request Timeout"}
     assert [f"{record.name}: {record.getMessage()}" for record in caplog.records] == []
     left, now = settled(served.server, before, numbers)
