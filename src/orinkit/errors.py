@@ -134,15 +134,24 @@ class CallTimeout(OrinError, TimeoutError):
         function: the document's name of the function.
         seconds: that passed, those of all tries.
         tries: how often the request was sent; more than one only where packets may be lost (UDP, serial lines).
+        executing: the controller has said that it was still at work when the call's deadline came.
     """
 
-    def __init__(self, function: str, seconds: float, tries: int = 1) -> None:
+    def __init__(self, function: str, seconds: float, tries: int = 1, *, executing: bool = False) -> None:
         super().__init__(function, seconds, tries)
         self.function = function
         self.seconds = seconds
         self.tries = tries
+        self.executing = executing
 
     def __str__(self) -> str:
+        if self.executing:
+            return pick(
+                f"{self.function}: not done within its deadline of {self.seconds:g} s; the controller said that it was still at "
+                "work, and may carry it out yet. Try: a longer deadline",
+                f"{self.function}: 期限の {self.seconds:g} 秒以内に終わりません。コントローラは実行中と通知しており、この後に"
+                "実行を終える可能性があります。対処: deadline を長くしてください",
+            )
         several = self.tries > 1
         if several and self.function == "Service_Start":  # the first call of all
             return pick(

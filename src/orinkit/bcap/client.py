@@ -23,6 +23,7 @@ from orinkit.bcap.wire import SILENCE, STREAM, Wire
 from orinkit.cao.answers import Trace, checked, no_answer
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
+from orinkit.cao.patience import Clock, Patience, standing
 from orinkit.cao.table import Argument, Function
 from orinkit.errors import CallError, CallTimeout, InvalidValue, error_for
 from orinkit.language import pick
@@ -47,6 +48,7 @@ class Conversation:
         trace: see below.
         wire: how packets travel.
         dialect: of the controller; may be set once it is known.
+        clock: tells the time, for deadlines and floods.
 
     Attributes:
         dropped: replies that answered no waiting call: late, repeated, or foreign.
@@ -61,8 +63,10 @@ class Conversation:
         trace: Trace | None = None,
         wire: Wire = STREAM,
         dialect: Dialect = RC8,
+        clock: Clock = standing,
     ) -> None:
         self.dropped = 0
+        self._clock = clock
         self.trace = trace
         self.wire = wire
         self._limits = wire.bound(limits)
@@ -107,6 +111,7 @@ class Conversation:
         exact: bool = False,
         tries: int = 1,
         later: float = 0.0,
+        deadline: float | None = None,
     ) -> Operation:
         """Call a function; returns a generator, see the module's docstring.
 
@@ -119,28 +124,39 @@ class Conversation:
                 S_EXECUTING allows as many again.
             later: least time-out of the tries after the first one: a line that noise has put out of step has to fall
                 silent before the other side finds its place again.
+            deadline: seconds that the call may take in all, whatever the controller says; ``None`` for no such limit.
 
         Raises:
             InvalidValue: an argument does not fit; nothing was sent.
             CallTimeout: no answer in time. An answer that comes later is dropped, it never answers another call.
             ConnectionLost: the other side closed.
-            ProtocolError: what came is not b-CAP, or not what the function returns.
+            ProtocolError: what came is not b-CAP, or not what the function returns; or too much came that is no answer.
             CallError: the controller answered with an error code.
         """
         if self.wire.lossy:
-            return self._call_lossy(function, arguments, seconds, exact, tries, later)
-        return self._call_stream(function, arguments, seconds, exact)
+            return self._call_lossy(function, arguments, seconds, exact, tries, later, deadline)
+        return self._call_stream(function, arguments, seconds, exact, deadline)
 
     def _call_stream(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+        deadline: float | None,
     ) -> Operation:
         serial = self._take_serial()
-        received = yield self._request(function, arguments, serial, 0), seconds
+        request = self._request(function, arguments, serial, 0)
+        # a call that is answered at once needs no clock
+        patience = None if deadline is None else Patience(function.name, deadline, self._clock)
+        received = yield request, seconds if patience is None else patience.bound(seconds)
         framer = self._framer
         while True:
             if not received:
-                raise no_answer(function, received, seconds)
+                late = patience.end() if received is None and patience is not None else None
+                raise late or no_answer(function, received, seconds)
             wait: float | None = None
+            idle = 0
             frame = framer.take(received)
             while frame is not None:
                 if self.trace is not None:
@@ -148,32 +164,47 @@ class Conversation:
                 answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
                 if answered != serial:
                     self.dropped += 1
+                    idle += 1
                 elif code == _EXECUTING:
                     wait = seconds
+                    idle += 1
                 elif code >= _FAILED:
                     raise error_for(code, "", function.name, arguments)
                 else:
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
+            if idle:
+                patience = patience or Patience(function.name, None, self._clock)
+                patience.heard(idle, executing=wait is not None)
+                wait = patience.bound(wait)
             received = yield b"", wait
 
     def _call_lossy(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool, tries: int, later: float
-    ) -> Operation:  # fmt: skip
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+        tries: int,
+        later: float,
+        deadline: float | None,
+    ) -> Operation:
         first = serial = self._take_serial()
         requests = {serial: self._request(function, arguments, serial, first)}
         framer, left, seen = self._framer, tries, 0
         self._stopped = False
         busy: CallError | None = None
-        received = yield requests[serial], seconds
+        patience = Patience(function.name, deadline, self._clock)
+        received = yield requests[serial], patience.bound(seconds)
         while True:
             if received is None and framer.pending > seen and framer.begun in requests:
                 seen = framer.pending  # a long answer over a slow line is still coming
-                received = yield b"", SILENCE
+                received = yield b"", patience.bound(SILENCE)
                 continue
             if received == b"":
                 raise no_answer(function, received, seconds)
             seen, executing = 0, False
+            idle = 0
             # noise before an answer may have kept it from being seen until the time was up
             frame = framer.take(received) if received else framer.silence()
             while frame is not None:
@@ -182,8 +213,10 @@ class Conversation:
                 answered, reserved, code, count = _SERIAL_AND_CODE(frame, 5)
                 if requests.get(answered, frame) == frame:  # foreign, or a line that gives back what is sent
                     self.dropped += 1
+                    idle += 1
                 elif code == _EXECUTING:
                     executing, left = True, tries
+                    idle += 1
                 elif len(requests) > 1 and code == self._dialect.busy != 0:
                     busy = error_for(code, "", function.name, arguments)
                 elif code >= _FAILED:
@@ -193,15 +226,21 @@ class Conversation:
                     self._stopped = function is service_stop
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
+            if not idle and received and not self.wire.shared:
+                idle = 1  # an empty datagram; a serial line brings every byte on its own
+            patience.heard(idle, executing=executing)
             if received or executing:
-                received = yield b"", seconds if executing else None
+                received = yield b"", patience.bound(seconds if executing else None)
                 continue
+            late = patience.end(len(requests))
+            if late is not None:
+                raise busy or late
             left -= 1
             if left <= 0:
                 raise busy or CallTimeout(function.name, seconds * tries, tries)
             serial = self._take_serial()
             requests[serial] = self._request(function, arguments, serial, first)
-            received = yield requests[serial], max(seconds, later)
+            received = yield requests[serial], patience.bound(max(seconds, later))
 
     def farewell(self) -> list[tuple[bytes, float]]:
         """Return packets to be sent where a connection is closed that does not tell of its end: Service_Stop.

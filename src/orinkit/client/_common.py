@@ -208,7 +208,7 @@ def forgotten_after(wire: Carrier) -> str:
     )
 
 
-def check_timeout(seconds: float) -> float:
+def check_timeout(seconds: float, name: str = "timeout") -> float:
     """Return a time-out in seconds.
 
     Raises:
@@ -217,11 +217,20 @@ def check_timeout(seconds: float) -> float:
     if not _is_number(seconds) or not 0 < seconds <= _MOST_SECONDS:
         raise InvalidValue(
             pick(
-                f"timeout must be a positive number of seconds up to {_MOST_SECONDS:.0e}, not {brief(seconds)}",
-                f"timeout は正の秒数 ({_MOST_SECONDS:.0e} 以下) でなければなりません ({brief(seconds)})",
+                f"{name} must be a positive number of seconds up to {_MOST_SECONDS:.0e}, not {brief(seconds)}",
+                f"{name} は正の秒数 ({_MOST_SECONDS:.0e} 以下) でなければなりません ({brief(seconds)})",
             )
         )
     return float(seconds)
+
+
+def check_deadline(seconds: float | None) -> float | None:
+    """Return a deadline in seconds, ``None`` for none.
+
+    Raises:
+        InvalidValue: it is not a positive number, or more than a clock of the system can count.
+    """
+    return None if seconds is None else check_timeout(seconds, "deadline")
 
 
 def check_tries(number: int) -> int:

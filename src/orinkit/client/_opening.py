@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import monotonic
 from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
 from orinkit.bcap.client import Conversation
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     AnyConversation: TypeAlias = Conversation | EcapConversation
 
 L = TypeVar("L")
+_LEAST_DEADLINE: Final = 3.0  # s
 _LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
 
 
@@ -47,6 +49,11 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
     return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
 
 
+def closing_deadline(timeout: float, tries: int, wire: Carrier) -> float:
+    """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
+    return max(3 * timeout * (tries if wire.lossy else 1), _LEAST_DEADLINE)
+
+
 def _web() -> Carrier:
     from orinkit.ecap.client import HTTP  # few programs speak e-CAP
 
@@ -56,10 +63,10 @@ def _web() -> Carrier:
 def conversation(wire: Carrier, limits: Limits, trace: Trace | None) -> AnyConversation:
     """Return the conversation for a way that calls travel: b-CAP, or e-CAP."""
     if isinstance(wire, Wire):
-        return Conversation(limits, trace, wire)
+        return Conversation(limits, trace, wire, clock=monotonic)
     from orinkit.ecap.client import Conversation as EcapConversation
 
-    return EcapConversation(limits, trace, wire)
+    return EcapConversation(limits, trace, wire, clock=monotonic)
 
 
 @runtime_checkable

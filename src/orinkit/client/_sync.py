@@ -20,6 +20,7 @@ from orinkit.client._common import (
     NodeFunctions,
     check_alive,
     check_content,
+    check_deadline,
     dialect_of,
     error_count,
     error_info,
@@ -42,6 +43,7 @@ from orinkit.client._sync_robot import Robot
 from orinkit.client._sync_task import Task
 from orinkit.errors import CallError, ObjectNotFound, OrinError
 from orinkit.transport.dead_peers import DEAD_AFTER
+from orinkit.transport.drive import Deadline
 from orinkit.variant import Value
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
@@ -500,10 +502,17 @@ class Controller(Owner):
         """Return the controller's own text for a code."""
         return str(self.execute("GetErrorDescription", hresult.signed(code)))
 
-    def close(self) -> None:
-        """Release everything, newest first, disconnect, stop the service, close the connection."""
+    def close(self, *, deadline: float | None = None) -> None:
+        """Release everything, newest first, disconnect, stop the service, close the connection.
+
+        Args:
+            deadline: seconds for asking the controller, even if it says that it is at work; then the connection is closed,
+                which says the same. By default three time-outs (of all tries), at least 3 s.
+        """
         if not self._open:
             return
+        limit = check_deadline(deadline)
+        self.client.end_within(self.client.usual_deadline() if limit is None else limit)
         try:
             if self._let_go():
                 self.client.call(f.service_stop)
@@ -542,6 +551,7 @@ def open_controller(
     cafile: str = "",
     dead_after: float = DEAD_AFTER,
     alive: float | None = None,
+    deadline: float | None = None,
 ) -> Controller:
     """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
 
@@ -573,6 +583,8 @@ def open_controller(
             server stops the arm, though the connection stands; 0.3 to 3,600. Signs of life are sent by a thread (in
             asyncio by a task), so a program that is stopped (SIGSTOP) or, in asyncio, whose event loop is blocked, shows
             none. An option of orinkit's servers (``Alive=`` in Service_Start), which other controllers may not know.
+        deadline: seconds that connecting may take in all, even if the controller says that it is at work; by default three
+            time-outs (of all tries), at least 3 s. Calls have none unless ``client.deadline`` is set.
 
     Raises:
         InvalidAddress: the URL cannot be used.
@@ -584,10 +596,13 @@ def open_controller(
     """
     known = dialect_of(dialect, provider)
     check_alive(alive, service, known or RC8_DIALECT)
+    end = Deadline(check_deadline(deadline))
     client = Client.open(
-        url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after
-    )
+        url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after,
+        deadline=deadline,
+    )  # fmt: skip
     try:
+        client.end_within(client.usual_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
         shown = alive is not None and client.wire.lossy  # by the tries of a call, which S_EXECUTING would put off
         asked = service if shown else service_option(service, client.wire, client.dialect, client.timeout)
@@ -598,6 +613,7 @@ def open_controller(
             client.dialect = VE026A
         if alive is not None:
             client.promise(alive, handle)
+        client.end_within(None)
     except BaseException:
         client.close()
         raise

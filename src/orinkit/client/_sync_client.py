@@ -20,8 +20,17 @@ from orinkit.cao.dialect import Dialect
 from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.motion_signs import MOVING
 from orinkit.cao.table import Function
-from orinkit.client._common import Handles, check_timeout, check_tries, forgotten_after
-from orinkit.client._opening import access_to, another, beside, conversation, opening_of, parting, share
+from orinkit.client._common import Handles, check_deadline, check_timeout, check_tries, forgotten_after
+from orinkit.client._opening import (
+    access_to,
+    another,
+    beside,
+    closing_deadline,
+    conversation,
+    opening_of,
+    parting,
+    share,
+)
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.transport.drive import Deadline, LentLink, Link, run, say_goodbye
@@ -59,6 +68,7 @@ class Client:
             S_EXECUTING from the controller starts it anew.
         tries: how often a request is sent in all on UDP and serial lines, 1 to 7.
         wire: how calls travel.
+        deadline: seconds that a call may take in all, S_EXECUTING or not; ``None`` (the default) for no such limit.
     """
 
     def __init__(
@@ -79,6 +89,8 @@ class Client:
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
         self._left = False
+        self._deadline: float | None = None
+        self._end: Deadline | None = None  # of connecting, or closing
         self.handles = Handles()
         keep_from_children(self)
         self._pulse: Pulse | None = None
@@ -97,6 +109,15 @@ class Client:
     @timeout.setter
     def timeout(self, seconds: float) -> None:
         self._timeout = check_timeout(seconds)
+
+    @property
+    def deadline(self) -> float | None:
+        """Seconds that a call may take in all, S_EXECUTING or not; ``None`` (the default) for no such limit; may be set."""
+        return self._deadline
+
+    @deadline.setter
+    def deadline(self, seconds: float | None) -> None:
+        self._deadline = check_deadline(seconds)
 
     @property
     def tries(self) -> int:
@@ -138,6 +159,7 @@ class Client:
         token: str = "",
         cafile: str = "",
         dead_after: float = DEAD_AFTER,
+        deadline: float | None = None,
     ) -> Self:
         """Open a connection and nothing more: Service_Start is yours to call.
 
@@ -157,6 +179,8 @@ class Client:
             cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
             dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as
                 lost (cable pulled, machine off): 2 to 7,200.
+            deadline: seconds that opening may take in all, if less than the time-out; that of calls is
+                :attr:`Client.deadline`.
 
         Raises:
             InvalidAddress: the URL cannot be used.
@@ -165,6 +189,7 @@ class Client:
             MissingExtra: serial lines need serialx, HTTP needs httpx2.
         """
         address, wire, seconds = opening_of(url, timeout, tries)
+        seconds = min(seconds, check_deadline(deadline) or seconds)
         link = open_link(
             address, seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after)
         )
@@ -189,7 +214,12 @@ class Client:
         return value
 
     def request(
-        self, function: Function[..., Any], *arguments: Any, timeout: float | None = None, exact: bool = False
+        self,
+        function: Function[..., Any],
+        *arguments: Any,
+        timeout: float | None = None,
+        deadline: float | None = None,
+        exact: bool = False,
     ) -> Reply:
         """Like :meth:`call`, with the success code beside the result.
 
@@ -197,12 +227,22 @@ class Client:
             function: an entry of the table.
             arguments: its arguments.
             timeout: seconds, of each try where there are several, instead of the client's.
+            deadline: seconds that the call may take in all, instead of the client's.
             exact: give the result as a :class:`~orinkit.variant.Variant` with its type.
         """
         seconds = self.timeout if timeout is None else check_timeout(timeout)
+        limit = check_deadline(deadline)
         bound = function.bind(arguments, {})
         with self._lock:
-            return Reply(*self._carry(function, bound, seconds, exact))
+            return Reply(*self._carry(function, bound, seconds, exact, limit))
+
+    def end_within(self, seconds: float | None) -> None:
+        """Have all calls from now on end within so many seconds together; ``None`` for no such limit."""
+        self._end = None if seconds is None else Deadline(seconds)
+
+    def usual_deadline(self) -> float:
+        """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
+        return closing_deadline(self._timeout, self._tries, self.wire)
 
     def _carry(
         self,
@@ -210,10 +250,14 @@ class Client:
         arguments: tuple[Any, ...],
         seconds: float,
         exact: bool = False,
+        deadline: float | None = None,
     ) -> tuple[int, Any]:
+        deadline = self._deadline if deadline is None else deadline
+        if self._end is not None:
+            deadline = min(self._end.left, self._end.left if deadline is None else deadline)
         if self._beats:
-            return self._carry_and_beat(function, arguments, seconds, exact)
-        return self._carry_now(function, arguments, seconds, exact)
+            return self._carry_and_beat(function, arguments, seconds, exact, deadline)
+        return self._carry_now(function, arguments, seconds, exact, deadline)
 
     def promise(self, seconds: float, controller: int) -> None:
         """Show signs of life from now on, also while a call is at work: three and more within that time.
@@ -250,13 +294,18 @@ class Client:
             beside(self._link, sign_of_life(self._controller))
 
     def _carry_and_beat(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+        deadline: float | None,
     ) -> tuple[int, Any]:
         """Carry out a call; with the first one that may begin a motion, begin to show signs of life (:meth:`_beat`)."""
         if function.id in MOVING and self._pulse is None and not self._left:
             self._pulse = Pulse(self._beat, _BEAT)
         try:
-            code, result = self._carry_in_time(function, arguments, seconds, exact)
+            code, result = self._carry_in_time(function, arguments, seconds, exact, deadline)
         finally:
             self._quiet = Deadline(self._every / 2)
         if function is controller_connect:
@@ -273,12 +322,17 @@ class Client:
                 self._carry_in_time(controller_get_name, (self._controller,), self._timeout, exact=False)
 
     def _carry_in_time(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+        deadline: float | None = None,
     ) -> tuple[int, Any]:
         """Carry out a call where the controller forgets a client that is silent, and say so where it has."""
         forgotten = self._remembered is not None and self._remembered.passed
         try:
-            return self._carry_now(function, arguments, seconds, exact)
+            return self._carry_now(function, arguments, seconds, exact, deadline)
         except CallError as error:
             if forgotten and error.code == hresult.E_HANDLE:
                 error.detail = forgotten_after(self.wire)
@@ -288,10 +342,17 @@ class Client:
                 self._remembered = Deadline(self.wire.memory)
 
     def _carry_now(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, exact: bool
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+        deadline: float | None,
     ) -> tuple[int, Any]:
         try:
-            operation = self._conversation.call(function, arguments, seconds, exact=exact, tries=self._tries)
+            operation = self._conversation.call(
+                function, arguments, seconds, exact=exact, tries=self._tries, deadline=deadline
+            )
             return run(operation, self._link, self._conversation.farewell)
         except (ConnectFailed, ConnectionLost):
             self._link.close()

@@ -14,6 +14,7 @@ from orinkit.cao.answers import Trace, checked, no_answer
 from orinkit.cao.carrier import Carrier
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
+from orinkit.cao.patience import Clock, Patience, standing
 from orinkit.cao.table import Function
 from orinkit.ecap.message import read_detail, read_reply, write_request
 from orinkit.errors import InvalidValue, error_for
@@ -38,6 +39,7 @@ class Conversation:
         trace: is told every body: ``">"`` and a request, ``"<"`` and a reply.
         wire: how calls travel.
         dialect: of the controller; may be set once it is known.
+        clock: tells the time, for deadlines and floods.
 
     Attributes:
         dropped: always 0: a reply comes over the connection of its request.
@@ -54,7 +56,9 @@ class Conversation:
         trace: Trace | None = None,
         wire: Carrier = HTTP,
         dialect: Dialect = RC8,
+        clock: Clock = standing,
     ) -> None:
+        self._clock = clock
         self.trace = trace
         self.wire = wire
         self.dialect = dialect
@@ -71,6 +75,7 @@ class Conversation:
         exact: bool = False,
         tries: int = 1,  # noqa: ARG002 - nothing is lost here
         later: float = 0.0,  # noqa: ARG002
+        deadline: float | None = None,
     ) -> Operation:
         """Call a function; returns a generator, see the module's docstring.
 
@@ -81,12 +86,13 @@ class Conversation:
             exact: give the result as a :class:`~orinkit.variant.Variant`.
             tries: as in b-CAP, where packets may be lost.
             later: the same.
+            deadline: seconds that the call may take in all, whatever the server says; ``None`` for no such limit.
 
         Raises:
             InvalidValue: an argument does not fit; nothing was sent.
             CallTimeout: no answer in time. An answer that comes later is dropped.
             ConnectionLost: the other side closed the connection.
-            ProtocolError: what came is not e-CAP, or not what the function returns.
+            ProtocolError: what came is not e-CAP, or not what the function returns; or too much came that is no answer.
             CallError: the controller answered with an error code.
         """
         request = write_request(function, arguments)
@@ -94,11 +100,14 @@ class Conversation:
             raise _too_long(function, len(request), self._limits)
         self._tell(">", request)
         self._stopped = False
-        received = yield request, seconds
+        patience = Patience(function.name, deadline, self._clock)
+        received = yield request, patience.bound(seconds)
         while received and not received.strip():
-            received = yield b"", seconds
+            patience.heard(1, executing=True)
+            received = yield b"", patience.bound(seconds)
         if not received:
-            raise no_answer(function, received, seconds)
+            late = patience.end() if received is None else None
+            raise late or no_answer(function, received, seconds)
         self._tell("<", received)
         code, result = read_reply(received, self._limits)
         if code >= _FAILED:

@@ -118,7 +118,7 @@ class Connection:
         self._cycle = setup.period
         self._trip = 0.0  # s that a command took
         self._receive = setup.receive
-        self.conversation = Conversation(wire=WIRES[kind], dialect=DIALECTS[setup.dialect])
+        self.conversation = Conversation(wire=WIRES[kind], dialect=DIALECTS[setup.dialect], clock=monotonic)
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:

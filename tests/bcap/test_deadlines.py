@@ -1,0 +1,164 @@
+"""Deadlines of calls and floods of packets that are no answer, without I/O: the clock is the test's."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import pytest
+
+from orinkit import functions as f
+from orinkit import hresult, language
+from orinkit.bcap import packet
+from orinkit.bcap.client import Conversation as BcapConversation
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, Wire
+from orinkit.cao.dialect import VE026A
+from orinkit.cao.patience import AT_ONCE, PER_SECOND
+from orinkit.ecap.client import Conversation as EcapConversation
+from orinkit.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
+
+pytestmark = pytest.mark.core
+
+WIRES = {"tcp": STREAM, "udp": DATAGRAM, "serial": LINE, "http": None}
+SECONDS = 3.0
+
+
+class Told:
+    """A conversation whose clock the test moves."""
+
+    def __init__(self, wire: Wire | None) -> None:
+        self.now = 100.0
+        self.wire = wire
+        clock = lambda: self.now  # noqa: E731
+        self.conversation: Any = (
+            EcapConversation(clock=clock) if wire is None else BcapConversation(wire=wire, clock=clock)
+        )
+
+    def call(self, deadline: float | None, tries: int = 3) -> tuple[Any, float]:
+        operation = self.conversation.call(f.variable_get_value, (3,), SECONDS, tries=tries, deadline=deadline)
+        request, seconds = next(operation)
+        self.serial = 0 if self.wire is None else int.from_bytes(request[5:7], "little")
+        return operation, seconds
+
+    def packet(self, serial: int, code: int) -> bytes:
+        crc = self.wire is not None and self.wire.crc
+        return packet.encode(Packet(serial, code, [], reserved=0), crc=crc)
+
+    @property
+    def executing(self) -> bytes:
+        return b"\n" if self.wire is None else self.packet(self.serial, hresult.S_EXECUTING)
+
+    @property
+    def foreign(self) -> bytes:
+        return self.packet(60_000, 0)
+
+
+@pytest.fixture(params=WIRES)
+def told(request: pytest.FixtureRequest) -> Told:
+    return Told(WIRES[request.param])
+
+
+def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
+    operation, seconds = told.call(deadline=10.0)
+    assert seconds == SECONDS
+    for passed, wait in ((2.0, 3.0), (4.0, 3.0), (8.0, 2.0), (9.5, 0.5)):
+        told.now = 100.0 + passed
+        assert operation.send(told.executing) == (b"", pytest.approx(wait))
+    told.now = 110.5
+    assert operation.send(told.executing) == (b"", 0.0)
+    with pytest.raises(CallTimeout, match=r"deadline of 10 s; the controller said that it was still at work") as late:
+        operation.send(None)
+    assert (late.value.executing, late.value.seconds) == (True, 10.0)
+    again = pickle.loads(pickle.dumps(late.value))
+    assert (again.executing, str(again)) == (True, str(late.value))
+    language.use("ja")
+    assert "期限の 10 秒以内" in str(late.value)
+
+
+def test_a_deadline_before_the_time_out(told: Told) -> None:
+    operation, seconds = told.call(deadline=1.0)
+    assert seconds == 1.0
+    with pytest.raises(CallTimeout, match="no answer within 1 s") as late:
+        operation.send(None)
+    assert not late.value.executing
+
+
+def test_a_time_out_before_the_deadline(told: Told) -> None:
+    operation, seconds = told.call(deadline=100.0, tries=1)
+    assert seconds == SECONDS
+    with pytest.raises(CallTimeout, match="no answer within 3 s"):
+        operation.send(None)
+
+
+def test_the_end_of_the_connection_before_the_deadline(told: Told) -> None:
+    operation, _ = told.call(deadline=1.0)
+    with pytest.raises(ConnectionLost):
+        operation.send(b"")
+
+
+@pytest.mark.parametrize("kind", ["udp", "serial"])
+def test_a_deadline_ends_the_tries(kind: str) -> None:
+    told = Told(WIRES[kind])
+    operation, _ = told.call(deadline=4.0, tries=7)
+    told.now += 3.0
+    data, seconds = operation.send(None)
+    assert data
+    assert seconds == pytest.approx(1.0)
+    told.now += 1.0
+    with pytest.raises(CallTimeout, match="sent 2 times"):
+        operation.send(None)
+
+
+def test_a_busy_controller_is_said_at_the_deadline() -> None:
+    told = Told(DATAGRAM)
+    told.conversation.dialect = VE026A
+    operation, _ = told.call(deadline=4.0, tries=7)
+    told.now += 3.0
+    data, _ = operation.send(None)
+    serial = int.from_bytes(data[5:7], "little")
+    operation.send(told.packet(serial, VE026A.busy))
+    told.now += 1.0
+    with pytest.raises(CallError):
+        operation.send(None)
+
+
+def flood(told: Told, operation: Any, data: bytes, count: int) -> None:
+    for _ in range(count):
+        operation.send(data)
+
+
+@pytest.mark.parametrize("what", ["executing", "foreign"])
+def test_a_flood_ends_the_call_and_the_connection(told: Told, what: str) -> None:
+    if what == "foreign" and told.wire is None:
+        return  # HTTP has none
+    operation, _ = told.call(deadline=None)
+    flood(told, operation, getattr(told, what), AT_ONCE)
+    with pytest.raises(ProtocolError, match="sends without end") as error:
+        operation.send(getattr(told, what))
+    assert error.value.fatal
+    language.use("ja")
+    with pytest.raises(ProtocolError, match="接続を閉じました"):
+        operation, _ = told.call(deadline=None)
+        flood(told, operation, getattr(told, what), AT_ONCE + 1)
+
+
+def test_what_comes_at_a_bearable_rate_goes_on(told: Told) -> None:
+    operation, _ = told.call(deadline=None)
+    for _ in range(20):
+        flood(told, operation, told.executing, PER_SECOND)
+        told.now += 1.0
+    flood(told, operation, told.executing, AT_ONCE)  # the program has stood still
+    operation.close()
+
+
+def test_junk_on_udp_is_counted_and_bytes_of_a_serial_line_are_not() -> None:
+    for wire, floods in ((DATAGRAM, True), (LINE, False)):
+        told = Told(wire)
+        operation, _ = told.call(deadline=None)
+        if floods:
+            with pytest.raises(ProtocolError, match="sends without end"):
+                flood(told, operation, b"junk", AT_ONCE + 1)
+        else:
+            flood(told, operation, b"j", 2 * AT_ONCE)
+            operation.close()
