@@ -73,6 +73,7 @@ REPLACEMENTS = (
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),
     (r"transport\.aio_links", "transport.links"),
+    (r"transport\.aio_pulses", "transport.pulses"),
     (r"transport\.aio_can_line", "transport.can_line"),
     (r"\bAsync([A-Z]\w*)", r"\1"),
     (

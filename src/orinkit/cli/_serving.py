@@ -22,8 +22,8 @@ from orinkit.errors import InvalidValue
 from orinkit.language import pick
 from orinkit.server.accepting import watch
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
+from orinkit.server.patience import ALIVE, check_alive
 from orinkit.server.places import DEFAULT_CLIENTS
-from orinkit.server.vigil import ALIVE, check_alive
 from orinkit.transport.address import Address, HttpAddress, is_loopback, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 

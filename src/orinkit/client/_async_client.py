@@ -33,10 +33,10 @@ from orinkit.client._opening import (
 )
 from orinkit.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.transport.aio_links import open_link
+from orinkit.transport.aio_pulses import AsyncPulse, atake_now
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.transport.drive import AsyncLentLink, AsyncLink, Deadline, arun, asay_goodbye
 from orinkit.transport.forks import keep_from_children
-from orinkit.transport.pulses import AsyncPulse, atake_now
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 
 _LAST_SERIAL: Final = 0xFFFF

@@ -13,10 +13,10 @@ from orinkit.errors import ConnectFailed
 from orinkit.language import pick
 from orinkit.server.connections import Connections, Listener
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
+from orinkit.server.patience import ALIVE
 from orinkit.server.places import DEFAULT_CLIENTS
 from orinkit.server.tcp import TcpListener
 from orinkit.server.throttle import THROTTLE
-from orinkit.server.vigil import ALIVE
 from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
 from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.links import for_drivers

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Self
 
 from orinkit.cao.provider import Provider
 from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
+from orinkit.server.patience import ALIVE
 from orinkit.server.places import DEFAULT_CLIENTS
-from orinkit.server.vigil import ALIVE
 from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
 

@@ -13,8 +13,8 @@ from orinkit.cao.secret import Guesses
 from orinkit.cao.session import Host, Numbers
 from orinkit.server import throttle
 from orinkit.server.large import Worker
+from orinkit.server.patience import ALIVE, check_alive
 from orinkit.server.places import Partial, most_of_an_address
-from orinkit.server.vigil import ALIVE, check_alive
 from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
 from orinkit.variant_bytes import Limits
 

@@ -12,17 +12,11 @@ import logging
 from typing import Final, Protocol
 
 from orinkit.cao.session import Session
-from orinkit.errors import InvalidValue
-from orinkit.language import pick
 
 logger = logging.getLogger("orinkit.server")
 
-ALIVE: Final = 2.0
-"""Seconds of silence after which a client without a connection is taken to have gone whose motions run."""
 GONE: Final = 10.0
 """Seconds of silence after which a client is taken to have gone that has promised signs of life."""
-_LEAST: Final = 0.5
-_MOST: Final = 3600.0
 
 
 class Watched(Protocol):
@@ -127,20 +121,3 @@ class Vigil:
             logger.warning("a client is silent for %g s: its arm is stopped", promise)
             session.stop_moving()
         return min(now + promise, heard + max(GONE, promise))
-
-
-def check_alive(seconds: float) -> float:
-    """Return the seconds that a client without a connection may be silent while its motions run.
-
-    Raises:
-        InvalidValue: it is no number from 0.5 to 3,600.
-    """
-    given: object = seconds
-    if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST <= given <= _MOST:
-        raise InvalidValue(
-            pick(
-                f"alive must be {_LEAST:g} to {_MOST:g} seconds, not {given!r:.40}",
-                f"alive は {_LEAST:g}～{_MOST:g} 秒でなければなりません ({given!r:.40})",
-            )
-        )
-    return float(given)
