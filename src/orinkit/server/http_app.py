@@ -44,6 +44,7 @@ _NO_TOKEN: Final = 401
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421)
 _NOTHING: Final = -1  # bytes of a body that are waited for
 _LONGEST_DETAIL: Final = 500  # characters
+_PIECE: Final = 1024 * 1024  # bytes of an answer that are sent at a time
 _BEATS: Final = range(80, 60_001)  # ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
 _TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
@@ -409,7 +410,12 @@ class Exchange:
             await self._begin([(b"content-length", b"%d" % len(body))])
         elif detail and hresult.failed(code):  # the header is through: who asked for signs reads it behind the code
             body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
-        await self._send({"type": "http.response.body", "body": body})
+        at = 0
+        while len(body) - at > _PIECE:  # at once it would be copied several times in one go
+            await self._send({"type": "http.response.body", "body": body[at : at + _PIECE], "more_body": True})
+            await asyncio.sleep(0)
+            at += _PIECE
+        await self._send({"type": "http.response.body", "body": body[at:]})
 
     async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
         self.begun = True
