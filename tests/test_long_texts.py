@@ -17,7 +17,16 @@ from orinkit.variant_bytes import decode, encode_variant
 
 pytestmark = pytest.mark.core
 
-TEXTS = ["a" * 20_000, "あ" * 20_000, "🤖" * 20_000, "x" + "🤖" * 20_000, "\ud800" * 20_000, "a\udc00" * 10_000]
+TEXTS = [
+    "a" * 20_000,
+    "あ" * 20_000,
+    "🤖" * 20_000,
+    "x" + "🤖" * 20_000,
+    "\ud800" * 20_000,
+    "a\udc00" * 10_000,
+    "🤖\ud800" * 10_000,
+    "\udc00🤖" * 10_000,
+]
 IDS = [ascii(text[:2]) for text in TEXTS]
 
 

@@ -6,6 +6,7 @@ VARIANT array is the same without the length. Every read is bounded by the bytes
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -70,6 +71,8 @@ DEFAULT_LIMITS: Final = Limits()
 # Plain numbers instead of the enum's members: these three are on the way of every set-point of a robot.
 _BSTR: Final = int(VarType.BSTR)
 _SHORT: Final = 64
+_BEYOND: Final = re.compile("[\U00010000-\U0010ffff]")
+_HALVES: Final = re.compile("[\ud800-\udbff][\udc00-\udfff]")
 _SLICE: Final = 4096  # elements that are read or written at a time: other threads wait while Python does it
 
 
@@ -208,7 +211,20 @@ def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
 def _utf_16(text: str) -> bytes:
     if len(text) <= _SLICE:
         return text.encode("utf-16-le", "surrogatepass")
-    return b"".join([text[at : at + _SLICE].encode("utf-16-le", "surrogatepass") for at in range(0, len(text), _SLICE)])
+    return b"".join([_utf_16_slice(text[at : at + _SLICE]) for at in range(0, len(text), _SLICE)])
+
+
+def _utf_16_slice(text: str) -> bytes:
+    try:
+        return text.encode("utf-16-le")
+    except UnicodeEncodeError:  # "surrogatepass" takes microseconds for each
+        units = _BEYOND.sub(_halves, text)
+        return struct.pack(f"<{len(units)}H", *map(ord, units))
+
+
+def _halves(found: re.Match[str]) -> str:
+    number = ord(found[0]) - 0x10000
+    return chr(0xD800 | number >> 10) + chr(0xDC00 | number & 0x3FF)
 
 
 def _short_errors(items: Sequence[int]) -> bytes:
@@ -310,9 +326,21 @@ def _text(data: bytes) -> str:
         end = at + 2 * _SLICE
         if end < len(data) and 0xD8 <= data[end - 1] <= 0xDB:  # the first half of a character
             end -= 2
-        pieces.append(data[at:end].decode("utf-16-le", "surrogatepass"))
+        pieces.append(_text_slice(data[at:end]))
         at = end
     return "".join(pieces)
+
+
+def _text_slice(data: bytes) -> str:
+    try:
+        return data.decode("utf-16-le")
+    except UnicodeDecodeError:  # half a character
+        return _HALVES.sub(_whole, "".join(map(chr, struct.unpack(f"<{len(data) // 2}H", data))))
+
+
+def _whole(found: re.Match[str]) -> str:
+    high, low = map(ord, found[0])
+    return chr(0x10000 + ((high & 0x3FF) << 10 | low & 0x3FF))
 
 
 def _unpacked(code: str, data: bytes, position: int, count: int) -> Sequence[Any]:
