@@ -8,7 +8,6 @@ changed at any time with :func:`use`. Whatever the language, a text in which som
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable
 from typing import Final, Literal
 
@@ -49,17 +48,16 @@ LONGEST: Final = 200
 _QUOTED: Final = 40  # of one that an error quotes
 
 
-_STEERING: Final = re.compile(  # C0 and C1; what is not seen, or turns the direction of what follows; ends of lines
-    "[\x00-\x1f\x7f-\x9f\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
-    "\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
+_SPACES: Final = frozenset(  # of Unicode, Japanese ones among them, and the joiners within emoji and Indic words
+    "\u00a0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008\u2009\u200a\u200c\u200d\u202f\u205f\u3000"
 )
 
 
 def visible(text: str, keep: str = "", escape: Callable[[str], str] = repr) -> str:
     """Return a text with its control characters as escapes: it must not steer the terminal it is shown on.
 
-    Those are the control characters of ASCII and Unicode, those that set the direction of text, line separators, and
-    characters that take no room.
+    Those are the control characters of ASCII and Unicode, those that set the direction of text, line separators,
+    characters that take no room, and those that Unicode has not assigned.
 
     Args:
         text: somebody else's.
@@ -68,7 +66,9 @@ def visible(text: str, keep: str = "", escape: Callable[[str], str] = repr) -> s
     """
     if text.isprintable():
         return text
-    return _STEERING.sub(lambda found: sign if (sign := found[0]) in keep else escape(sign)[1:-1], text)
+    return "".join(
+        sign if sign.isprintable() or sign in _SPACES or sign in keep else escape(sign)[1:-1] for sign in text
+    )
 
 
 def cut(text: str, longest: int = LONGEST) -> str:
