@@ -1,0 +1,63 @@
+"""The emergency stop of the pendant is answered soon, whatever others do to the server (``make soak``)."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "bench"))
+from attacked import Attackers, Crowd, Served, served
+from attackers import ATTACKS
+
+import orinkit
+from stalls import watched
+
+pytestmark = pytest.mark.soak
+
+SECONDS = 30.0
+MOST = 0.1  # s
+TIMES = [(name,) for name in ATTACKS] + [tuple(ATTACKS)]
+
+
+def presses(target: Served, pendant: orinkit.Controller, seconds: float) -> list[tuple[float, float]]:
+    """Press and release the emergency stop; returns when each was pressed, and how long its answer took."""
+    found = []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        began = time.monotonic()
+        pendant.execute("EmergencyStop", True)
+        found.append((began, time.monotonic() - began))
+        pendant.execute("EmergencyStop", False)
+        time.sleep(0.05)
+    return found
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("clients", [0, 50])
+@pytest.mark.parametrize("names", TIMES, ids=["+".join(names) for names in TIMES])
+def test_the_emergency_stop_is_answered(tmp_path: Path, names: tuple[str, ...], clients: int) -> None:
+    with served(tmp_path) as target, target.pendant() as pendant:
+        pendant.execute("EmergencyStop", False)
+        with watched() as stalls, Crowd(target, clients) as crowd, Attackers(target, names) as attackers:
+            time.sleep(2)
+            began = time.monotonic()
+            found = presses(target, pendant, SECONDS)
+            ended = time.monotonic()
+        seen = stalls.between(began, ended)
+        stalled = [each for each in found if any(s.begin < each[0] + each[1] and s.end > each[0] for s in seen)]
+        taken = sorted(each[1] for each in found if each not in stalled)
+        told = [
+            f"{part}: {taken[int(len(taken) * share)] * 1e3:.1f} ms" for part, share in (("p50", 0.5), ("p99", 0.99))
+        ]
+        print(
+            f"\n{'+'.join(names)}, {clients} clients: {len(found)} presses, {', '.join(told)}, longest {taken[-1] * 1e3:.1f} ms"
+        )
+        print(f"  {len(stalled)} presses during stalls of the machine; {stalls.text(began, ended)}")
+        print(f"  attackers: {attackers.did}; clients: {crowd.calls} calls, slowest {crowd.slowest:.2f} s")
+        assert len(taken) > 50
+        assert taken[-1] < MOST
+        assert crowd.errors == []
+        assert target.process.poll() is None
