@@ -1125,3 +1125,17 @@ def test_every_function_of_a_file_answers_as_the_table_types_it(caller, store):
     call("File_Release", file)
     assert store.names() == ["Copy.pcs", "dir\\"]
     session.close()
+
+
+def test_a_write_is_refused_while_the_directory_is_gone(store, root):
+    store.write("a.pcs", b"old")
+    away = root.with_name("away")
+    root.rename(away)
+    with pytest.raises(CallError):
+        store.write("a.pcs", b"new")
+    with pytest.raises(CallError):
+        store.write("b.pcs", b"new")
+    away.rename(root)
+    assert store.read("a.pcs") == b"old"
+    store.write("a.pcs", b"new")
+    assert store.read("a.pcs") == b"new"

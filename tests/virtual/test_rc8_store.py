@@ -3,10 +3,12 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 from contextlib import closing
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +17,7 @@ import pytest
 
 from orinkit.variant import Variant, VarType
 from orinkit.virtual.clock import ManualClock
-from orinkit.virtual.rc8 import StateError, VirtualRC8
+from orinkit.virtual.rc8 import StateError, VirtualRC8, scratch
 
 R4S = VarType.R4 | 0x2000
 VALUES = {
@@ -227,11 +229,124 @@ def test_a_directory_that_cannot_be_made(tmp_path):
         VirtualRC8(state=tmp_path / "file" / "state")
 
 
-def test_an_empty_file_is_a_new_one(start, path):
-    path.parent.mkdir()
-    path.touch()
+def test_an_empty_file_has_lost_its_values_and_is_refused(start, path):
+    written_file(start)
+    path.write_bytes(b"")
+    with pytest.raises(StateError, match=r"0 bytes.*backup.*move it away to begin anew") as caught:
+        start()
+    assert str(path) in str(caught.value)
+    assert path.read_bytes() == b""
+    path.rename(path.with_name("away"))
     _, controller = start()
     assert get(controller, "I1").value == 0
+
+
+def test_what_a_killed_process_has_begun_is_removed(start, path):
+    path.parent.mkdir()
+    left = path.parent / ".variables-abc.new"
+    left.touch()
+    start()
+    assert not left.exists()
+
+
+def test_a_write_is_refused_while_the_directory_is_gone_and_goes_on_when_it_is_back(start, refused, path, caplog):
+    device, controller = start()
+    put(controller, "I1", Variant(VarType.I4, 1))
+    shutil.rmtree(path.parent)
+    for _ in range(3):
+        assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
+    assert get(controller, "I1").value == 1
+    assert len([each for each in caplog.records if each.levelname == "ERROR"]) == 1
+    assert "cannot be written until" in caplog.text
+    path.parent.mkdir()
+    put(controller, "I2", Variant(VarType.I4, 3))
+    assert "written again with all variables" in caplog.text
+    device.close()
+    _, controller = start()
+    assert [get(controller, name).value for name in ("I1", "I2")] == [1, 3]
+
+
+def test_a_directory_that_was_moved_away_and_back(start, refused, path, caplog):
+    device, controller = start()
+    put(controller, "I1", Variant(VarType.I4, 1))
+    away = path.parent.with_name("away")
+    path.parent.rename(away)
+    assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
+    away.rename(path.parent)
+    put(controller, "I1", Variant(VarType.I4, 3))
+    assert "there again" in caplog.text
+    device.close()
+    _, controller = start()
+    assert get(controller, "I1").value == 3
+
+
+def test_another_file_in_its_place_is_left_alone(start, refused, path):
+    _, controller = start()
+    path.unlink()
+    path.write_bytes(b"mine")
+    assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
+    assert path.read_bytes() == b"mine"
+
+
+def test_a_directory_that_is_back_but_cannot_be_used(start, refused, path, monkeypatch):
+    _, controller = start()
+    path.unlink()
+    monkeypatch.setattr(tempfile, "mkstemp", lambda **_: (_ for _ in ()).throw(PermissionError("no")))
+    assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
+    monkeypatch.undo()
+    put(controller, "I1", Variant(VarType.I4, 2))
+
+
+def test_a_file_is_made_where_there_are_no_links(start, path, monkeypatch):
+    monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(OSError("no links here")))
+    _, controller = start()
+    put(controller, "I1", Variant(VarType.I4, 1))
+    assert path.exists()
+
+
+def test_state_is_for_its_owner_only(start, path, caplog):
+    before = os.umask(0o022)
+    try:
+        device, controller = start()
+        put(controller, "I1", Variant(VarType.I4, 1))
+        device.state.files.make_folder("Folder")
+        device.state.files.write("Folder\\a.pcs", b"x")
+        modes = {each.name: each.stat().st_mode & 0o777 for each in (path.parent, *path.parent.rglob("*"))}
+        assert modes["state"] == modes["files"] == modes["Folder"] == 0o700
+        assert modes["variables.sqlite3"] == modes["variables.sqlite3-wal"] == modes["a.pcs"] == 0o600
+        device.close()
+        assert "chmod 700" not in caplog.text
+        path.chmod(0o644)
+        path.parent.chmod(0o755)
+        start()
+        assert path.stat().st_mode & 0o777 == 0o600
+        assert "chmod 700" in caplog.text
+    finally:
+        os.umask(before)
+
+
+def test_leftovers_of_dead_processes_are_removed_and_nothing_else(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    program = "import os, signal; from orinkit.virtual.rc8 import VirtualRC8; d = VirtualRC8(); os.kill(os.getpid(), signal.SIGKILL)"
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=False)
+    (left,) = tmp_path.iterdir()
+    alive = VirtualRC8()
+    beside = tmp_path / "elsewhere"
+    beside.mkdir()
+    (beside / "lock").touch()
+    (tmp_path / "orinkit-rc8-link").symlink_to(beside)
+    (tmp_path / "orinkit-rc8-nolock").mkdir()
+    (tmp_path / "orinkit-rc8-file").touch()
+    scratch.sweep(tmp_path)
+    assert not left.exists()
+    names = {each.name for each in tmp_path.iterdir()}
+    assert {"elsewhere", "orinkit-rc8-link", "orinkit-rc8-nolock", "orinkit-rc8-file"} < names
+    assert len(names) == 5
+    assert beside.exists()
+    alive.close()
+    alive.close()
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def written_file(start) -> None:

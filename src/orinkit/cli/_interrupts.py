@@ -11,6 +11,12 @@ _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 _LOOK: Final = 0.02  # s
 
 
+def ending() -> list[signal.Signals]:
+    """Return the signals that end a program; what nohup has switched off stays so."""
+    known = [getattr(signal.Signals, name) for name in _NAMES if hasattr(signal, name)]
+    return [each for each in known if each == signal.SIGINT or signal.getsignal(each) != signal.SIG_IGN]
+
+
 class Interrupts:
     """Signals that end a program are noted instead of breaking off a call; the second one breaks it off.
 
@@ -26,9 +32,8 @@ class Interrupts:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
-            if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:
-                self._before[number] = signal.signal(number, self._note)
+        for number in ending():
+            self._before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -17,6 +17,7 @@ from orinkit import logs
 from orinkit.cao.provider import Provider
 from orinkit.cli._errors import Failure, unusable, whole_number
 from orinkit.cli._files import is_open_to_others
+from orinkit.cli._interrupts import ending
 from orinkit.cli._web import Web
 from orinkit.errors import InvalidValue
 from orinkit.language import pick
@@ -187,7 +188,7 @@ def begin_log(listening: Listening) -> None:
 def run(
     providers: Sequence[Provider], listening: Listening, control: Control | None = None, *, before: Sequence[str] = ()
 ) -> int:
-    """Serve devices until SIGINT or SIGTERM; says ``ready URL`` on stdout, a line for each listener.
+    """Serve devices until SIGINT, SIGTERM or SIGHUP; says ``ready URL`` on stdout, a line for each listener.
 
     With a control port it says ``ready control URL`` after these, then what is said of its secret, and ``before`` ahead of
     them, when all are ready.
@@ -236,7 +237,7 @@ async def _serve(
 
 @contextmanager
 def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set the event on SIGINT or SIGTERM; the same signal a second time ends the process at once."""
+    """Set the event on SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
     loop = asyncio.get_running_loop()
 
     def handle(number: int, _frame: object) -> None:
@@ -244,7 +245,7 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
         loop.call_soon_threadsafe(stop.set)
 
     # signal.signal, not loop.add_signal_handler: Windows has no such thing
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, handle) for number in ending()}
     try:
         yield
     finally:

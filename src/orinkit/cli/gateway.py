@@ -109,7 +109,7 @@ def gateway(
     ] = (),
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
-    """Pass calls on to other controllers; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
+    """Pass calls on to other controllers; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
     if upstream_cafile is not None:
         read("--upstream-cafile", upstream_cafile)

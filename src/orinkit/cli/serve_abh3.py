@@ -15,6 +15,7 @@ from cyclopts import Group, Parameter
 
 from orinkit.cli._abh3_bus import BusOptions, Url, joined, whole_numbers
 from orinkit.cli._errors import Failure, unusable, whole_number
+from orinkit.cli._interrupts import ending
 from orinkit.cli._serving import LISTENING, Listening, begin_log, check, run
 from orinkit.cli._web import Web
 from orinkit.language import pick
@@ -139,7 +140,7 @@ def serve_abh3(
     bus: BusOptions = _BUS,
     listening: Admitting = _ADMITTING,
 ) -> int:  # fmt: skip
-    """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT and SIGTERM.
+    """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP.
 
     With --tcp, --udp, --serial, --pty or --http CAO clients are let in too: CaoProv.Waco.ABH3 on this bus, "ready URL" for each.
     """
@@ -192,7 +193,7 @@ def _only_here() -> str:
 
 @contextmanager
 def _told_to_stop() -> Iterator[Callable[[], None]]:
-    """Give what waits for SIGINT or SIGTERM; the same signal a second time ends the process at once."""
+    """Give what waits for SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
     told: list[int] = []  # no threading.Event: to set one here, while wait() holds its lock, would wait for ever
 
     def handle(number: int, _frame: object) -> None:
@@ -203,7 +204,7 @@ def _told_to_stop() -> Iterator[Callable[[], None]]:
         while not told:
             sleep(_LOOK)
 
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, handle) for number in ending()}
     try:
         yield wait
     finally:

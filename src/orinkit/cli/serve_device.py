@@ -28,7 +28,7 @@ def serve_device(
     ],
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve devices of your own; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
+    """Serve devices of your own; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
     begin_log(listening)
     providers = load_targets(target)

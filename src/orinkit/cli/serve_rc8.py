@@ -172,7 +172,7 @@ def serve_rc8(
     ] = None,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
+    """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
     secret = _read_control(control, control_secret_file)
     try:

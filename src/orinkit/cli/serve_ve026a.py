@@ -49,7 +49,7 @@ def serve_ve026a(
     ] = 1.0,
     listening: Listening = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve a virtual VE026A; each listener is told on stdout as "ready URL". Stops on SIGINT and SIGTERM."""
+    """Serve a virtual VE026A; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
     try:
         arm = VirtualVE026A(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -22,6 +20,7 @@ from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.samples import sample_programs
+from orinkit.virtual.rc8.scratch import Scratch
 from orinkit.virtual.rc8.speech import speaker
 from orinkit.virtual.rc8.state import Identity, Origin, State, read_mode
 from orinkit.virtual.rc8.store import Store
@@ -113,8 +112,9 @@ class VirtualRC8(Provider):
         arm = model if isinstance(model, Model) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
         if state is None:
-            directory = Path(tempfile.mkdtemp(prefix="orinkit-"))
-            self._forget = weakref.finalize(self, shutil.rmtree, directory, ignore_errors=True)
+            scratch = Scratch()
+            directory = scratch.path
+            self._forget = weakref.finalize(self, scratch.remove)
         else:
             directory = Path(state)
         store = None if state is None else Store(directory)

@@ -2,7 +2,11 @@
 
 A write is committed before it is answered, so an answered write survives the end of the process, however sudden (not
 the loss of power: the file is not flushed to the medium on every write). The process that has the file open has it
-alone; another one is refused. A file that is not ours, or damaged, is refused and left as it is.
+alone; another one is refused. A file that is not ours, empty, or damaged, is refused and left as it is. A new one comes into
+being whole, under its name, so an empty one has lost what it held.
+
+If the file is deleted under the running process, writes are refused. As soon as its directory is there again, the next write
+makes a new file of everything that was written so far.
 """
 
 from __future__ import annotations
@@ -10,8 +14,12 @@ from __future__ import annotations
 import json
 import logging
 import operator
+import os
 import sqlite3
+import stat
+import tempfile
 from collections.abc import Mapping
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -33,6 +41,9 @@ _CREATE: Final = """
     ) WITHOUT ROWID
 """
 _ONE_ROW: Final = "(?, ?, ?, ?)"
+_NEW: Final = (".variables-", ".new")  # around the name of a file that is being made
+_OWN_FILE: Final = 0o600
+_OWN_DIRECTORY: Final = 0o700
 
 
 class StateError(OrinError):
@@ -68,9 +79,12 @@ class Store:
 
     def __init__(self, directory: Path) -> None:
         self.path = directory / FILE_NAME
+        self._lost = False
         try:
-            directory.mkdir(parents=True, exist_ok=True)
+            directory.mkdir(mode=_OWN_DIRECTORY, parents=True, exist_ok=True)
+            _warn_of_others(directory)
             self._connection = _open(self.path)
+            self._identity = _identity(self.path)
         except (OSError, sqlite3.Error) as error:
             raise _refused(self.path, error) from error
 
@@ -90,8 +104,9 @@ class Store:
         """Write the values of some variables of one class, by index, all or none; when this returns they are kept.
 
         Raises:
-            CallError: E_FAIL, nothing was written.
+            CallError: E_FAIL, nothing was written; also as long as the file is gone.
         """
+        self._find_again()
         stamp = written.isoformat()
         columns: list[object] = []
         for index, value in values.items():
@@ -103,10 +118,53 @@ class Store:
             )
         except sqlite3.Error as error:
             logger.error("%s: %s", self.path, error)  # noqa: TRY400 - the reason is all there is to tell
-            raise error_for(
-                hresult.E_FAIL,
-                pick(f"not written to {self.path}: {error}", f"{self.path} に書き込めません: {error}"),
-            ) from error
+            raise self._not_written(error) from error
+
+    def _find_again(self) -> None:
+        """See to it that the file is still the one under its name; make it again where only its directory is left.
+
+        Raises:
+            CallError: E_FAIL, it is gone, or another one.
+        """
+        found = _identity(self.path)
+        if found == self._identity:
+            if self._lost:
+                self._lost = False
+                logger.warning("%s is there again", self.path)
+            return
+        reason: object = pick("another file has taken its place", "別のファイルに置き換えられました")
+        if found is None:
+            reason = pick(f"{self.path.parent} has no such file any more", f"{self.path.parent} からなくなりました")
+            if self.path.parent.is_dir():
+                try:
+                    self._make_again()
+                except (OSError, sqlite3.Error) as error:
+                    reason = error
+                else:
+                    self._lost = False
+                    logger.warning("%s was gone; it was written again with all variables", self.path)
+                    return
+        if not self._lost:
+            self._lost = True
+            logger.error(
+                "%s: %s. Variables cannot be written until it is there again, or its directory, empty",
+                self.path,
+                reason,
+            )
+        raise self._not_written(reason)
+
+    def _make_again(self) -> None:
+        _make(self.path, self._connection)
+        again = _open(self.path)
+        with suppress(sqlite3.Error):
+            self._connection.close()
+        self._connection = again
+        self._identity = _identity(self.path)
+
+    def _not_written(self, reason: object) -> OrinError:
+        return error_for(
+            hresult.E_FAIL, pick(f"not written to {self.path}: {reason}", f"{self.path} に書き込めません: {reason}")
+        )
 
     def close(self) -> None:
         """Close the file and let others have it; closing twice is no error."""
@@ -144,22 +202,89 @@ def _open(path: Path) -> sqlite3.Connection:
                 f"ファイルがないか空ですが、隣の {journal.name} に書き込みが残っています",
             )
         )
+    if not path.exists():
+        _make(path)
+    elif not path.stat().st_size:
+        raise _NotOurs(
+            pick(
+                "it is empty (0 bytes): what it held is lost, as after a power failure or a full disk",
+                "ファイルが空です (0 バイト)。停電やディスクの空き不足などで内容が失われています",
+            )
+        )
+    for each in (path, journal):
+        _keep_to_ourselves(each)
     # One thread at a time uses it, though not always the one that opened it. No waiting: who has the file keeps it.
     connection = sqlite3.connect(path, timeout=0, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
         connection.execute("BEGIN EXCLUSIVE")
-        _check_or_create(connection)
+        _check(connection)
         connection.execute("COMMIT")
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
     except BaseException:
         connection.close()
         raise
+    for left in path.parent.glob("*".join(_NEW)):  # by a process that was killed
+        with suppress(OSError):
+            left.unlink()
     return connection
 
 
-def _check_or_create(connection: sqlite3.Connection) -> None:
+def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
+    """Make a file, without variables or with those of another one; under its name it is there whole or not at all."""
+    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=_NEW[0], suffix=_NEW[1])  # mode 0600
+    os.close(descriptor)
+    new = Path(name)
+    try:
+        with closing(sqlite3.connect(new, isolation_level=None)) as connection:
+            if content is not None:
+                content.backup(connection)
+                connection.execute("PRAGMA journal_mode = DELETE")
+            else:
+                connection.execute("BEGIN")
+                connection.execute(_CREATE)
+                connection.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
+                connection.execute(f"PRAGMA user_version = {_VERSION}")
+                connection.execute("COMMIT")
+        try:
+            os.link(new, path)
+        except FileExistsError:  # another process was quicker
+            pass
+        except OSError:  # a file system without links
+            if not path.exists():
+                new.replace(path)
+    finally:
+        with suppress(OSError):
+            new.unlink()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Return what tells a file from another one of its name, ``None`` where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _keep_to_ourselves(path: Path) -> None:
+    """Let nobody else read or write a file."""
+    with suppress(OSError):  # it belongs to somebody else, or is not there
+        if stat.S_IMODE(path.stat().st_mode) & 0o077:
+            path.chmod(_OWN_FILE)
+
+
+def _warn_of_others(directory: Path) -> None:
+    if os.name == "posix" and directory.stat().st_mode & 0o077:
+        logger.warning(
+            "%s can be used by others on this machine (mode %o); chmod 700 keeps it to yourself",
+            directory,
+            stat.S_IMODE(directory.stat().st_mode),
+        )
+
+
+def _check(connection: sqlite3.Connection) -> None:
     def ask(sql: str) -> Any:
         return connection.execute(sql).fetchone()[0]
 
@@ -175,12 +300,8 @@ def _check_or_create(connection: sqlite3.Connection) -> None:
                 f"より新しい orinkit で書かれています (形式 {version}、対応は {_VERSION})",
             )
         )
-    elif ask("SELECT count(*) FROM sqlite_master") or application or version:
-        raise _NotOurs(pick("a database of another program", "別のプログラムのデータベースです"))
     else:
-        connection.execute(_CREATE)
-        connection.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version = {_VERSION}")
+        raise _NotOurs(pick("a database of another program", "別のプログラムのデータベースです"))
 
 
 def _refused(path: Path, error: Exception) -> StateError:
@@ -193,9 +314,9 @@ def _refused(path: Path, error: Exception) -> StateError:
         )
     return StateError(
         pick(
-            f"{path} cannot be used for the variables: {error}. It was left as it is; repair it, move it away, or give "
-            "another state directory",
-            f"{path} を変数の保存に使えません: {error}。ファイルは変更していません。"
-            "修復するか、別の場所へ移すか、別の状態ディレクトリを指定してください",
+            f"{path} cannot be used for the variables: {error}. It was left as it is. Try: repair it, or restore it from a backup; "
+            "move it away to begin anew, without any values; or give another state directory",
+            f"{path} を変数の保存に使えません: {error}。ファイルは変更していません。対処: 修復するか、バックアップから復元してください。"
+            "別の場所へ移すと、値のない状態から始まります。別の状態ディレクトリも指定できます",
         )
     )

@@ -19,7 +19,7 @@ from orinkit.virtual.rc8.files.names import TEMPORARY_PREFIX, name_on_disk, part
 _ALWAYS: Final = getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
 _READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # a pipe that somebody planted must not wait
 _CREATE: Final = _ALWAYS | os.O_WRONLY | os.O_CREAT | os.O_EXCL
-_MODE: Final = 0o666  # what the process's umask leaves of it
+_MODE: Final = 0o600
 _JUNCTION: Final = 0xA0000003  # a link of Windows that calls itself a directory
 _EARLIEST: Final = datetime(1980, 1, 1)
 _LATEST: Final = datetime(2099, 12, 31, 23, 59, 59)

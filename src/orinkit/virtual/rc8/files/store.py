@@ -112,7 +112,7 @@ class FileStore:
         self._now = now
         self._created: dict[_Parts, datetime] = {}
         try:
-            root.mkdir(parents=True, exist_ok=True)
+            root.mkdir(mode=0o700, parents=True, exist_ok=True)
             self.root = root.resolve()
             self._entries = disk.survey(self.root, clean=True)
         except OSError as error:
@@ -249,7 +249,7 @@ class FileStore:
         place = self._free(read_name(name))
         with reported(place.name):
             self._check_room()
-            place.path.mkdir()
+            place.path.mkdir(mode=0o700)
             self._note_new(place)
 
     def delete(self, name: str, *, recursive: bool = False) -> None:
