@@ -277,7 +277,7 @@ def test_an_answer_that_is_taken_slowly(server: Server) -> None:
     while data := web.socket.recv(65536):
         taken += len(data)
     assert taken > 12_000_000
-    assert leaps > 5
+    assert leaps > 2  # each of them nearly as long as a client may rest
 
 
 # --- gone -------------------------------------------------------------------------------------------------------------
