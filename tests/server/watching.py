@@ -15,7 +15,7 @@ from orinkit.server.background import Server
 LONGEST: Final = 0.020
 """Seconds of CPU that one callback of a server may take."""
 
-_MARGIN: Final = 2.0  # other programs take the caches away: copying 16 MiB then takes twice as long
+_MARGIN: Final = 5.0  # other tests run beside these and take the caches away; what is caught here takes seconds
 _NOMINAL: Final = 0.010  # s that the reference takes on a machine where the bound is exact
 
 
