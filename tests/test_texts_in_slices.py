@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from orinkit import hresult, language
+from orinkit.cao.arguments import read_arguments
 from orinkit.cao.coerce import to_integer
 from orinkit.cao.functions import controller_get_variable
-from orinkit.cao.session import read_arguments
 from orinkit.ecap.fields import read_fields
 from orinkit.ecap.message import read_request, write_reply
 from orinkit.errors import CallError

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from orinkit import hresult, language
 from orinkit.cao import provider as p
 from orinkit.cao import session as session_module
+from orinkit.cao.arguments import read_arguments
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, FileObject, Provider, VariableObject
-from orinkit.cao.session import Host, Pending, Reply, Session, read_arguments
+from orinkit.cao.session import Host, Pending, Reply, Session
 from orinkit.errors import CallError, error_for
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from strategies import same, variants

@@ -10,8 +10,8 @@ import pytest
 from ecap_bodies import BAD_BODIES, BODIES, EXAMPLES, bstr, i4
 from orinkit import hresult, language
 from orinkit.bcap.client import encode_request
+from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
-from orinkit.cao.session import read_arguments
 from orinkit.ecap.message import explain_reply, explain_request, read_reply, read_request, write_reply, write_request
 from orinkit.errors import CallError, InvalidValue, LimitExceeded, ProtocolError
 from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType

@@ -70,13 +70,17 @@ class Asked:
     last: bool = False
 
 
+ONCE = (b"host", b"origin", b"authorization", b"content-length", b"content-type")
+"""Headers of which a request has one."""
+
+
 @dataclass
 class Expected:
     """What a stream is.
 
     Attributes:
         asked: its requests; all but the last are whole.
-        wrong: it ends in something that is no HTTP.
+        wrong: it ends in something that is no HTTP, or that can be read in more than one way.
         long: a header in it is longer than is taken.
     """
 
@@ -108,6 +112,10 @@ def expected(stream: bytes) -> Expected:
             return found
         if isinstance(event, h11.Request):
             headers = dict(event.headers)
+            names = [name for name, _ in event.headers]
+            if any(names.count(name) > 1 for name in ONCE) or {b"content-length", b"transfer-encoding"} <= set(names):
+                found.wrong = True
+                return found
             found.asked.append(
                 Asked(
                     event.method,
@@ -347,8 +355,8 @@ def _judge_reply(asked: Asked, answer: Answer, limits: Limits) -> None:
     if len(detail) > 500 or (detail and not hresult.failed(code)):
         raise Broken(f"detail {detail!r}")
     late = answer.body[:1] == b"\n"  # the header was through: what there is to say stands behind the code
-    said = answer.body.partition(b",")[2].decode()
-    if hresult.failed(code) and said and (not late or len(said) > 500):
+    said = answer.body.partition(b",")[2]
+    if hresult.failed(code) and said and (not late or len(said.decode()) > 500):
         raise Broken(f"an error with a result: {answer.body[:200]!r}")
     try:
         request = read_request(asked.body, limits)

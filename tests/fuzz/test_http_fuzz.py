@@ -91,7 +91,7 @@ def breaks() -> Iterator[Breaks]:
     """What the workshop broke."""
     session = logging.getLogger("orinkit.session")
     kept = Breaks()
-    session.addFilter(kept)
+    session.filters.insert(0, kept)  # before the rate limit, which would leave other errors of the device out too
     yield kept
     session.removeFilter(kept)
 

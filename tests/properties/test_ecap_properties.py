@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from ecap_bodies import BAD_BODIES, BODIES
 from orinkit import hresult
+from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.session import read_arguments
 from orinkit.ecap.fields import read_fields
 from orinkit.ecap.message import explain_reply, explain_request, read_reply, read_request, write_reply, write_request
 from orinkit.errors import CallError, ProtocolError

@@ -16,9 +16,10 @@ from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation
 from orinkit.bcap.packet import Framer, Packet
 from orinkit.bcap.server import Close, Execute, Send, ServerConversation
+from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ControllerObject, Provider, VariableObject
-from orinkit.cao.session import Host, Pending, Reply, Session, read_arguments
+from orinkit.cao.session import Host, Pending, Reply, Session
 from orinkit.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
 from orinkit.variant import Variant, VarType, variant
 from orinkit.variant_bytes import decode, encode

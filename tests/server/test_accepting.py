@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
+import logging
+import socket
 import subprocess
 import sys
 
 import pytest
+
+from devices import Workshop
+from orinkit.server.aio_server import AsyncServer
 
 PROGRAM = """
 import logging, resource, socket, sys, threading, time
@@ -56,3 +63,27 @@ def test_out_of_descriptors_is_one_line_and_over_when_there_are_some(url):
     assert all("Too many open files" in line for line in said if "suppressed" not in line)
     assert "Traceback" not in done.stderr
     assert len(done.stderr) < 20_000
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scheme", ["tcp", "http"])
+@pytest.mark.parametrize("turns", range(8))
+def test_connections_that_are_being_accepted_while_the_server_is_closed(
+    scheme: str, turns: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """asyncio takes several turns of the loop to accept one; wherever it is then, it is closed."""
+
+    async def run() -> None:
+        server = AsyncServer(Workshop(), f"{scheme}://127.0.0.1:0")
+        await server.start()
+        place = ("127.0.0.1", int(server.url.rpartition(":")[2].strip("/")))
+        clients = [socket.create_connection(place) for _ in range(100)]
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        await server.close()
+        for client in clients:
+            client.close()
+
+    asyncio.run(run())
+    gc.collect()
+    assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []

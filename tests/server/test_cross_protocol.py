@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import http.server
-import json
 import logging
-import queue
 import shutil
 import subprocess
-import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -220,35 +215,7 @@ def test_many_who_speak_something_else_are_one_warning(rc8: VirtualRC8, caplog: 
     assert sum(record.levelno == logging.WARNING for record in told) == 1
 
 
-# --- real clients of HTTP ---------------------------------------------------------------------------------------------
-
-PAGE = """<!doctype html><script>
-const bodies = %s;
-Promise.allSettled(Object.entries(bodies).map(([port, body]) => fetch(`http://127.0.0.1:${port}/`, {
-  method: "POST", mode: "no-cors", headers: {"Content-Type": "text/plain"}, body: new Uint8Array(body),
-}))).then(results => fetch("/done", {method: "POST", body: JSON.stringify(results.map(each => each.status))}));
-</script>"""
-
-
-class Site(http.server.BaseHTTPRequestHandler):
-    """A web site whose page attacks; ``server`` has its ``page``, and ``done`` for what came of it."""
-
-    def do_GET(self) -> None:
-        self._say(self.server.page.encode() if self.path == "/" else b"")  # type: ignore[attr-defined]
-
-    def do_POST(self) -> None:
-        self.server.done.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))  # type: ignore[attr-defined]
-        self._say(b"")
-
-    def _say(self, body: bytes) -> None:
-        self.send_response(200)
-        self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_: object) -> None:
-        pass
+# A page in a real Chromium: tests/attacks/test_web_page.py
 
 
 @contextmanager
@@ -260,34 +227,6 @@ def everywhere(rc8: VirtualRC8) -> Iterator[dict[int, bytes]]:
             server = stack.enter_context(served(kind, rc8))
             ports[port_of(server)] = PENDANT if kind == "pendant" else ROBOT
         yield ports
-
-
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="there is no Chromium")
-def test_a_page_in_chromium_cannot_call_anything(rc8: VirtualRC8, tmp_path: Path) -> None:
-    site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Site)
-    site.done = queue.Queue()  # type: ignore[attr-defined]
-    thread = threading.Thread(target=site.serve_forever)
-    thread.start()
-    try:
-        with everywhere(rc8) as ports:
-            before = standing(rc8)
-            site.page = PAGE % json.dumps({port: list(body) for port, body in ports.items()})  # type: ignore[attr-defined]
-            browser = subprocess.Popen(
-                ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
-                 f"--user-data-dir={tmp_path}", f"http://127.0.0.1:{site.server_port}/"],
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-            try:
-                results = site.done.get(timeout=4 * PATIENCE)  # type: ignore[attr-defined]
-            finally:
-                browser.terminate()
-                browser.wait(PATIENCE)
-            assert standing(rc8) == before
-            assert len(results) == 3
-    finally:
-        site.shutdown()
-        site.server_close()
-        thread.join(PATIENCE)
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="there is no curl")

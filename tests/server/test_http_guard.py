@@ -18,7 +18,7 @@ from test_http_server import EXECUTE, GET_VARIABLE, OK, PATIENCE, Web, certifica
 import orinkit
 from devices import Workshop
 from orinkit import hresult
-from orinkit.server import connections, http_guard, http_sessions
+from orinkit.server import connections, http_entrance, http_guard, http_sessions
 from orinkit.server.background import Server
 from orinkit.server.http_flow import HELD
 from orinkit.server.http_guard import GuardedProtocol, Joining, Stage
@@ -496,7 +496,7 @@ def test_handshakes_that_never_end_shut_nobody_out(workshop: Workshop, certifica
                 with Web(server.url, context=trusting) as later:
                     assert later.call(1).body == OK  # so the one before it has been taken
                 assert still_open(one)
-                leap(server, http_guard._TO_SHAKE_HANDS)
+                leap(server, http_entrance._HANDSHAKE_TIMEOUT)
                 assert one.ended()
             assert works(web, handle, 1)
         one = Web(server.url)  # is in the middle of it when the server is closed

@@ -16,12 +16,9 @@ from leaping import leap, take_turns
 
 import orinkit
 from both import Both, only
-from orinkit.cao import functions as f
-from orinkit.cao.motion_signs import leaves_moving
 from orinkit.errors import InvalidValue, OrinError
 from orinkit.gateway import RemoteProvider, Restricted, Rules
 from orinkit.server.background import Server
-from orinkit.variant import variant
 from orinkit.virtual.rc8 import VirtualRC8
 from waiting import until
 
@@ -288,24 +285,6 @@ def test_behind_a_gateway(restricted: bool) -> None:
             leap(gateway, 2.0)
             until(arm.free)
             rc8.client.close()
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments", "answer"),
-    [
-        (f.robot_move, (1, "J(1,2,3,4,5,6)", "NEXT"), True),
-        (f.robot_move, (1, variant("@P J(1,2,3,4,5,6)"), "speed=50, next"), True),
-        (f.robot_move, (1, "J(1,2,3,4,5,6)"), False),
-        (f.robot_execute, ("Approach", variant([1, "P1", 10.0, "NEXT"])), True),
-        (f.robot_execute, (variant("GiveArm"),), False),
-        (f.robot_execute, ("Motor", variant([1, 0])), None),
-        (f.robot_execute, (), None),
-        (f.robot_halt, (), False),
-        (f.variable_get_value, (), None),
-    ],
-)  # fmt: skip
-def test_which_calls_leave_an_arm_moving(function: Any, arguments: Any, answer: bool | None) -> None:
-    assert leaves_moving(function, arguments) is answer
 
 
 @pytest.mark.parametrize("seconds", [0, 0.4, 3601, float("nan"), "2", None, True])

@@ -45,8 +45,10 @@ class Kept:
             raise error_for(
                 hresult.E_OUTOFMEMORY,
                 pick(
-                    f"tags and parameters of {self.bytes + more} bytes, at most {self._most} are kept",
-                    f"タグとパラメータの合計 {self.bytes + more} バイトが上限 {self._most} バイトを超えています",
+                    f"tags and parameters of {self.bytes + more} bytes, at most {self._most} are kept. "
+                    "Try: store less in tags, or clear those no longer needed",
+                    f"タグとパラメータの合計 {self.bytes + more} バイトが上限 {self._most} バイトを超えています。"
+                    "対処: タグに格納する量を減らすか、不要なタグを空にしてください",
                 ),
             )
         if self._of_all is not None:
@@ -86,7 +88,7 @@ def _too_much() -> CallError:
     return error_for(
         hresult.E_TOO_MUCH_DATA,
         pick(
-            f"a tag, or the parameters of a command, of more than {MOST} bytes",
-            f"タグまたはコマンドのパラメータが上限 {MOST} バイトを超えています",
+            f"a tag, or the parameters of a command, of more than {MOST} bytes. Try: store less in one value",
+            f"タグまたはコマンドのパラメータが上限 {MOST} バイトを超えています。対処: 1 つの値に格納する量を減らしてください",
         ),
     )

@@ -15,15 +15,15 @@ from dataclasses import dataclass, field
 from functools import partial
 from inspect import isawaitable
 from traceback import format_exception_only
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, cast
 
 from orinkit import hresult
-from orinkit.cao import coerce
+from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.keeping import KEPT, MOST_OF_A_CLIENT, Kept, size_to_keep
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, Later, Provider
-from orinkit.cao.table import Argument, Function
+from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider
+from orinkit.cao.table import Function
 from orinkit.errors import CallError, InvalidValue, error_for
 from orinkit.language import cut, pick, printable, quoted
 from orinkit.variant import Variant, VarType, variant
@@ -366,7 +366,7 @@ class Session:
         for entry in self._controllers():
             try:
                 with entry.guard:
-                    entry.served.stop_moving()  # type: ignore[attr-defined]
+                    cast("ControllerObject", entry.served).stop_moving()
             except Exception:
                 logger.exception("%s: stopping what a silent client moves", entry.label)
 
@@ -377,7 +377,7 @@ class Session:
     def _moves(entry: _Entry) -> bool:
         try:
             with entry.guard:
-                return bool(entry.served.is_moving())  # type: ignore[attr-defined]
+                return bool(cast("ControllerObject", entry.served).is_moving())
         except Exception:
             logger.exception("%s: asking whether anything moves", entry.label)
             return True
@@ -485,58 +485,4 @@ _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Out
     2: Session._service_stop,  # noqa: SLF001
     3: Session._controller_connect,  # noqa: SLF001
     **{entry.id: Session._release for entry in FUNCTIONS.values() if entry.releases},  # noqa: SLF001
-}
-
-
-def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> list[Any]:
-    """Return a call's arguments as the table types them, missing optional ones filled in.
-
-    Raises:
-        CallError: E_INVALIDARG for a wrong number of arguments, E_INVALIDARGTYPE for a wrong type.
-    """
-    expected = function.arguments
-    if not function.required <= len(given) <= len(expected):
-        raise error_for(
-            hresult.E_INVALIDARG,
-            pick(
-                f"{len(given)} arguments were given, {function.name} has {len(expected)}",
-                f"引数が {len(given)} 個あります ({function.name} は {len(expected)} 個)",
-            ),
-        )
-    values = [_read(function, *pair) for pair in zip(expected, given, strict=False)]
-    values += [_default(argument) for argument in expected[len(given) :]]
-    return values
-
-
-def _read(function: Function[..., Any], argument: Argument, value: Variant) -> Any:
-    if argument.is_handle:
-        return coerce.to_handle(value)
-    read = _READERS[argument.vt](value)
-    if argument.vt is VarType.BSTR and len(read) > argument.longest:
-        raise _too_long(function, argument, len(read))
-    return read
-
-
-def _too_long(function: Function[..., Any], argument: Argument, length: int) -> CallError:
-    where = f"{function.name}: {argument.name}"
-    return error_for(
-        hresult.E_INVALIDARG,
-        pick(
-            f"{where} of {length} characters, at most {argument.longest} are allowed",
-            f"{where} が {length} 文字で、上限 {argument.longest} 文字を超えています",
-        ),
-    )
-
-
-def _default(argument: Argument) -> object:
-    if argument.vt is VarType.VARIANT:
-        return Variant(VarType.EMPTY)
-    return "" if argument.default is None else argument.default
-
-
-_READERS: Final[dict[VarType, Callable[[Variant], Any]]] = {
-    VarType.I4: coerce.to_integer,
-    VarType.R4: coerce.to_real,
-    VarType.BSTR: coerce.to_text,
-    VarType.VARIANT: lambda value: value,
 }

@@ -36,12 +36,12 @@ class Screen(io.TextIOBase):
         self.rich_proxied_file = terminal
 
     @property
-    def encoding(self) -> str:  # type: ignore[override]
+    def encoding(self) -> str:  # type: ignore[override]  # a plain attribute in the stubs
         """That of the terminal."""
         return self.rich_proxied_file.encoding
 
     @property
-    def errors(self) -> str | None:  # type: ignore[override]
+    def errors(self) -> str | None:  # type: ignore[override]  # likewise
         """What becomes of a character that the terminal does not have."""
         return self.rich_proxied_file.errors
 

@@ -22,6 +22,7 @@ ONE_AT_A_TIME: Final = 1
 BACKLOG: Final = 512
 """Connections that the kernel keeps until they are accepted."""
 
+_ACCEPT_TURNS: Final = 3
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -30,6 +31,21 @@ def deepen(server: asyncio.Server) -> None:
     for each in server.sockets:
         with socket.socket(fileno=os.dup(each.fileno())) as twin:
             twin.listen(BACKLOG)
+
+
+async def close(server: asyncio.Server) -> None:
+    """Stop accepting connections, let those that are just being accepted become ready, and close the server.
+
+    asyncio's selector loop accepts a connection, makes its protocol, and calls ``connection_made`` in one turn each. A server
+    that is closed between the first two leaves the connection open.
+    """
+    loop = asyncio.get_running_loop()
+    if isinstance(loop, asyncio.SelectorEventLoop):
+        for each in server.sockets:
+            loop.remove_reader(each.fileno())
+        for _ in range(_ACCEPT_TURNS):
+            await asyncio.sleep(0)
+    server.close()
 
 
 def watch(loop: asyncio.AbstractEventLoop) -> None:

@@ -113,7 +113,7 @@ class AsyncServer:
                 await ending
 
     async def _stop(self) -> None:
-        await self._connections.refuse()
+        self._connections.closing = True
         for listener in self._listeners:
             await listener.close()
         self._listeners.clear()

@@ -158,19 +158,15 @@ class Connections:
         if not self.all:
             self.empty.set()
 
-    async def refuse(self) -> None:
-        """Take no more connections, and see those through that are just being accepted.
+    async def close(self, seconds: float) -> None:
+        """Close all connections and let the handlers end; what is not done within the seconds is cut off.
 
-        To be called before the listeners are closed: asyncio forgets a connection that it accepts meanwhile.
+        The listeners have been closed before.
         """
-        self.closing = True
-        for turn in range(_TURNS):
-            if turn > 2 and not self.opening:  # accepted, made, connected: a turn each
+        for _ in range(_TURNS):
+            if not self.opening:
                 break
             await asyncio.sleep(0)
-
-    async def close(self, seconds: float) -> None:
-        """Close all connections and let the handlers end; what is not done within the seconds is cut off."""
         for client in list(self.all):
             client.close()
         if not await self._emptied(seconds):  # a client does not take its last answers

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final, Self
 from orinkit import extra
 from orinkit.errors import ConnectFailed
 from orinkit.language import pick
+from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
 from orinkit.server.connections import Connections
 from orinkit.server.http_options import HttpOptions
@@ -59,7 +60,8 @@ class HttpListener:
         from uvicorn.server import ServerState
 
         from orinkit.server.http_app import App
-        from orinkit.server.http_guard import Entrance, Guard, GuardedProtocol
+        from orinkit.server.http_entrance import Entrance
+        from orinkit.server.http_guard import Guard, GuardedProtocol
 
         context = _context(address, options) if address.scheme == "https" else None
         options = replace(options, hosts=(*options.hosts, address.host))  # by which clients are told to call it
@@ -96,7 +98,7 @@ class HttpListener:
 
     async def close(self) -> None:
         """Take no more clients."""
-        self._server.close()
+        await accepting.close(self._server)
 
 
 def _warn_of_token(address: HttpAddress, options: HttpOptions) -> None:

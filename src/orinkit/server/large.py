@@ -94,7 +94,7 @@ class Worker:
             raise
         if job.error is not None:
             raise job.error
-        result: T = job.result  # type: ignore[assignment]
+        result: T = job.result  # type: ignore[assignment]  # set where there is no error
         return result
 
     def _work(self) -> None:

@@ -10,6 +10,7 @@ from typing import Final, Self, cast
 from orinkit.bcap.server import Execute
 from orinkit.bcap.wire import STREAM
 from orinkit.cao.provider import ClientInfo
+from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
 from orinkit.server.connections import Connections
 from orinkit.server.peer import Peer
@@ -38,7 +39,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(shared, loop, STREAM)
         shared.opening += 1
-        self._patience: asyncio.TimerHandle | None = None
+        self._idle_timer: asyncio.TimerHandle | None = None
         self._partial = 0  # bytes of it that are counted
         self._begun = 0.0  # when the packet began that is not whole yet; 0 where there is none
         self._seen = 0, 0  # packets before it, and its bytes then
@@ -62,7 +63,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         if self._shared.closing:
             transport.abort()
         elif self._admit() is not None:
-            self._patience = self._loop.call_at(self._heard + PATIENCE, self._look_at_the_time)
+            self._idle_timer = self._loop.call_at(self._heard + PATIENCE, self._look_at_the_time)
         elif len(self._shared.turned_away) < _TOLD:
             self._shared.turned_away.add(self)
             self._alarm = self._loop.call_later(_TO_BE_TOLD, transport.abort)
@@ -110,9 +111,9 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client has gone: whatever it held is released."""
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+        if self._idle_timer is not None:
+            self._idle_timer.cancel()
+            self._idle_timer = None
         self._shared.partial.change(self._partial, 0)
         self._partial = 0
         self._leave(exc)
@@ -136,8 +137,8 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """A packet has begun: its rest is to come."""
         if not self._begun or self._conversation.packets != self._seen[0]:
             self._mark(now)
-        if self._patience is None and not self._is_gone():
-            self._patience = self._loop.call_at(self._begun + PATIENCE, self._look_at_the_time)
+        if self._idle_timer is None and not self._is_gone():
+            self._idle_timer = self._loop.call_at(self._begun + PATIENCE, self._look_at_the_time)
 
     def _mark(self, now: float) -> None:
         self._begun = now
@@ -145,10 +146,10 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _look_at_the_time(self) -> None:
         """A first call, or the rest of a packet, should have come by now, unless it began later."""
-        self._patience = None
+        self._idle_timer = None
         now = self._loop.time()
         if self._held:  # it is this side that takes its time
-            self._patience = self._loop.call_at(now + PATIENCE, self._look_at_the_time)
+            self._idle_timer = self._loop.call_at(now + PATIENCE, self._look_at_the_time)
         elif not self._conversation.calls:
             self._give_up("it has made no call")
         elif self._begun:
@@ -187,9 +188,9 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def close(self) -> None:
         """Close the connection from this side, once what was written has been sent; not later than in 10 s."""
         self._transport.close()
-        if self._patience is not None:
-            self._patience.cancel()
-        self._patience = self._loop.call_later(PATIENCE, self._transport.abort)
+        if self._idle_timer is not None:
+            self._idle_timer.cancel()
+        self._idle_timer = self._loop.call_later(PATIENCE, self._transport.abort)
 
     def abort(self) -> None:
         """Close the connection at once, whatever was to be sent."""
@@ -229,4 +230,4 @@ class TcpListener:
 
     async def close(self) -> None:
         """Take no more clients."""
-        self._server.close()
+        await accepting.close(self._server)

@@ -22,7 +22,7 @@ class AsyncPulse:
         self._every = every
         self._task = asyncio.get_running_loop().create_task(self._run())
         self._task.add_done_callback(_forget)
-        finalize(beat.__self__, _cancel, self._task)  # type: ignore[attr-defined]
+        finalize(beat.__self__, _cancel, self._task)  # type: ignore[attr-defined]  # a method, as WeakMethod wants
 
     async def _run(self) -> None:
         while True:

@@ -29,7 +29,7 @@ class Pulse:
         self._beat = WeakMethod(beat)
         self._every = every
         self._ended = threading.Event()
-        finalize(beat.__self__, self._ended.set)  # type: ignore[attr-defined]
+        finalize(beat.__self__, self._ended.set)  # type: ignore[attr-defined]  # a method, as WeakMethod wants
         threading.Thread(target=self._run, name="orinkit-pulse", daemon=True).start()
 
     def _run(self) -> None:

@@ -1,0 +1,67 @@
+"""Reading a call's arguments as the function table types them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from orinkit import hresult
+from orinkit.cao import coerce
+from orinkit.cao.table import Argument, Function
+from orinkit.errors import CallError, error_for
+from orinkit.language import pick
+from orinkit.variant import Variant, VarType
+
+
+def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> list[Any]:
+    """Return a call's arguments as the table types them, missing optional ones filled in.
+
+    Raises:
+        CallError: E_INVALIDARG for a wrong number of arguments, E_INVALIDARGTYPE for a wrong type.
+    """
+    expected = function.arguments
+    if not function.required <= len(given) <= len(expected):
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick(
+                f"{len(given)} arguments were given, {function.name} has {len(expected)}",
+                f"引数が {len(given)} 個あります ({function.name} は {len(expected)} 個)",
+            ),
+        )
+    values = [_read(function, *pair) for pair in zip(expected, given, strict=False)]
+    values += [_default(argument) for argument in expected[len(given) :]]
+    return values
+
+
+def _read(function: Function[..., Any], argument: Argument, value: Variant) -> Any:
+    if argument.is_handle:
+        return coerce.to_handle(value)
+    read = _READERS[argument.vt](value)
+    if argument.vt is VarType.BSTR and len(read) > argument.longest:
+        raise _too_long(function, argument, len(read))
+    return read
+
+
+def _too_long(function: Function[..., Any], argument: Argument, length: int) -> CallError:
+    where = f"{function.name}: {argument.name}"
+    return error_for(
+        hresult.E_INVALIDARG,
+        pick(
+            f"{where} of {length} characters, at most {argument.longest} are allowed",
+            f"{where} が {length} 文字で、上限 {argument.longest} 文字を超えています",
+        ),
+    )
+
+
+def _default(argument: Argument) -> object:
+    if argument.vt is VarType.VARIANT:
+        return Variant(VarType.EMPTY)
+    return "" if argument.default is None else argument.default
+
+
+_READERS: Final[dict[VarType, Callable[[Variant], Any]]] = {
+    VarType.I4: coerce.to_integer,
+    VarType.R4: coerce.to_real,
+    VarType.BSTR: coerce.to_text,
+    VarType.VARIANT: lambda value: value,
+}
