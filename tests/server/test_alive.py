@@ -222,3 +222,12 @@ def test_a_client_that_promises_and_does_nothing_more() -> None:
         assert server.clients == 1
         leap(server, 6.0)
         until(lambda: not server.clients)
+
+
+@only("udp", "serial", because="elsewhere the watchdog and the signs of life do not get in each other's way")
+def test_no_watchdog_where_tries_are_the_signs_of_life(both: Both, listen_at: str) -> None:
+    with (
+        orinkit.serve(VirtualRC8(), listen_at) as server,
+        pytest.raises(InvalidValue, match="Try: leave WDT out"),
+    ):
+        both.connect(server.url, dialect="rc8", alive=2.0, service="WDT = 400")

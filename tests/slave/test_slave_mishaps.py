@@ -251,7 +251,15 @@ def test_a_frozen_program_is_not_started_again(arm: Arm, robot: orinkit.Robot, m
         pass
 
 
-def test_threads_that_look_while_the_block_ends(arm: Arm, robot: orinkit.Robot) -> None:
+@pytest.fixture
+def restore_switch_interval() -> Iterator[None]:
+    interval = sys.getswitchinterval()
+    yield
+    sys.setswitchinterval(interval)
+
+
+def test_threads_that_look_while_the_block_ends(arm: Arm, robot: orinkit.Robot, restore_switch_interval: None) -> None:
+    sys.setswitchinterval(1e-6)
     for _ in range(3):
         end = threading.Event()
 
@@ -272,21 +280,17 @@ def test_threads_that_look_while_the_block_ends(arm: Arm, robot: orinkit.Robot) 
         assert robot.execute("slvGetMode") == 0
 
 
-def test_several_threads_may_push(arm: Arm, robot: orinkit.Robot) -> None:
-    interval = sys.getswitchinterval()
+def test_several_threads_may_push(arm: Arm, robot: orinkit.Robot, restore_switch_interval: None) -> None:
     sys.setswitchinterval(1e-6)
-    try:
-        with robot.slave_mode(queue=2000) as stream:
-            written = stream._alive().shared.written
-            threads = [threading.Thread(target=lambda: [stream.push(HOME) for _ in range(300)]) for _ in range(3)]
-            for thread in threads:
-                thread.start()
-            for thread in threads:
-                thread.join()
-            assert stream._alive().shared.written == written + 900
-            stream.stop()
-    finally:
-        sys.setswitchinterval(interval)
+    with robot.slave_mode(queue=2000) as stream:
+        written = stream._alive().shared.written
+        threads = [threading.Thread(target=lambda: [stream.push(HOME) for _ in range(300)]) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert stream._alive().shared.written == written + 900
+        stream.stop()
 
 
 def test_a_stream_is_used_inside_its_block(arm: Arm, robot: orinkit.Robot) -> None:

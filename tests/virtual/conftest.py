@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from orinkit.cao.provider import ClientInfo
+from orinkit.cao.provider import Blocking, ClientInfo
 from orinkit.errors import CallError
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
@@ -38,11 +38,13 @@ def controller(connect):
 
 @pytest.fixture
 def refused():
-    """Call something and return the code that it is refused with."""
+    """Call something, to its end, and return the code that it is refused with."""
 
     def refused(call: Callable[..., Any], *arguments: Any) -> int:
         with pytest.raises(CallError) as caught:
-            call(*arguments)
+            result = call(*arguments)
+            if isinstance(result, Blocking):
+                result.run()
         return caught.value.code
 
     return refused

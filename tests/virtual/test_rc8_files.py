@@ -621,7 +621,7 @@ def test_a_link_planted_between_the_look_and_the_open_is_not_followed(root, outs
         disk.read_file(root / "pipe", 10)
     with untouched(outside):
         disk.stamp(root / "link", datetime(2024, 4, 1))
-        disk.write_file(root / "link", b"x", datetime(2024, 4, 1))
+        disk.put_in_place(disk.write_temporary(root, b"x"), root / "link", datetime(2024, 4, 1))
     assert not (root / "link").is_symlink()
 
 

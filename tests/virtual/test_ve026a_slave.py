@@ -165,6 +165,22 @@ def test_the_arm_brakes_when_set_points_stay_away(cell):
     assert cell.arm.joints[0] == pytest.approx(20.0 + 125.0**2 / 2 / 900.0, abs=1.0)
 
 
+def test_the_motion_of_a_silent_client_is_stopped_and_that_of_others_is_not(cell):
+    other = Person(cell.arm)
+    assert not cell.client.controller.is_moving()
+    cell.on(ASYNC).stream(ramp(1.0, 20))
+    assert [person.controller.is_moving() for person in (cell.client, other)] == [True, False]
+    other.controller.stop_moving()
+    assert cell.arm.slave_mode == ASYNC
+    cell.client.controller.stop_moving()
+    assert cell.arm.slave_mode == 0
+    cell.rest()
+    check_brake(cell.path, first=20 + LAG)
+    assert not cell.client.controller.is_moving()
+    assert cell.arm.error == 0
+    cell.on(ASYNC)  # it may move again
+
+
 def test_slave_mode_0_stops_the_detector(cell):
     cell.on(SYNC).stream(ramp(0.5, 10))
     assert cell.execute("slvChangeMode", 0) is None

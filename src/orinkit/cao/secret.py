@@ -13,8 +13,6 @@ FREE: Final = 5
 """Wrong secrets of one address that are answered at once."""
 LONGEST: Final = 1.0
 """Seconds that the answer to a wrong secret is held back at most."""
-HELD: Final = 8
-"""Answers that are held back at a time; further ones are not, so that they do not use the server up."""
 
 _FIRST: Final = 0.125  # s, doubled with each failure
 _FORGOTTEN: Final = 600.0  # s without a failure

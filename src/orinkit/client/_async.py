@@ -27,6 +27,7 @@ from orinkit.client._common import (
     check_alive,
     check_content,
     check_deadline,
+    check_watchdog,
     dialect_of,
     error_count,
     error_info,
@@ -475,6 +476,8 @@ async def open_controller(
         client.end_within(client.usual_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
         shown = alive is not None and client.wire.lossy  # by the tries of a call, which S_EXECUTING would put off
+        if shown:
+            check_watchdog(service)
         asked = service if shown else service_option(service, client.wire, client.dialect, client.timeout)
         await client.call(f.service_start, with_alive(asked, alive))
         handle = await client.call(f.controller_connect, name, provider, machine, option)

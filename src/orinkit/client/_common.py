@@ -157,6 +157,23 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
         )
 
 
+def check_watchdog(option: str | None) -> None:
+    """Check that an option of Service_Start asks for no watchdog where the tries of a call are the signs of life.
+
+    Raises:
+        InvalidValue: it does: S_EXECUTING would put the next try off.
+    """
+    if option is not None and "wdt=" in option.replace(" ", "").lower():
+        raise InvalidValue(
+            pick(
+                "over UDP and serial lines alive= cannot be combined with WDT in service=: the tries of a call are the signs of "
+                "life, and WDT stops them. Try: leave WDT out",
+                "UDP とシリアル回線では alive= と service= の WDT を併用できません。呼び出しの再送が生存信号であり、WDT は"
+                "再送を止めるためです。対処: WDT を指定しないでください",
+            )
+        )
+
+
 def with_alive(option: str | None, seconds: float | None) -> str | None:
     """Return Service_Start's option with the time within which the client is to be heard; ``None`` leaves it as it is."""
     if seconds is None:

@@ -21,6 +21,7 @@ from orinkit.client._common import (
     check_alive,
     check_content,
     check_deadline,
+    check_watchdog,
     dialect_of,
     error_count,
     error_info,
@@ -605,6 +606,8 @@ def open_controller(
         client.end_within(client.usual_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
         shown = alive is not None and client.wire.lossy  # by the tries of a call, which S_EXECUTING would put off
+        if shown:
+            check_watchdog(service)
         asked = service if shown else service_option(service, client.wire, client.dialect, client.timeout)
         client.call(f.service_start, with_alive(asked, alive))
         handle = client.call(f.controller_connect, name, provider, machine, option)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from collections import Counter
 from collections.abc import Iterable
 from operator import itemgetter
 from typing import Final, Protocol
@@ -80,7 +81,7 @@ class Connections:
         turned_away: connections of those of ``all`` for whom there is no room, while they are told so.
         partial: bytes of requests that have not come whole.
         guesses: wrong tokens over HTTP, by address.
-        held: how many answers to wrong tokens are being held back.
+        held: how many answers to wrong tokens are being held back, by address.
         opening: how many connections have been accepted and are not in ``all`` yet.
         closing: no more connections.
         empty: is set when the last of ``all`` has gone.
@@ -113,7 +114,7 @@ class Connections:
         self.turned_away: set[Closable] = set()
         self.partial = Partial()
         self.guesses = Guesses()
-        self.held = 0
+        self.held: Counter[str] = Counter()
         self.opening = 0
         self.closing = False
         self.empty = asyncio.Event()

@@ -18,14 +18,13 @@ from starlette.types import Message, Receive, Scope, Send
 from orinkit import hresult
 from orinkit.bcap.server import LARGE
 from orinkit.cao.functions import robot_halt, robot_hold, task_stop
-from orinkit.cao.secret import HELD
 from orinkit.cao.service import ServiceOptions, read_options
 from orinkit.cao.session import Pending, Reply, Session
 from orinkit.ecap.message import Request, read_request, write_reply
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.server.connections import Connections
-from orinkit.server.http_door import Door, Headers, ambiguous, closed, full, plain, too_long
+from orinkit.server.http_door import Door, Headers, ambiguous, closed, full, plain, too_long, too_many_guesses
 from orinkit.server.http_guard import GuardedProtocol
 from orinkit.server.http_options import HttpOptions
 from orinkit.server.http_sessions import CALLS, Call, HttpSession, HttpSessions
@@ -41,7 +40,8 @@ _STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # however much 
 _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
 _NO_TOKEN: Final = 401
-_SUSPICIOUS: Final = (_NO_TOKEN, 403, 421)
+_HELD: Final = 32  # answers to wrong tokens that are held back for an address
+_SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
 _NOTHING: Final = -1  # bytes of a body that are waited for
 _LONGEST_DETAIL: Final = 500  # characters
 _PIECE: Final = 1024 * 1024  # bytes of an answer that are sent at a time
@@ -87,13 +87,13 @@ class App:
                 self._log(exchange, unclear.status_code)
                 await exchange.refuse(unclear, _NOTHING)
                 return
-            refusal = closed() if self._shared.closing else self._door.refusal(scope["method"], exchange.headers)
+            refusal = self._refusal(scope["method"], exchange)
             if refusal is None:
                 refusal = await self._serve(exchange)
             if refusal is not None:
                 self._log(exchange, refusal.status_code)
                 if refusal.status_code == _NO_TOKEN:
-                    await self._slow_down(exchange, refusal)
+                    await self._slow_down(exchange)
                 await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _NOTHING)
         except _Gone:
             pass
@@ -109,29 +109,41 @@ class App:
                 )
                 await exchange.refuse(plain(500, text), 0)
 
+    def _refusal(self, method: str, exchange: Exchange) -> PlainTextResponse | None:
+        """Return the answer to a request that is not let in; None if it is."""
+        if self._shared.closing:
+            return closed()
+        if self._shared.held[exchange.connection.network] >= _HELD and not self._session_of(exchange):
+            return too_many_guesses()
+        return self._door.refusal(method, exchange.headers)
+
+    def _session_of(self, exchange: Exchange) -> HttpSession | None:
+        """Return the session that the request's cookie names."""
+        key = self._key(exchange.headers.get(b"cookie", b""))
+        return self._sessions.by_key(key) if key else None
+
     def _log(self, exchange: Exchange, status: int) -> None:
         level = logging.INFO
         if status in _SUSPICIOUS:
             level = self._shared.refusal_level(asyncio.get_running_loop().time())
         logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
 
-    async def _slow_down(self, exchange: Exchange, refusal: PlainTextResponse) -> None:
-        """Hold the answer to a wrong token back, if its address has shown several; where too many are held, close instead."""
+    async def _slow_down(self, exchange: Exchange) -> None:
+        """Hold the answer to a wrong token back if its address has sent several."""
         shared = self._shared
         network = exchange.connection.network
         failure = shared.guesses.failed(network, asyncio.get_running_loop().time())
         if failure.reported:
             logger.warning("%s: %d requests over HTTP with a wrong token, or with none", network, failure.reported)
-        if not failure.delay:
+        if not failure.delay or shared.closing:
             return
-        if shared.held >= HELD or shared.closing:
-            refusal.headers["connection"] = "close"
-            return
-        shared.held += 1
+        shared.held[network] += 1
         try:
             await asyncio.sleep(failure.delay)
         finally:
-            shared.held -= 1
+            shared.held[network] -= 1
+            if not shared.held[network]:
+                del shared.held[network]
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
         """Answer a request that may come in; returns what refuses it, because of its length."""

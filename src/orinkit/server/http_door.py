@@ -127,6 +127,15 @@ def closed() -> PlainTextResponse:
     return plain(503, closing(), {"Connection": "close"})
 
 
+def too_many_guesses() -> PlainTextResponse:
+    """Return the answer to a request whose token is not looked at: its address is being slowed down."""
+    text = pick(
+        "too many wrong tokens from this address; try again in a second",
+        "このアドレスから誤ったトークンが多数送られています。1 秒後に再試行してください",
+    )
+    return plain(429, text, {**_CLOSE, "Retry-After": "1"})
+
+
 def full() -> PlainTextResponse:
     """Return the answer to a body for which there is no room, because others are sending too much."""
     return plain(

@@ -187,12 +187,11 @@ class Shared:
         return self.descriptor < 0
 
     def close(self) -> None:
-        """Let go of it; does nothing the second time."""
+        """Close this side; does nothing the second time.
+
+        The memory stays mapped until nobody refers to this object any more: another thread may be reading it.
+        """
         if self.descriptor >= 0:
-            self._numbers.release()
-            self._words.release()
-            self._view.release()
-            self._memory.close()
             os.close(self.descriptor)
             self.descriptor = -1
 

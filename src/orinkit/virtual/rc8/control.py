@@ -21,7 +21,7 @@ from typing import Any, Final
 from orinkit import hresult
 from orinkit.cao.options import Options
 from orinkit.cao.provider import Blocking, ClientInfo, ControllerObject, Later, Provider
-from orinkit.cao.secret import HELD, Guesses, check_secret
+from orinkit.cao.secret import Guesses, check_secret
 from orinkit.errors import CallError, error_for
 from orinkit.language import pick
 from orinkit.variant import Variant
@@ -37,6 +37,7 @@ MODE_NAMES: Final = {"manual": Mode.MANUAL, "teach": Mode.TEACH_CHECK, "auto": M
 
 logger = logging.getLogger("orinkit.rc8")
 
+_HELD: Final = 8  # answers to wrong secrets that are held back at a time; nobody guesses one of 16 characters
 _SECRET_OPTION: Final = "secret"  # noqa: S105 - its name
 _LONGEST: Final = 500  # characters of a text; more is cut off
 _HEX: Final = re.compile(r"\s*0[xX]([0-9A-Fa-f]{1,8})\s*")
@@ -66,7 +67,7 @@ class ControlProvider(Provider):
         self.secret = check_secret(secret) if secret else secrets.token_urlsafe()
         self._rc8 = rc8
         self._guesses = Guesses()
-        self._held = threading.Semaphore(HELD)
+        self._held = threading.Semaphore(_HELD)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | Blocking:  # noqa: ARG002
         """Return the panel; for a wrong secret, what raises the exception later.
@@ -154,7 +155,8 @@ class ControlPanel(ControllerObject):
 
 def _mode(rc8: VirtualRC8, parameter: Variant) -> None:
     given = parameters.elements(parameter)
-    named = MODE_NAMES.get(given[0].value.strip().lower()) if given and isinstance(given[0].value, str) else None
+    text = given[0].value if given else None
+    named = MODE_NAMES.get(parameters.short(text).strip().lower()) if isinstance(text, str) else None
     rc8.pendant.mode(parameters.whole_numbers(parameter, None)[0] if named is None else named)
 
 

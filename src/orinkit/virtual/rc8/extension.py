@@ -101,8 +101,9 @@ def _options(parameter: Variant) -> tuple[list[Variant], bool]:
     """Return the elements of a parameter without a last ``NEXT``, and whether that was there."""
     given = parameters.elements(parameter)
     if len(given) == 1 and isinstance(given[0].value, str):  # all of it as one text
-        given = [Variant(VarType.BSTR, part) for part in given[0].value.split(",", _MOST_PARAMETERS)]
-    at_once = bool(given) and isinstance(given[-1].value, str) and given[-1].value.strip().lower() == _NEXT
+        given = [Variant(VarType.BSTR, part) for part in parameters.short(given[0].value).split(",", _MOST_PARAMETERS)]
+    last = given[-1].value if given else None
+    at_once = isinstance(last, str) and parameters.short(last).strip().lower() == _NEXT
     return (given[:-1] if at_once else given), at_once
 
 

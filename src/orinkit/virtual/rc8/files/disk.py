@@ -95,18 +95,32 @@ def read_file(path: Path, most: int) -> bytes:
         return file.read(most + 1)
 
 
-def write_file(path: Path, data: bytes, moment: datetime) -> None:
-    """Set the content of a file and its dates, in one step: it has the old content or the new one."""
-    temporary = path.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}")
+def write_temporary(folder: Path, data: bytes) -> Path:
+    """Write a new temporary file in a folder and return its path; :func:`put_in_place` gives it its name."""
+    temporary = folder / f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}"
     try:
         with os.fdopen(os.open(temporary, _CREATE, _MODE), "wb") as file:
             file.write(data)
+    except BaseException:
+        discard(temporary)
+        raise
+    return temporary
+
+
+def put_in_place(temporary: Path, path: Path, moment: datetime) -> None:
+    """Set the content of a file and its dates, in one step: it has the old content or the new one."""
+    try:
         stamp(temporary, moment)
         temporary.replace(path)
     except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
+        discard(temporary)
         raise
+
+
+def discard(temporary: Path) -> None:
+    """Delete a temporary file, if it is still there."""
+    with suppress(OSError):
+        temporary.unlink()
 
 
 def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> None:

@@ -7,6 +7,7 @@ more, it answers FILE_NOT_FOUND.
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Final, TypeAlias
@@ -20,6 +21,7 @@ from orinkit.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.caller import Caller
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
 from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
+from orinkit.virtual.rc8.files.store import Staged
 
 Run: TypeAlias = Callable[[Caller, str, str], str | Blocking]
 """Starts a program for a client: the client, the file's name from the root folder, the option; gives the task's name."""
@@ -29,6 +31,8 @@ _NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # what Py
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
 _BYTES: Final = VarType.UI1 | ARRAY
+_LARGE: Final = 64 * 1024  # bytes or characters, from which on a content is read and written in a thread
+_SLICE: Final = 64 * 1024
 _LARGEST_SIZE: Final = 2**31 - 1  # of VT_I4, for a file that the store did not write
 
 
@@ -139,7 +143,7 @@ class RC8File(FileObject):
 
     # --- what happens to it ---------------------------------------------------------------------------------------
 
-    def copy(self, name: str, option: str) -> None:  # noqa: ARG002
+    def copy(self, name: str, option: str) -> Blocking | None:  # noqa: ARG002
         """Copy the file to a name that is free; into a folder, if the name ends in a separator.
 
         Raises:
@@ -147,7 +151,17 @@ class RC8File(FileObject):
         """
         self._caller.require_read()
         self._caller.require_write()
-        self._store.copy(self._path, self._target(name))
+        path, target = self._path, self._target(name)
+        if self._store.size(path) < _LARGE:
+            self._store.copy(path, target)
+            return None
+
+        def copy() -> None:
+            staged = self._store.stage(path, self._store.read(path))
+            with self._caller.state.cycles:
+                self._store.copy(path, target, staged)
+
+        return Blocking(copy)
 
     def delete(self, option: str) -> None:
         """Delete it; a folder that is not empty only with the option ``@Recursive=1``.
@@ -223,7 +237,7 @@ class RC8File(FileObject):
         """The extension in lower case, ``pcs``, ``""`` where it has none; ``folder`` for a folder."""
         return _FOLDER_TYPE if self._is_folder() else extension(self._path)
 
-    def get_value(self) -> Value:
+    def get_value(self) -> Value | Blocking:
         """The content.
 
         Text is VT_BSTR: read as UTF-8, with or without a byte order mark, which is left out. A file whose extension says
@@ -234,9 +248,14 @@ class RC8File(FileObject):
             CallError: NO_READ_RIGHT; FILE_NOT_FOUND; E_ACCESSDENIED, a folder; E_TOO_MUCH_DATA; E_FAIL.
         """
         self._caller.require_read()
-        return _content(self._store.read(self._path), text=extension(self._path) in _TEXTS)
+        path = self._path
 
-    def put_value(self, value: Variant) -> None:
+        def read() -> Variant:
+            return _content(self._store.read(path), text=extension(path) in _TEXTS)
+
+        return read() if self._store.size(path) < _LARGE else Blocking(read)
+
+    def put_value(self, value: Variant) -> Blocking | None:
         """Set the content: text, which is kept as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
 
         Raises:
@@ -244,10 +263,25 @@ class RC8File(FileObject):
                 :meth:`~orinkit.virtual.rc8.files.FileStore.write` refuses.
         """
         self._caller.require_write()
-        data = _data(value)
-        if not self._store.exists(self._path):
-            raise error_for(hresult.FILE_NOT_FOUND, self._path)
-        self._store.write(self._path, data)
+        path = self._path
+        _check_content(value)
+        if value.type == VarType.EMPTY or len(value.value) < _LARGE:
+            self._write(path, _data(value))
+            return None
+
+        def write() -> None:
+            staged = self._store.stage(path, _data(value))
+            with self._caller.state.cycles:
+                self._write(path, staged)
+
+        return Blocking(write)
+
+    def _write(self, path: str, data: bytes | Staged) -> None:
+        if not self._store.exists(path):
+            if isinstance(data, Staged):
+                data.discard()
+            raise error_for(hresult.FILE_NOT_FOUND, path)
+        self._store.write(path, data)
 
     def _is_folder(self) -> bool:
         self._caller.require_read()
@@ -272,29 +306,54 @@ def _written(moment: datetime) -> str:
 def _content(data: bytes, *, text: bool) -> Variant:
     for encoding in ("utf-8-sig", "cp932") if text else ("utf-8-sig",):
         try:
-            decoded = data.decode(encoding)
+            decoded = _decoded(data, encoding, _NOT_SHIFT_JIS if encoding == "cp932" else frozenset())
         except UnicodeDecodeError:
             continue
-        if (text or "\0" not in decoded) and _NOT_SHIFT_JIS.isdisjoint(decoded if encoding == "cp932" else ""):
+        if text or "\0" not in decoded:
             return Variant(VarType.BSTR, decoded)
     return Variant(_BYTES, data)
 
 
+def _decoded(data: bytes, encoding: str, wrong: frozenset[str]) -> str:
+    """Decode in slices: Python runs no other thread while a codec works.
+
+    Raises:
+        UnicodeDecodeError: it is not that encoding, or there are characters that are wrong.
+    """
+    decoder = codecs.getincrementaldecoder(encoding)()
+    parts = []
+    for at in range(0, len(data), _SLICE):
+        part = decoder.decode(data[at : at + _SLICE])
+        if not wrong.isdisjoint(part):
+            raise UnicodeDecodeError(encoding, data[at : at + 1], 0, 1, "bytes without a meaning")
+        parts.append(part)
+    parts.append(decoder.decode(b"", final=True))
+    return "".join(parts)
+
+
 def _data(value: Variant) -> bytes:
-    if value.type == VarType.BSTR:
-        try:
-            return str(value.value).encode("utf-8")
-        except UnicodeEncodeError:
-            raise error_for(
-                hresult.E_INVALIDARG,
-                pick(
-                    "the text has a lone surrogate, which is no character", "文字列に不正なサロゲートが含まれています"
-                ),
-            ) from None
-    if value.type == _BYTES:
-        return bytes(value.value)
+    """Return the content that a client has sent, encoded in slices like :func:`_decoded`.
+
+    Raises:
+        CallError: E_INVALIDARG, the text has lone surrogates.
+    """
     if value.type == VarType.EMPTY:
         return b""
+    slices = (value.value[at : at + _SLICE] for at in range(0, len(value.value), _SLICE))
+    if value.type == _BYTES:
+        return b"".join(map(bytes, slices))
+    try:
+        return b"".join(part.encode("utf-8") for part in slices)
+    except UnicodeEncodeError:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            pick("the text has a lone surrogate, which is no character", "文字列に不正なサロゲートが含まれています"),
+        ) from None
+
+
+def _check_content(value: Variant) -> None:
+    if value.type in (VarType.BSTR, _BYTES, VarType.EMPTY):
+        return
     raise error_for(
         hresult.DISP_E_TYPEMISMATCH,
         pick(

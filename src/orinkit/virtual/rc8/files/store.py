@@ -26,7 +26,7 @@ import logging
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -76,6 +76,17 @@ class FileDates:
     created: datetime
     accessed: datetime
     modified: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Staged:
+    """Content that has been written to the disk and belongs to no file yet; see :meth:`FileStore.stage`."""
+
+    path: Path
+
+    def discard(self) -> None:
+        """Delete it, if it has not become a file."""
+        disk.discard(self.path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,19 +223,38 @@ class FileStore:
 
     # --- changes --------------------------------------------------------------------------------------------------
 
-    def write(self, name: str, data: bytes) -> None:
+    def stage(self, name: str, data: bytes) -> Staged:
+        """Write the content of a file to the disk for :meth:`write` or :meth:`copy`, which then only rename it.
+
+        Writing a large file takes long; this method may be called from any thread, without the controller's lock.
+
+        Raises:
+            CallError: E_INVALIDARG; E_TOO_MUCH_DATA; E_FAIL.
+        """
+        wanted = read_name(name)
+        if len(data) > MOST_BYTES:
+            raise refusals.too_large(wanted, MOST_BYTES)
+        with reported(wanted):
+            return Staged(disk.write_temporary(self.root, data))
+
+    def write(self, name: str, data: bytes | Staged) -> None:
         """Set the content of a file; it is created if it is not there. What is refused leaves all as it was.
+
+        Args:
+            name: its name.
+            data: the content, or what :meth:`stage` has returned, which is used up in any case.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND, no folder for it; E_ACCESSDENIED; E_TOO_MUCH_DATA; E_MAX_OBJECT;
                 E_FAIL.
         """
-        wanted = read_name(name)
-        with reported(wanted):
-            place = self._locate(wanted, change=True)
-            if place.is_folder:
-                raise refusals.no_content(wanted)
-            self._put(_for_file(place), data)
+        with _used_up(data):
+            wanted = read_name(name)
+            with reported(wanted):
+                place = self._locate(wanted, change=True)
+                if place.is_folder:
+                    raise refusals.no_content(wanted)
+                self._put(_for_file(place), data)
         self._tell([str(place.name)])
 
     def create(self, name: str) -> None:
@@ -281,17 +311,23 @@ class FileStore:
             self._created.pop(place.name.key, None)
             self._tell([str(place.name)])
 
-    def copy(self, name: str, new: str) -> None:
+    def copy(self, name: str, new: str, data: Staged | None = None) -> None:
         """Copy a file to a name that is free; a folder is not copied.
+
+        Args:
+            name: its name.
+            new: the name of the copy.
+            data: its content, if it has been staged; it is used up in any case.
 
         Raises:
             CallError: as :meth:`read` and :meth:`create`.
         """
-        source = self._content(read_name(name))
-        place = _for_file(self._free(read_name(new)))
-        data = _read(source)
-        with reported(place.name):
-            self._put(place, data)
+        with _used_up(data):
+            source = self._content(read_name(name))
+            place = _for_file(self._free(read_name(new)))
+            content = _read(source) if data is None else data
+            with reported(place.name):
+                self._put(place, content)
         self._tell([str(place.name)])
 
     def move(self, name: str, new: str) -> None:
@@ -379,14 +415,15 @@ class FileStore:
 
     # --- changing -------------------------------------------------------------------------------------------------
 
-    def _put(self, place: _Place, data: bytes) -> None:
-        if len(data) > MOST_BYTES:
+    def _put(self, place: _Place, data: bytes | Staged) -> None:
+        if isinstance(data, bytes) and len(data) > MOST_BYTES:
             raise refusals.too_large(place.name, MOST_BYTES)
         if place.status is None:
             self._check_room()
         else:
             self._created[place.name.key] = self._creation(place)
-        disk.write_file(place.path, data, self._now())
+        temporary = disk.write_temporary(place.path.parent, data) if isinstance(data, bytes) else data.path
+        disk.put_in_place(temporary, place.path, self._now())
         if place.status is None:
             self._note_new(place)
 
@@ -449,6 +486,15 @@ def _below(folder: Path, parts: _Parts) -> Iterator[tuple[_Parts, bool]]:
 
 def _files(place: _Place) -> list[_Parts]:
     return [parts for parts, is_folder in _below(place.path, place.name.parts) if not is_folder]
+
+
+@contextmanager
+def _used_up(data: bytes | Staged | None) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        if isinstance(data, Staged):
+            data.discard()
 
 
 def _read(place: _Place) -> bytes:

@@ -48,7 +48,7 @@ def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
     """
     given = elements(parameter)
     if len(given) == 1 and isinstance(given[0].value, str) and len(defaults) > 1:
-        given = [Variant(VarType.BSTR, part) for part in _short(given[0].value).split(",")]
+        given = [Variant(VarType.BSTR, part) for part in short(given[0].value).split(",")]
     least = sum(1 for default in defaults if default is None)
     if not least <= len(given) <= len(defaults):
         raise _count(len(given), least, len(defaults))
@@ -158,7 +158,7 @@ def marked(given: Variant) -> tuple[PassMark | None, str]:
     Raises:
         CallError: E_INVALIDARG, the mark cannot be read, or the text is too long; DISP_E_TYPEMISMATCH.
     """
-    text = _short(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
+    text = short(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
     found = _MARK.match(text)
     return (pass_mark(found[0]), text[found.end() :].strip()) if found else (None, text)
 
@@ -196,7 +196,12 @@ def axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[i
     return None, found_pairs
 
 
-def _short(text: str) -> str:
+def short(text: str) -> str:
+    """Return a text as it is.
+
+    Raises:
+        CallError: E_INVALIDARG, it is longer than any parameter that is no pose.
+    """
     if len(text) > _LONGEST:
         raise error_for(
             hresult.E_INVALIDARG,
