@@ -654,11 +654,12 @@ def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str, rc8:
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
-def test_ctrl_c_while_a_motion_is_waited_for(rc8: VirtualRC8, url: str) -> None:
-    """The connection is closed, so the controller stops the arm."""
+def test_ctrl_c_while_a_motion_is_waited_for(rc8: VirtualRC8, url: str, clock: HeldClock) -> None:
+    """The connection is closed, so the controller stops the arm; over UDP after some seconds of silence."""
 
     def interrupt() -> None:
         until(lambda: status(rc8, "moving") == [True])
+        clock.pace(1.0)
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
     controller = orinkit.connect(url)
