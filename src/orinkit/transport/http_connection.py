@@ -191,7 +191,10 @@ class Transport(httpx2.BaseTransport):
         secure = connection
         try:
             host = self._contact.address.host
-            secure = context.wrap_socket(connection, server_hostname=host, do_handshake_on_connect=False)
+            with self._changing:  # a socket that another thread shuts down meanwhile would be left open by ssl
+                if self.stopped:
+                    raise closed()
+                secure = context.wrap_socket(connection, server_hostname=host, do_handshake_on_connect=False)
             self._take(secure, self.deadline.left)
             secure.do_handshake()
         except BaseException:
