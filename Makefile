@@ -1,7 +1,7 @@
 # make demo, make test: everything they need is set up in .venv first. PYTHON=... names the Python to make it with.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types bench soak coverage sync clean setup-all setup-dev
+.PHONY: help demo test lint types bench soak coverage sync messages release-check test-lowest clean setup-all setup-dev
 export PYTHON
 # The tests start hundreds of programs: none of them is to compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -25,6 +25,7 @@ lint: setup-dev ## style, layers, generated code / スタイル、層、生成�
 	$(RUN) ruff format --check .
 	.venv/bin/lint-imports
 	.venv/bin/python tools/make_sync.py --check
+	.venv/bin/python tools/messages.py --check
 
 types: setup-dev ## mypy, strict / 型検査
 	$(RUN) mypy
@@ -44,6 +45,15 @@ coverage: setup-dev ## tests of the core; every branch of it must be covered / �
 
 sync: setup-dev ## make the synchronous client again from the asynchronous one / 同期クライアントの再生成
 	.venv/bin/python tools/make_sync.py
+
+messages: setup-dev ## update the message catalogue from the source / メッセージカタログの更新
+	.venv/bin/python tools/messages.py
+
+release-check: setup-dev ## build sdist and wheel, and test both in clean environments / 配布物の検査
+	.venv/bin/python tools/release_check.py
+
+test-lowest: setup-dev ## tests with the lowest versions of all dependencies / 依存パッケージの下限版でのテスト
+	.venv/bin/python tools/lowest.py
 
 clean: ## remove everything that was made, .venv too / 生成物を削除 (.venv を含む)
 	rm -rf .venv build dist htmlcov .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

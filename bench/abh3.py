@@ -21,16 +21,16 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import can
-
 from measuring import ROUNDS, alternate, each_us, in_turn, line, medians, middle, on_core, process
-from orinkit.abh3 import aio, connect, dbc, ids
-from orinkit.abh3.decoder import Decoder
-from orinkit.abh3.frames import Codec
-from orinkit.can_frame import CanFrame
-from orinkit.language import pick
-from orinkit.server.can_server import serve_can
+from orinkit.abh3 import aio, connect
+from orinkit.abh3.table import dbc, ids
+from orinkit.abh3.table.decoder import Decoder
+from orinkit.abh3.table.frames import Codec
+from orinkit.can.bus import open_bus
+from orinkit.can.frame import CanFrame
+from orinkit.can.server import serve_can
+from orinkit.core.i18n import choose
 from orinkit.transport.address import CanAddress, parse_address
-from orinkit.transport.can_bus import open_bus
 from orinkit.virtual.abh3 import VirtualABH3
 
 GROUP = "239.74.163.2"
@@ -177,26 +177,26 @@ async def both_in_asyncio(url: str, bare_url: str, count: int) -> tuple[float, f
 def round_trips(count: int) -> None:
     """A command and its feedback, against an echo and against a virtual driver."""
     with echo_thread() as url, echo_thread() as bare_url:
-        against(pick("virtual, echo", "virtual, エコー"), url, bare_url, count, "aim <= 1.3")
+        against(choose("virtual, echo", "virtual, エコー"), url, bare_url, count, "aim <= 1.3")
     with driver_thread() as url, echo_thread() as bare_url:
-        against(pick("virtual, virtual ABH3", "virtual, 仮想 ABH3"), url, bare_url, count // 2)
+        against(choose("virtual, virtual ABH3", "virtual, 仮想 ABH3"), url, bare_url, count // 2)
     with process(echo_process) as url, process(echo_process) as bare_url:
-        against(pick("udp_multicast, echo", "udp_multicast, エコー"), url, bare_url, count // 2)
+        against(choose("udp_multicast, echo", "udp_multicast, エコー"), url, bare_url, count // 2)
     with process(driver_process) as url, process(echo_process) as bare_url:
-        against(pick("udp_multicast, virtual ABH3", "udp_multicast, 仮想 ABH3"), url, bare_url, count // 2)
+        against(choose("udp_multicast, virtual ABH3", "udp_multicast, 仮想 ABH3"), url, bare_url, count // 2)
 
 
 def against(where: str, url: str, bare_url: str, count: int, aim: str = "") -> None:
     """Measure the host's round trip there, in both ways."""
     each = max(10, count // ROUNDS)
-    command = pick("command", "指令")
+    command = choose("command", "指令")
     with bare_exchange(bare_url) as bare:
         results = [synchronous(url, bare, each) for _ in range(ROUNDS)]
         line(f"ABH3 {command}, {where}, sync", *middle(results), "us", aim)
         results = [asyncio.run(asynchronous(url, bare, each)) for _ in range(ROUNDS)]
         line(f"ABH3 {command}, {where}, async", *middle(results), "us")
     results = [asyncio.run(both_in_asyncio(url, bare_url, each)) for _ in range(ROUNDS)]
-    line(f"ABH3 {command}, {where}, async", *middle(results), "us", pick("bare: asyncio too", "素: 同じく asyncio"))
+    line(f"ABH3 {command}, {where}, async", *middle(results), "us", choose("bare: asyncio too", "素: 同じく asyncio"))
 
 
 # --- decoding ---------------------------------------------------------------------------------------------------------
@@ -231,10 +231,10 @@ def decoding(count: int) -> None:
     for name, (number, data) in FRAMES.items():
         decode, from_dbc = partial(codec.decode, name, data), partial(database.decode_message, number, data)
         least = partial(by_hand(name), data)
-        shown(pick(f"ABH3 {name} to a record", f"ABH3 {name} をレコードに"), decode, least, from_dbc, count)
+        shown(choose(f"ABH3 {name} to a record", f"ABH3 {name} をレコードに"), decode, least, from_dbc, count)
     number, data = FRAMES["DP0R"]
     whole, from_dbc = partial(tell, CanFrame(number, data, 1.0)), partial(database.decode_message, number, data)
-    what = pick("ABH3 DP0R, all that it says, with texts", "ABH3 DP0R の全内容 (項目名付き)")
+    what = choose("ABH3 DP0R, all that it says, with texts", "ABH3 DP0R の全内容 (項目名付き)")
     shown(what, whole, partial(by_hand("DP0R"), data), from_dbc, count)
 
 
@@ -250,7 +250,7 @@ def shown(
             bare,
             ratio,
             "us",
-            pick(f"{1e6 / mine:,.0f} /s, bare: {beside}", f"{1e6 / mine:,.0f} /s, 素: {beside}"),
+            choose(f"{1e6 / mine:,.0f} /s, bare: {beside}", f"{1e6 / mine:,.0f} /s, 素: {beside}"),
         )
 
 
@@ -288,7 +288,7 @@ class Loop:
         """Print one line."""
         late = sum(period > LATE for period in self.periods)
         print(
-            pick(
+            choose(
                 f"{what}: {len(self.periods)} cycles, period {told(self.periods)}, later than 20 ms: {late}; "
                 f"round trip {told(self.trips)}",
                 f"{what}: {len(self.periods)} 周期, 周期 {told(self.periods)}, 20 ms 超過: {late}; 往復 {told(self.trips)}",
@@ -338,5 +338,7 @@ def control_loops(seconds: float) -> None:
             for _ in range(max(1, round(seconds * share / piece))):
                 ours.run(lambda: driver.command(*VELOCITIES), piece)  # noqa: B023 - called in this very turn
                 bare.run(exchange, piece)
-        ours.show(pick(f"ABH3, 10 ms loop, {threads} busy threads", f"ABH3, 10 ms 制御ループ, 負荷スレッド {threads}"))
-        bare.show(pick("   the same with bare python-can", "   python-can のみで同じ処理"))
+        ours.show(
+            choose(f"ABH3, 10 ms loop, {threads} busy threads", f"ABH3, 10 ms 制御ループ, 負荷スレッド {threads}")
+        )
+        bare.show(choose("   the same with bare python-can", "   python-can のみで同じ処理"))

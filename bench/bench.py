@@ -20,9 +20,10 @@ from abh3 import abh3
 from ecap import ecap
 from gateway import gateway
 from measuring import alternate, each_us, in_turn, line, on_core, process
-from orinkit import functions, variant_bytes
+from orinkit import functions
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation, encode_request
+from orinkit.values import codec as variant_bytes
 from round_trips import ARGUMENTS, POSE, REPLY, round_trips, tcp_exchange, tcp_peer
 from served import PROVIDER, tcp_server
 

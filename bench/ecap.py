@@ -25,8 +25,8 @@ from starlette.routing import Route
 import orinkit
 from measuring import ROUNDS, in_turn, line, medians, middle, on_core, process
 from orinkit import aio, functions
+from orinkit.core.i18n import choose
 from orinkit.ecap.message import write_request
-from orinkit.language import pick
 from served import PROVIDER, both_servers
 
 CLIENTS = 50
@@ -71,9 +71,9 @@ def ecap(count: int, seconds: float) -> None:
         seconds: of each round with many clients.
     """
     with served() as (tcp, http, echo):
-        sync = pick("e-CAP round trip, sync client", "e-CAP 往復, 同期クライアント")
+        sync = choose("e-CAP round trip, sync client", "e-CAP 往復, 同期クライアント")
         line(sync, *middle([synchronous(http, echo, count) for _ in range(ROUNDS)]), "us", AIM)
-        asynchronous_ = pick("e-CAP round trip, async client", "e-CAP 往復, 非同期クライアント")
+        asynchronous_ = choose("e-CAP round trip, async client", "e-CAP 往復, 非同期クライアント")
         line(asynchronous_, *middle([asyncio.run(asynchronous(http, echo, count)) for _ in range(ROUNDS)]), "us", AIM)
         asyncio.run(together(tcp, http, echo, seconds))
 
@@ -179,7 +179,7 @@ async def together(tcp: str, http: str, echo: str, seconds: float) -> None:
         ratio = statistics.median(
             ours.rate / other.rate for ours, other in zip(results[name], results["httpx2"], strict=True)
         )
-        what = pick(f"{CLIENTS} clients at once, {name}, calls/s", f"同時 {CLIENTS} クライアント, {name}, 呼び出し/s")
+        what = choose(f"{CLIENTS} clients at once, {name}, calls/s", f"同時 {CLIENTS} クライアント, {name}, 呼び出し/s")
         line(what, crowd.rate, reference.rate, ratio, "/s", told(crowd, reference))
 
 
@@ -191,7 +191,7 @@ def middle_of(crowds: list[Crowd]) -> Crowd:
 
 def told(crowd: Crowd, bare: Crowd) -> str:
     """Return what else there is to say."""
-    return pick(
+    return choose(
         f"p50 {crowd.p50:.1f} p99 {crowd.p99:.1f} ms (bare {bare.p50:.1f}, {bare.p99:.1f}), "
         f"slowest client {crowd.share:.2f} of the mean (bare {bare.share:.2f})",
         f"p50 {crowd.p50:.1f} p99 {crowd.p99:.1f} ms (素の実装 {bare.p50:.1f}, {bare.p99:.1f}), "

@@ -15,8 +15,8 @@ from contextlib import ExitStack, contextmanager
 import orinkit
 from measuring import ROUNDS, in_turn, line, middle, process
 from orinkit import functions
+from orinkit.core.i18n import choose
 from orinkit.gateway import RemoteProvider
-from orinkit.language import pick
 from served import PROVIDER, both_servers, serve_until_told
 from stalls import Stalls
 from stream import PERIOD, as_if_elsewhere, busy, controller, ours, show_ours
@@ -44,13 +44,13 @@ def gateway(count: int) -> None:
         with process(gateway_to(tcp)) as through:
             gateway_tcp, gateway_http = through.split()
             tells = {
-                pick("gateway, b-CAP to b-CAP (bare: b-CAP)", "ゲートウェイ, b-CAP→b-CAP (素: b-CAP)"): (gateway_tcp, tcp),
-                pick("gateway, e-CAP to b-CAP (bare: b-CAP)", "ゲートウェイ, e-CAP→b-CAP (素: b-CAP)"): (gateway_http, tcp),
-                pick("gateway, e-CAP to b-CAP (bare: e-CAP)", "ゲートウェイ, e-CAP→b-CAP (素: e-CAP)"): (gateway_http, http),
+                choose("gateway, b-CAP to b-CAP (bare: b-CAP)", "ゲートウェイ, b-CAP→b-CAP (素: b-CAP)"): (gateway_tcp, tcp),
+                choose("gateway, e-CAP to b-CAP (bare: b-CAP)", "ゲートウェイ, e-CAP→b-CAP (素: b-CAP)"): (gateway_http, tcp),
+                choose("gateway, e-CAP to b-CAP (bare: e-CAP)", "ゲートウェイ, e-CAP→b-CAP (素: e-CAP)"): (gateway_http, http),
             }  # fmt: skip
             for what, (url, bare) in tells.items():
                 mine, other, ratio = middle([by_turns(url, bare, count) for _ in range(ROUNDS)])
-                adds = pick(f"adds {mine - other:.0f} us", f"追加分 {mine - other:.0f} us")
+                adds = choose(f"adds {mine - other:.0f} us", f"追加分 {mine - other:.0f} us")
                 line(what, mine, other, ratio, "us", adds)
 
 
@@ -90,7 +90,7 @@ def slave_through_gateway(seconds: float = 60.0, threads: int = 1, *, stalls: St
     with controller() as url, served_gateway(url) as through, busy(threads):
         outcome = ours(through, seconds, 2)
     load = os.getloadavg()[0]
-    what = pick(
+    what = choose(
         f"orinkit, 8 ms, mode 2, gateway, {threads} busy, load {load:.1f}",
         f"orinkit, 8 ms, モード 2, ゲートウェイ, 負荷スレッド {threads}, ロード {load:.1f}",
     )

@@ -25,7 +25,7 @@ PATIENT = 120.0
 HOME = (-160.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 CLIENT = """
 import orinkit, os, sys, time
-from orinkit.poses import J
+from orinkit.values.poses import J
 options = eval(sys.argv[2])
 controller = orinkit.connect(sys.argv[1], **options)
 robot = controller.robot("Arm")

@@ -7,7 +7,7 @@ import multiprocessing.connection
 import orinkit
 from measuring import on_core
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, VariableObject
-from orinkit.variant import Value, Variant
+from orinkit.values.variant import Value, Variant
 
 PROVIDER = "CaoProv.DENSO.VRC"
 

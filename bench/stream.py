@@ -26,9 +26,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import orinkit
-from orinkit import hresult
-from orinkit.errors import CallError, OrinError
-from orinkit.streaming import Progress, Timing
+from orinkit import Progress, Timing
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, OrinError
 from stalls import Stalls, watched
 
 START = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)

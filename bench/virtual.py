@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from orinkit.arms import load_model
+from orinkit.arms.kinematics import Kinematics
 from orinkit.cao.provider import ClientInfo
-from orinkit.cao.task_modes import TaskMode
-from orinkit.poses import AT_COMMAND
-from orinkit.variant import variant
+from orinkit.rc8.task_modes import TaskMode
+from orinkit.values.poses import AT_COMMAND
+from orinkit.values.variant import variant
 from orinkit.virtual.clock import ManualClock
+from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.cycle import PERIOD
-from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.motion import plan
 
 COUNTING = """Sub Main
   Dim n As Integer
@@ -65,11 +65,11 @@ def kinematics() -> dict[str, Callable[[], object]]:
     near = np.asarray(HOME)
     end = kin.forward((20.0, 50.0, 80.0, 10.0, 40.0, 15.0))
     tool = np.eye(4)
-    rates = plan.Rates()
+    rates = planner.Rates()
     return {
         "forward kinematics": lambda: kin.forward(HOME),
         "inverse kinematics": lambda: kin.inverse(flange, 5, near),
-        "planning a line": lambda: plan.plan_line(kin, HOME, end, tool, rates, AT_COMMAND),
+        "planning a line": lambda: planner.plan_line(kin, HOME, end, tool, rates, AT_COMMAND),
     }
 
 

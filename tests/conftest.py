@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from both import LISTEN_AT, Both
-from orinkit import language
-from orinkit.server.throttle import THROTTLE
+from orinkit.core import i18n
+from orinkit.server.log_limiter import THROTTLE
+from support.both import LISTEN_AT, Both
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a background job of a shell: Ctrl-C is tested too
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -30,10 +30,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     """Texts are in English unless a test says otherwise, whatever the machine's language is."""
-    before = language.current()
-    language.use("en")
+    before = i18n.current()
+    i18n.use("en")
     yield
-    language.use(before)
+    i18n.use(before)
 
 
 @pytest.fixture(autouse=True)

@@ -14,26 +14,11 @@ import sys
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent / "src" / "orinkit"
-CLIENT = (
-    ("_async_client.py", "_sync_client.py"),
-    ("_async_nodes.py", "_sync_nodes.py"),
-    ("_async_motion.py", "_sync_motion.py"),
-    ("_async_holding.py", "_sync_holding.py"),
-    ("_async_lending.py", "_sync_lending.py"),
-    ("_async_slave.py", "_sync_slave.py"),
-    ("_async_robot.py", "_sync_robot.py"),
-    ("_async_task.py", "_sync_task.py"),
-    ("_async.py", "_sync.py"),
-)
-ABH3 = (
-    ("_async_shared.py", "_sync_shared.py"),
-    ("_async_driver.py", "_sync_driver.py"),
-    ("_async_bus.py", "_sync_bus.py"),
-)
 PAIRS = [
-    (PACKAGE / folder / source, PACKAGE / folder / target)
-    for folder, pairs in (("client", CLIENT), ("abh3", ABH3))
-    for source, target in pairs
+    (source, source.parent.parent / "_sync" / source.name)
+    for folder in ("client", "abh3/api")
+    for source in sorted((PACKAGE / folder / "_async").glob("*.py"))
+    if source.name != "__init__.py"
 ]
 
 HEADER = '''"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
@@ -55,16 +40,7 @@ REPLACEMENTS = (
     (r"\bAwaitable\[None\]", "None"),
     (r"import asyncio\n", "import threading\n"),
     (r"asyncio\.Lock\(\)", "threading.RLock()"),
-    (r"_async_shared\b", "_sync_shared"),
-    (r"_async_driver\b", "_sync_driver"),
-    (r"_async_client\b", "_sync_client"),
-    (r"_async_nodes\b", "_sync_nodes"),
-    (r"_async_motion\b", "_sync_motion"),
-    (r"_async_holding\b", "_sync_holding"),
-    (r"_async_lending\b", "_sync_lending"),
-    (r"_async_slave\b", "_sync_slave"),
-    (r"_async_robot\b", "_sync_robot"),
-    (r"_async_task\b", "_sync_task"),
+    (r"\b_async\b", "_sync"),
     (r"\barun\b", "run"),
     (r"\barun_can\b", "run_can"),
     (r"\basay_goodbye\b", "say_goodbye"),
@@ -73,8 +49,8 @@ REPLACEMENTS = (
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),
     (r"transport\.aio_links", "transport.links"),
-    (r"transport\.aio_pulses", "transport.pulses"),
-    (r"transport\.aio_can_line", "transport.can_line"),
+    (r"transport\.aio_keepalive", "transport.keepalive"),
+    (r"can\.aio_shared_bus", "can.shared_bus"),
     (r"\bAsync([A-Z]\w*)", r"\1"),
     (
         r"several tasks may use one client\. A call that is cancelled or times out",

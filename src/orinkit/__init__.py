@@ -7,64 +7,160 @@
 
 from __future__ import annotations
 
+from orinkit.can.server import serve_can
 from orinkit.cao import functions
 from orinkit.cao.provider import Provider
-from orinkit.client._sync import (
-    Command,
-    Controller,
-    Extension,
-    File,
-    Message,
+from orinkit.client._shared.stream import Progress, StreamResult, Timing
+from orinkit.client._sync.client import Client
+from orinkit.client._sync.controller import Command, Controller, Extension, File, Message
+from orinkit.client._sync.controller import open_controller as connect
+from orinkit.client._sync.motion import Motion
+from orinkit.client._sync.objects import Variable
+from orinkit.client._sync.robot import Robot
+from orinkit.client._sync.stream import Stream
+from orinkit.client._sync.task import Task
+from orinkit.core import hresult
+from orinkit.core.errors import (
+    AccessDenied,
+    AlreadyRegistered,
+    BusyError,
+    CallError,
+    CallTimeout,
+    CaoError,
+    ConnectFailed,
+    ConnectionClosed,
+    ConnectionLost,
+    ControllerError,
+    DriverFault,
+    DriverRefused,
+    DriverTimeout,
+    ExecutionTimeout,
+    GeneralError,
+    InvalidAddress,
+    InvalidArgument,
+    InvalidHandle,
+    InvalidValue,
+    LanguageError,
+    LimitExceeded,
+    LoadFailed,
+    MissingExtra,
+    MotionError,
+    NotationError,
+    NotImplementedCall,
+    ObjectNotFound,
+    ObjectReleased,
+    OptionError,
+    OrinError,
+    PacketError,
+    PendantError,
+    ProgramError,
+    ProtocolError,
+    SafetyError,
+    ServoError,
+    SocketError,
+    StreamError,
+    TransportError,
+    UnknownError,
+    UserDefinedError,
+    error_for,
 )
-from orinkit.client._sync import open_controller as connect
-from orinkit.client._sync_client import Client
-from orinkit.client._sync_motion import Motion
-from orinkit.client._sync_nodes import Variable
-from orinkit.client._sync_robot import Robot
-from orinkit.client._sync_task import Task
+from orinkit.core.i18n import use as set_language
 from orinkit.device import Device, Part, command, variable
-from orinkit.errors import CallError, CallTimeout, ConnectionLost, OrinError
-from orinkit.poses import J, P, T, V
-from orinkit.server.background import Server, serve
-from orinkit.server.can_server import serve_can
-from orinkit.server.http_options import HttpOptions
-from orinkit.variant import Variant, VarType
+from orinkit.rc8.slave_lateness import Lateness
+from orinkit.server.http.options import HttpOptions
+from orinkit.server.threaded import Server, serve
+from orinkit.streaming.planning.limits import Limits, PathLimits
+from orinkit.streaming.process.realtime import RealTime
+from orinkit.streaming.recording.samples import Sample
+from orinkit.streaming.trajectory.limit_violations import TrajectoryError
+from orinkit.values.poses import J, P, T, V
+from orinkit.values.variant import Variant, VarType
 
 open_client = Client.open
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "AccessDenied",
+    "AlreadyRegistered",
+    "BusyError",
     "CallError",
     "CallTimeout",
+    "CaoError",
     "Client",
     "Command",
+    "ConnectFailed",
+    "ConnectionClosed",
     "ConnectionLost",
     "Controller",
+    "ControllerError",
     "Device",
+    "DriverFault",
+    "DriverRefused",
+    "DriverTimeout",
+    "ExecutionTimeout",
     "Extension",
     "File",
+    "GeneralError",
     "HttpOptions",
+    "InvalidAddress",
+    "InvalidArgument",
+    "InvalidHandle",
+    "InvalidValue",
     "J",
+    "LanguageError",
+    "Lateness",
+    "LimitExceeded",
+    "Limits",
+    "LoadFailed",
     "Message",
+    "MissingExtra",
     "Motion",
+    "MotionError",
+    "NotImplementedCall",
+    "NotationError",
+    "ObjectNotFound",
+    "ObjectReleased",
+    "OptionError",
     "OrinError",
     "P",
+    "PacketError",
     "Part",
+    "PathLimits",
+    "PendantError",
+    "ProgramError",
+    "Progress",
+    "ProtocolError",
     "Provider",
+    "RealTime",
     "Robot",
+    "SafetyError",
+    "Sample",
     "Server",
+    "ServoError",
+    "SocketError",
+    "Stream",
+    "StreamError",
+    "StreamResult",
     "T",
     "Task",
+    "Timing",
+    "TrajectoryError",
+    "TransportError",
+    "UnknownError",
+    "UserDefinedError",
     "V",
     "VarType",
     "Variable",
     "Variant",
     "command",
     "connect",
+    "error_for",
     "functions",
+    "hresult",
     "open_client",
     "serve",
     "serve_can",
+    "set_language",
     "variable",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 
 
 def main() -> int:
@@ -15,7 +15,7 @@ def main() -> int:
         return run()
     except KeyboardInterrupt:
         if sys.stderr is not None:
-            sys.stderr.write(f"orinkit: {pick('interrupted', '中断しました')}\n")
+            sys.stderr.write(f"orinkit: {tr('interrupted')}\n")
         return 130
 
 

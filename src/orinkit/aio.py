@@ -13,7 +13,8 @@ from collections.abc import Callable, Coroutine
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
-from orinkit.client._async import (
+from orinkit.client._async.client import AsyncClient
+from orinkit.client._async.controller import (
     AsyncCommand,
     AsyncController,
     AsyncExtension,
@@ -21,12 +22,12 @@ from orinkit.client._async import (
     AsyncMessage,
     open_controller,
 )
-from orinkit.client._async_client import AsyncClient
-from orinkit.client._async_motion import AsyncMotion
-from orinkit.client._async_nodes import AsyncVariable
-from orinkit.client._async_robot import AsyncRobot
-from orinkit.client._async_task import AsyncTask
-from orinkit.opening import Opening
+from orinkit.client._async.motion import AsyncMotion
+from orinkit.client._async.objects import AsyncVariable
+from orinkit.client._async.robot import AsyncRobot
+from orinkit.client._async.stream import AsyncStream
+from orinkit.client._async.task import AsyncTask
+from orinkit.core.awaitable import Opening
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "AsyncMotion",
     "AsyncRobot",
     "AsyncServer",
+    "AsyncStream",
     "AsyncTask",
     "AsyncVariable",
     "connect",

@@ -16,12 +16,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abh3_frames import FRAMES, FRAMES_ALIKE, QUANTITIES, TENTHS
-from orinkit import language
-from orinkit.abh3 import records
-from orinkit.abh3.frames import Codec
-from orinkit.abh3.records import RECORDS, Flags
-from orinkit.abh3.signals import (
+from orinkit.abh3.table import records
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.records import RECORDS, Flags
+from orinkit.abh3.table.signals import (
     ANALOG,
     CURRENT,
     DIALECTS,
@@ -41,11 +39,18 @@ from orinkit.abh3.signals import (
     dialect_of,
     real,
 )
-from orinkit.errors import InvalidValue
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
+from support.abh3_frames import FRAMES, FRAMES_ALIKE, QUANTITIES, TENTHS
 
 pytestmark = pytest.mark.core
 
 BOTH = [pytest.param(V1, id="v1"), pytest.param(V2, id="v2")]
+
+
+def _spaceless(text: str) -> str:
+    """The document writes one name with spaces and without."""
+    return text.replace(" ", "")
 
 
 @pytest.mark.parametrize("dialect", BOTH)
@@ -59,10 +64,16 @@ def test_every_frame_of_the_document_is_there(dialect: Dialect) -> None:
         assert layout.withheld == (name == "DP1R")
         assert layout.struct.size == 8
         found = [
-            (field.name, field.text[1], start // 8 + 1, struct.calcsize("<" + field.code), field.code)
+            (
+                field.name,
+                _spaceless(i18n.translate("ja", field.title)),
+                start // 8 + 1,
+                struct.calcsize("<" + field.code),
+                field.code,
+            )
             for field, start in layout.starts
         ]
-        assert found == fields, name
+        assert found == [(key, _spaceless(title), *rest) for key, title, *rest in fields], name
 
 
 @pytest.mark.parametrize("dialect", BOTH)
@@ -114,7 +125,7 @@ def test_the_dialects() -> None:
     assert DIALECTS["v1"] is V1 is dialect_of("v1") is dialect_of(V1)
     assert DIALECTS["v2"] is V2 is dialect_of("v2") is dialect_of(V2)
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=r"'v3'.*v1.*v2"):
             dialect_of("v3")
         for wrong in (["v1"], {}, None, 1, b"v1", ("v1",), "V1", ""):
@@ -156,17 +167,25 @@ def test_the_table_cannot_be_changed() -> None:
 # --- texts ------------------------------------------------------------------------------------------------------------
 
 
+def _both(title: str) -> tuple[str, str]:
+    return title, i18n.translate("ja", title)
+
+
+def _japanese(bit: Bit) -> str:
+    return i18n.translate("ja", bit.title, **dict(bit.values))
+
+
 def _texts(dialect: Dialect) -> Iterator[tuple[str, str]]:
-    yield dialect.text
+    yield _both(dialect.title)
     for layout in dialect.layouts.values():
-        yield layout.text
+        yield _both(layout.title)
         for field in layout.fields:
-            yield field.text
+            yield _both(field.title)
             if field.quantity is not None:
-                yield field.quantity.text
+                yield _both(field.quantity.title)
             if field.word is not None:
-                yield field.word.text
-                yield from ((bit.en, bit.ja) for bit in field.word.bits)
+                yield _both(field.word.title)
+                yield from ((bit.english, _japanese(bit)) for bit in field.word.bits)
 
 
 @pytest.mark.parametrize("dialect", BOTH)
@@ -214,8 +233,8 @@ def test_units_and_ranges(quantity: Quantity, unit: str, low: float, high: float
 def test_what_is_out_of_range_is_refused(
     quantity: Quantity, unit: str, low: float, high: float, step: float, digits: int
 ) -> None:
-    for tongue, name in zip(("en", "ja"), quantity.text, strict=True):
-        language.use(tongue)
+    for tongue, name in zip(("en", "ja"), _both(quantity.title), strict=True):
+        i18n.use(tongue)
         for value in (low - step, high + step, low - 0.51 * step, high + 0.51 * step, 1e300, -1.7e308):
             with pytest.raises(InvalidValue) as caught:
                 quantity.encode(value)
@@ -306,7 +325,7 @@ def test_load_units() -> None:
         assert [name for name in dialect.layouts if tenths.layouts[name] != dialect.layouts[name]] == ["BR3"]
         for unit in (0, 10, 0.01, math.nan, "0.1", None):
             for tongue in ("en", "ja"):
-                language.use(tongue)
+                i18n.use(tongue)
                 with pytest.raises(InvalidValue, match=r"1 .*0\.1 %"):
                     dialect.with_load_unit(unit)
 
@@ -480,7 +499,7 @@ def test_the_bits_are_those_of_the_reference(word: Word, rows: Rows, per_axis: M
     for number, name, words, _ in rows:
         bit = word.by_number[number]
         assert bit is word.by_name[name]
-        assert words in bit.ja
+        assert words in _japanese(bit)
         assert word.mask(name) == word.mask(number) == 1 << number
 
 
@@ -488,8 +507,8 @@ def test_the_bits_are_those_of_the_reference(word: Word, rows: Rows, per_axis: M
 def test_no_bits_and_no_names_clash(word: Word, rows: Rows, per_axis: Mapping[str, int]) -> None:
     assert len({bit.number for bit in word.bits}) == len(word.bits) == len(rows)
     assert len({bit.name for bit in word.bits}) == len(word.bits)
-    assert len({bit.en for bit in word.bits}) == len(word.bits)
-    assert len({bit.ja for bit in word.bits}) == len(word.bits)
+    assert len({bit.english for bit in word.bits}) == len(word.bits)
+    assert len({_japanese(bit) for bit in word.bits}) == len(word.bits)
     assert all(0 <= bit.number <= 31 for bit in word.bits)
     assert all(bit.name.isidentifier() and bit.name.islower() for bit in word.bits)
 
@@ -509,7 +528,7 @@ def test_a_name_without_an_axis_means_both(word: Word, rows: Rows, per_axis: Map
 )
 def test_what_is_no_bit(name: Any) -> None:
     for tongue, text in (("en", "inputs"), ("ja", "入力")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue) as caught:
             V1.inputs.mask(name)
         assert text in str(caught.value)

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3.convert import (
+from orinkit.abh3.table.convert import (
     cnvCAN2Analog,
     cnvCAN2Cur,
     cnvCAN2Load,
@@ -24,7 +23,8 @@ from orinkit.abh3.convert import (
     pkflt_to_str,
     str_to_pkflt,
 )
-from orinkit.errors import InvalidValue
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -83,7 +83,7 @@ def test_velocities_without_a_code(value: float) -> None:
 
 @pytest.mark.parametrize("value", [327.675, -327.685, 330, math.inf, math.nan, -1e308])
 def test_currents_without_a_code(value: float) -> None:
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue) as caught:
         cnvCur2CAN(value)
     for part in ("電流", "-327.68", "327.67", "%"):

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3 import ids
-from orinkit.abh3.dbc import dbc
-from orinkit.abh3.frames import Codec
-from orinkit.abh3.records import Flags
-from orinkit.abh3.signals import DIALECTS, V1, Field, Layout
-from orinkit.errors import InvalidValue
+from orinkit.abh3.table import ids
+from orinkit.abh3.table.dbc import dbc
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.records import Flags
+from orinkit.abh3.table.signals import DIALECTS, V1, Field, Layout
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -118,7 +118,7 @@ def test_units_ranges_and_types(dialect, unit):
             if quantity is None:
                 continue
             signal = signals[field.name]
-            assert (signal.start, signal.unit or "", signal.comment.startswith(field.text[0][:1].upper())) == (
+            assert (signal.start, signal.unit or "", signal.comment.startswith(field.title[:1].upper())) == (
                 start,
                 quantity.unit,
                 True,
@@ -160,7 +160,7 @@ def test_several_drivers():
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
 def test_it_is_plain_text_in_any_language(lang, tmp_path):
-    language.use(lang)
+    i18n.use(lang)
     text = dbc()
     assert text.isascii()
     assert "\r" not in text
@@ -189,14 +189,14 @@ def test_names_are_no_longer_than_such_files_have_them():
 )
 @pytest.mark.parametrize("lang", ["en", "ja"])
 def test_what_it_cannot_be_made_of(options, lang):
-    language.use(lang)
+    i18n.use(lang)
     with pytest.raises(InvalidValue):
         dbc(**options)
 
 
 def test_a_field_that_means_nothing_is_no_signal():
     """A dialect of somebody's own may have bytes that are spare."""
-    spare = replace(V1.layouts["BR4"], fields=(Field("spare", ("spare", "予備"), "I"), V1.layouts["BR4"].fields[1]))
+    spare = replace(V1.layouts["BR4"], fields=(Field("spare", "spare", "I"), V1.layouts["BR4"].fields[1]))
     database = cantools.database.load_string(dbc(replace(V1, layouts={**V1.layouts, "BR4": spare})), "dbc", strict=True)
     (signal,) = database.get_message_by_name("BR4").signals
     assert (signal.name, signal.start) == (spare.fields[1].name, 32)

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3 import ids
-from orinkit.abh3.decoder import Decoded, Decoder
-from orinkit.abh3.frames import Codec
-from orinkit.abh3.records import BR0, BR1, BR1V2, BUF, DP0R, DP0RV2, DP0S
-from orinkit.abh3.signals import DIALECTS
-from orinkit.can_frame import CanFrame
-from orinkit.errors import InvalidValue
+from orinkit.abh3.table import ids
+from orinkit.abh3.table.decoder import Decoded, Decoder
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.records import BR0, BR1, BR1V2, BUF, DP0R, DP0RV2, DP0S
+from orinkit.abh3.table.signals import DIALECTS
+from orinkit.can.frame import CanFrame
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -73,7 +73,7 @@ def test_flags_of_real_drivers():
 
 
 def test_japanese():
-    language.use("ja")
+    i18n.use("ja")
     assert decoded(FEEDBACK, GOLDEN[0][0]).text == (
         "DP0R 1 -> 2: A 速度帰還 = -14.8 min^-1, B 速度帰還 = 0.0 min^-1, Y 速度帰還 = -7.4 min^-1, X 速度帰還 = -7.4 min^-1"
     )
@@ -164,6 +164,10 @@ def test_a_group():
     other = decoded(0x00FF0001, "00" * 8, group=5)
     assert (other.name, other.record) == ("", None)
     assert other.text == "unknown 1 -> all: BR0 of group 0: 00 00 00 00 00 00 00 00"
+    assert other.fault is not None
+    i18n.use("ja")
+    assert other.text == "不明 1 -> 全体: グループ 0 の BR0: 00 00 00 00 00 00 00 00"
+    assert other.fault.english == "BR0 of group 0: 00 00 00 00 00 00 00 00"
 
 
 # --- who is who -------------------------------------------------------------------------------------------------------
@@ -227,7 +231,7 @@ KNOWN = st.builds(
     st.sampled_from(["en", "ja"]),
 )
 def test_any_frame_says_something(frames, dialect, lang):
-    language.use(lang)
+    i18n.use(lang)
     decoder = Decoder(dialect)
     for number, data in frames:
         found = decoder.decode(CanFrame(number, data))

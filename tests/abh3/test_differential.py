@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
 from orinkit.abh3.differential import Differential, Travel, Twist, Wheels
-from orinkit.errors import InvalidValue
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -71,7 +71,7 @@ def test_measures_that_cannot_be(name: str, wrong: float) -> None:
 def test_messages_name_the_measure() -> None:
     with pytest.raises(InvalidValue, match="track must be greater than 0, not -1"):
         Differential(wheel_diameter=0.1, track=-1, gear=1)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue, match="gear は有限の数値です: nan"):
         Differential(wheel_diameter=0.1, track=1, gear=math.nan)
 

@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3.frames import Codec
-from orinkit.abh3.records import (
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.records import (
     BR0,
     BR1,
     BR1V2,
@@ -33,8 +32,9 @@ from orinkit.abh3.records import (
     Flags,
     Record,
 )
-from orinkit.abh3.signals import V1, V2, Dialect
-from orinkit.errors import InvalidValue, ProtocolError
+from orinkit.abh3.table.signals import V1, V2, Dialect
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue, ProtocolError
 
 pytestmark = pytest.mark.core
 
@@ -151,7 +151,7 @@ def test_raw_values() -> None:
 @pytest.mark.parametrize("size", [0, 1, 7, 9, 64])
 def test_wrong_lengths(name: str, size: int) -> None:
     for tongue, text in (("en", f"8 bytes, not {size}"), ("ja", f"8 バイトです ({size} バイト)")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(ProtocolError) as caught:
             ONE.decode(name, bytes(size))
         assert name in str(caught.value)
@@ -178,7 +178,7 @@ def test_a_record_of_a_type() -> None:
 )
 def test_records_of_another_dialect(codec: Codec, record: Record) -> None:
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue) as caught:
             codec.encode(record)
         for part in (codec.dialect.name, type(record).__name__, "DP0S", "BR6"):
@@ -215,7 +215,7 @@ def test_bytes_of_an_unknown_frame() -> None:
 )
 def test_values_without_a_code(record: Record, named: tuple[str, str]) -> None:
     for tongue, name in zip(("en", "ja"), named, strict=True):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=name):
             ONE.encode(record)
 
@@ -266,7 +266,7 @@ def test_a_mistyped_name_is_no_flag_that_is_off() -> None:
     both = flags(0x80003001)
     for nothing in ("", "bit_0", "servo", "start ", 32, -1, None, 1.5, True):
         for tongue, text in (("en", "inputs"), ("ja", "入力")):
-            language.use(tongue)
+            i18n.use(tongue)
             with pytest.raises(InvalidValue, match=text):
                 _ = nothing in both
 
@@ -282,7 +282,7 @@ def test_the_names_of_the_flags_that_are_set() -> None:
 def test_what_flags_say_in_both_languages() -> None:
     wrong = Flags(0x10400000, V1.errors)
     assert wrong.texts == ("CAN communication time-out",)
-    language.use("ja")
+    i18n.use("ja")
     assert wrong.texts == ("CAN 通信異常 (タイムアウト)",)
     assert Flags(0x10400000, V2.errors).texts == ("CAN 通信異常 (タイムアウト)", "エラーコード 0")
 

@@ -18,13 +18,13 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from orinkit import language
-from orinkit.abh3.heart import End, Heart, watched
-from orinkit.abh3.host import Host
-from orinkit.abh3.keeping import AsyncKeeper, Keeper
-from orinkit.abh3.records import DP0R
-from orinkit.can_frame import CanFrame, CanOperation
-from orinkit.errors import DriverTimeout, InvalidValue
+from orinkit.abh3.api.keepalive_runner import AsyncKeeper, Keeper
+from orinkit.abh3.session.host import Host
+from orinkit.abh3.session.keepalive import End, Heart, watched
+from orinkit.abh3.table.records import DP0R
+from orinkit.can.frame import CanFrame, CanOperation
+from orinkit.core import i18n
+from orinkit.core.errors import DriverTimeout, InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -157,7 +157,7 @@ def test_why_it_ends() -> None:
 @pytest.mark.parametrize("seconds", [0, -1.0, math.nan, math.inf, -math.inf, "1", True, 10**400, GREAT, 3600.1, 1j])
 def test_times_that_are_none(name: str, seconds: Any) -> None:
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=name) as caught:
             Heart(**{"period": 0.1, "patience": 0.5, "idle": 2.0, "now": 0.0, name: seconds})
         assert len(str(caught.value)) < 120
@@ -176,7 +176,7 @@ def test_the_least_and_the_longest() -> None:
     heart = Heart(0.001, 3600.0, 3600, 0.0)
     assert (heart.period, heart.patience, heart.idle) == (0.001, 3600.0, 3600.0)
     for tongue, text in (("en", "0.001 s or more"), ("ja", "0.001 秒以上")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             Heart(0.00099, 1.0, None, 0.0)
 
@@ -185,7 +185,7 @@ def test_the_least_and_the_longest() -> None:
 def test_a_period_is_below_the_patience(period: Any, patience: Any) -> None:
     """Otherwise it would end before the second beat, or wait longer than the driver does."""
     for tongue, text in (("en", "Try: a period of 0.1 s"), ("ja", "対処")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as caught:
             Heart(period, patience, None, 0.0)
         assert f"{float(period):g}" in str(caught.value)
@@ -372,7 +372,7 @@ def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
 
 
 def test_joining_does_not_take_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orinkit.abh3.keeping._JOINING", 0.05)
+    monkeypatch.setattr("orinkit.abh3.api.keepalive_runner._JOINING", 0.05)
     heart = Slow()
     keeper = Keeper(heart.beat, heart.left, "x")
     assert heart.at_work.wait(LONG)
@@ -422,7 +422,7 @@ def test_a_beat_that_raises_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 PROGRAM = """
 import os, sys, threading
-from orinkit.abh3.keeping import Keeper
+from orinkit.abh3.api.keepalive_runner import Keeper
 
 class Heart:
     def beat(self):

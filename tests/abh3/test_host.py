@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3.frames import Codec
-from orinkit.abh3.host import Host, broadcasts_of_all
-from orinkit.abh3.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2, DP1R, Flags
-from orinkit.abh3.signals import V1, V2, Dialect
-from orinkit.can_frame import CanFrame, CanOperation, Turn
-from orinkit.errors import DriverFault, DriverTimeout, InvalidValue
+from orinkit.abh3.session.host import Host, broadcasts_of_all
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2, DP1R, Flags
+from orinkit.abh3.table.signals import V1, V2, Dialect
+from orinkit.can.frame import CanFrame, CanOperation, Turn
+from orinkit.core import i18n
+from orinkit.core.errors import DriverFault, DriverTimeout, InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -245,7 +245,7 @@ def test_bad_values_send_nothing_and_change_nothing(number: int) -> None:
     Peer(FEEDBACK).run(host.set_inputs(0x3003))
     Peer(FEEDBACK).run(host.command(1, 2))
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue) as caught:
             next(BAD[number](host))
         assert len(str(caught.value)) < 600
@@ -256,7 +256,7 @@ def test_bad_values_send_nothing_and_change_nothing(number: int) -> None:
 def test_whose_command_is_wrong() -> None:
     host: Host[DP0R] = Host()
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         for arguments, axis in (((7000, 1), "ay"), ((1, 7000), "bx"), ((None, "1"), "bx"), ((7000, 7000), "ay")):
             with pytest.raises(InvalidValue, match=f"^{axis}: "):
                 next(host.command(*arguments))
@@ -264,7 +264,7 @@ def test_whose_command_is_wrong() -> None:
 
 def test_what_to_do_about_a_negative_word() -> None:
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         for arguments, name in (((-1,), "data"), ((0, -1), "mask")):
             with pytest.raises(InvalidValue, match=rf"^{name} .*-1.*: {name} & 0xFFFFFFFF$"):
                 next(Host().set_inputs(*arguments))
@@ -305,7 +305,7 @@ def test_an_operation_that_is_not_run_changes_nothing() -> None:
 )
 def test_settings_out_of_range(settings: dict[str, Any], named: str) -> None:
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=named):
             Host(V1, **settings)
 

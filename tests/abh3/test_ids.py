@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3 import ids
-from orinkit.abh3._checks import whole
-from orinkit.abh3.ids import Id
-from orinkit.errors import InvalidValue
+from orinkit.abh3.table import ids
+from orinkit.abh3.table.checks import whole
+from orinkit.abh3.table.ids import Id
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -89,7 +89,7 @@ def test_bounds(check: Any, highest: int, name: str) -> None:
         assert check(good) == good
     for bad in (-1, highest + 1, 255, 1 << 100, 10**5000, True, 1.0, "1", None, b"\1"):
         for tongue in ("en", "ja"):
-            language.use(tongue)
+            i18n.use(tongue)
             with pytest.raises(InvalidValue) as caught:
                 check(bad)
             assert str(caught.value).startswith(f"{name} ")
@@ -104,7 +104,7 @@ def test_numbers_of_broadcasts() -> None:
     assert ids.broadcast_number(8, 1) == 8
     assert ids.broadcast_number(0xFF, 31) == 0xFF
     for tongue, text in (("en", "broadcast"), ("ja", "ブロードキャスト")):
-        language.use(tongue)
+        i18n.use(tongue)
         for bad in (-1, 256, True, 0.0, "0"):
             with pytest.raises(InvalidValue, match=text):
                 ids.broadcast_number(bad, 5)
@@ -120,7 +120,7 @@ def test_a_broadcast_of_another_group_is_none(number: int, group: int, other: in
         ("en", f"0x{number:02X} is broadcast {place} of group {other}; the group is {group} here"),
         ("ja", f"0x{number:02X} はグループ {other} のブロードキャスト {place} です"),
     ):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=re.escape(text)):
             ids.broadcast_number(number, group)
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3 import multipacket
-from orinkit.abh3.ids import CONTROL, TRANSFER, Id
-from orinkit.abh3.multipacket import Responder, exchange, receive_message, send_message
-from orinkit.can_frame import CanFrame, CanOperation, checked
-from orinkit.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
+from orinkit.abh3.session import multipacket
+from orinkit.abh3.session.multipacket import Responder, exchange, receive_message, send_message
+from orinkit.abh3.table.ids import CONTROL, TRANSFER, Id
+from orinkit.can.frame import CanFrame, CanOperation, checked
+from orinkit.core import i18n
+from orinkit.core.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
 
 pytestmark = pytest.mark.core
 
@@ -370,7 +370,7 @@ REASONS = {
     3: "time-out",
     5: "too often",
     9: "too long",
-    77: "unknown",
+    77: "unknown reason",
 }
 
 
@@ -391,7 +391,7 @@ def test_the_driver_aborts_in_any_phase(reason: int) -> None:
 
 
 def test_reasons_in_japanese() -> None:
-    language.use("ja")
+    i18n.use("ja")
     assert "別のメッセージを処理中 (理由 1)" in str(fails(script(sending()), control("ff01"), []))
 
 
@@ -670,6 +670,6 @@ def test_constants() -> None:
 @pytest.mark.parametrize("message", ["text", None, 5, [1, 2], memoryview(b"x")])
 def test_what_is_no_message(message: bytes) -> None:
     for tongue, text in (("en", "bytes are needed"), ("ja", "bytes が必要です")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             exchange(message, host=HOST, driver=DRIVER)

@@ -6,22 +6,22 @@ import math
 import re
 import struct
 from decimal import Decimal
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3 import packfloat
-from orinkit.abh3.packfloat import MINUS_INFINITY, NAN, PLUS_INFINITY, ZERO, PackFloat, Rounding
-from orinkit.errors import InvalidValue
+from orinkit.abh3.table import packfloat
+from orinkit.abh3.table.packfloat import MINUS_INFINITY, NAN, PLUS_INFINITY, ZERO, PackFloat, Rounding
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
+from support import paths
 
 pytestmark = pytest.mark.core
 
 HUGE = 10**5000
-VECTORS = Path(__file__).parents[1] / "vectors"
+VECTORS = paths.VECTORS
 LINE = re.compile(
     r"(flt|str|raw) (.*?) *(?:->)? ?(?:rc=([01]) )?(0x[0-9A-F]{8}) k=(\S+) dp=(\S+) e=(\S+) str=(\S*) (?:flt|back)=(\S+)"
 )
@@ -149,7 +149,7 @@ def test_words_have_32_bits(word: int) -> None:
     for function in (packfloat.parts, packfloat.to_text, packfloat.to_float):
         with pytest.raises(InvalidValue, match="32 bits"):
             function(word)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue, match="32 ビット"):
         packfloat.parts(word)
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from orinkit import language
-from orinkit.abh3.reading import Reading, monitor, parameter, word_of
-from orinkit.abh3.telabh3 import MONITORS, PARAMETERS
-from orinkit.errors import InvalidValue
+from orinkit.abh3.session.parameter_value import Reading, monitor, parameter, word_of
+from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -21,7 +21,7 @@ def test_a_parameter_in_its_unit() -> None:
     assert found == Reading(0x5000, 0x00400008, PARAMETERS[0x5000])
     assert (found.value, found.unit) == (800.0, "min^-1")
     assert str(found) == "0x5000 A/Y velocity #0: 800 min^-1"
-    language.use("ja")
+    i18n.use("ja")
     assert str(found) == "0x5000 A/Y 速度 #0: 800 min^-1"
 
 
@@ -40,7 +40,7 @@ def test_parameters_are_no_monitors() -> None:
 def test_whole_numbers_keep_all_their_digits() -> None:
     assert str(monitor(0x1054, 0x7FFFFFFF)) == "0x1054 A pulse count: 2147483647 pulse"
     assert str(monitor(0x1064, 0xFFFFFFFF)) == "0x1064 B pulse count: -1 pulse"
-    assert str(monitor(0x0000, 0x80400001)) == "0x0000 errors: 2151677953"
+    assert str(monitor(0x0000, 0x80400001)) == "0x0000 error flags: 2151677953"
 
 
 def test_an_unknown_address_is_its_word() -> None:
@@ -72,6 +72,6 @@ def test_what_is_written() -> None:
 )
 def test_what_cannot_be_written(address: int, value: Any, raw: bool, said: tuple[str, str]) -> None:
     for tongue, text in zip(("en", "ja"), said, strict=True):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             word_of(address, value, raw=raw)

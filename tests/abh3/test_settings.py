@@ -6,11 +6,10 @@ import math
 from decimal import Decimal
 from typing import Any
 
-import can
 import pytest
 
-from orinkit import language
-from orinkit.abh3._common import (
+import can
+from orinkit.abh3.api.common import (
     BusSettings,
     HostSettings,
     Settings,
@@ -21,8 +20,9 @@ from orinkit.abh3._common import (
     given_bus,
     host_of,
 )
-from orinkit.abh3.signals import V1, V2
-from orinkit.errors import InvalidAddress, InvalidValue
+from orinkit.abh3.table.signals import V1, V2
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidAddress, InvalidValue
 from orinkit.transport.address import CanAddress
 
 pytestmark = pytest.mark.core
@@ -65,7 +65,7 @@ def test_where_a_bus_is(at: str | None, settings: BusSettings, address: CanAddre
 )
 def test_a_bus_is_given_once(at: str | None, settings: BusSettings) -> None:
     for tongue, text in (("en", "a CAN bus is needed"), ("ja", "CAN バスの指定が必要です")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidAddress) as caught:
             bus_address(at, settings)
         for part in (text, at or "", "can://socketcan/can0?bitrate=500000", "interface="):
@@ -78,7 +78,7 @@ def test_a_bus_is_given_once(at: str | None, settings: BusSettings) -> None:
 )
 def test_a_url_says_all_about_a_bus(settings: BusSettings) -> None:
     for tongue, text in (("en", "cannot be given beside it"), ("ja", "同時に指定できません")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidAddress) as caught:
             bus_address("can://socketcan/can0", settings)
         for part in (text, "'can://socketcan/can0'", ", ".join(settings)):
@@ -115,7 +115,7 @@ def test_a_bus_of_python_can() -> None:
         assert given_bus(bus) is bus
     for wrong in (5, b"can://virtual/x", object, can.Bus, 10**5000):
         for tongue in ("en", "ja"):
-            language.use(tongue)
+            i18n.use(tongue)
             with pytest.raises(InvalidAddress, match="python-can"):
                 given_bus(wrong)
 
@@ -126,7 +126,7 @@ def test_unknown_settings_are_refused_as_python_does() -> None:
     check_names(hosts, HostSettings)
     check_names({**hosts, "interface": 1, "channel": 2, "bitrate": 3}, Settings)
     for tongue in ("en", "ja"):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(TypeError, match=r"'bit_rate'.*interface, channel, bitrate"):
             check_names({"channel": "x", "bit_rate": 5}, BusSettings)
         with pytest.raises(TypeError, match="'address'"):
@@ -150,7 +150,7 @@ def test_seconds(seconds: Any) -> None:
 )
 def test_what_are_no_seconds(seconds: Any) -> None:
     for tongue, text in (("en", "above 0 and up to 3600"), ("ja", "3600 以下の秒数")):
-        language.use(tongue)
+        i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as caught:
             check_seconds("timeout", seconds)
         assert str(caught.value).startswith("timeout ")

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit.abh3 import telabh3
-from orinkit.abh3.telabh3 import ACK, MONITORS, NAK, PARAMETERS, Item, Reply, Request
-from orinkit.errors import DriverRefused, InvalidValue, ProtocolError
+from orinkit.abh3.session import telabh3
+from orinkit.abh3.session.telabh3 import ACK, MONITORS, NAK, PARAMETERS, Item, Reply, Request
+from orinkit.core import i18n
+from orinkit.core.errors import DriverRefused, InvalidValue, ProtocolError
 
 pytestmark = pytest.mark.core
 
@@ -131,7 +131,7 @@ def test_a_refusal(form: bytes) -> None:
             read()
         assert (f"({reply.data})" in str(caught.value)) == bool(reply.data)
         assert "Try: " in str(caught.value)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(DriverRefused, match=r"拒否.*対処"):
         reply.confirmed()
 
@@ -181,13 +181,13 @@ def test_the_tables() -> None:
     assert [f"{address:04X}" for address in MONITORS][:7] == ["0000", "0001", "0002", "0003", "0004", "0005", "1004"]
     assert (len(MONITORS), len(PARAMETERS)) == (16, 188)
     for table in (MONITORS, PARAMETERS):
-        assert all(item.address == address and item.en.isascii() and item.ja for address, item in table.items())
+        assert all(item.address == address and item.english.isascii() for address, item in table.items())
         assert list(table) == sorted(table)
-        assert len({item.en for item in table.values()}) == len(table)
+        assert len({item.english for item in table.values()}) == len(table)
 
 
 @pytest.mark.parametrize(
-    ("address", "kind", "en"),
+    ("address", "kind", "english"),
     [
         (20704, "int", "A/Y source of the data (0 the driver, 2 CAN) #0"),
         (20720, "int", "B/X source of the data (0 the driver, 2 CAN) #0"),
@@ -201,14 +201,19 @@ def test_the_tables() -> None:
         (24960, "int", "PDU format of single packets"),
     ],
 )
-def test_parameters(address: int, kind: str, en: str) -> None:
-    assert PARAMETERS[address][1:3] == (kind, en)
+def test_parameters(address: int, kind: str, english: str) -> None:
+    item = PARAMETERS[address]
+    assert (item.kind, item.english, item.text) == (kind, english, english)
 
 
 def test_texts_are_in_both_languages() -> None:
     assert MONITORS[0x1004].text == "main voltage"
-    language.use("ja")
+    i18n.use("ja")
     assert MONITORS[0x1004].text == "主電源電圧"
+    assert PARAMETERS[0x50D7].text == "B/X I ゲイン #7"
+    assert PARAMETERS[0x50D7].english == "B/X I gain #7"
+    for table in (MONITORS, PARAMETERS):
+        assert all(item.text != item.english for item in table.values())
 
 
 @pytest.mark.parametrize(
@@ -224,7 +229,7 @@ def test_texts_are_in_both_languages() -> None:
     ],
 )
 def test_values_of_items(kind: telabh3.Kind, value: float, word: int) -> None:
-    item = Item(0, kind, "something", "何か")
+    item = Item(0, kind, "something")
     assert item.encode(value) == word
     assert item.decode(word) == value
 
@@ -246,20 +251,20 @@ def test_values_of_items(kind: telabh3.Kind, value: float, word: int) -> None:
 )
 def test_values_that_cannot_be_written(kind: telabh3.Kind, value: float) -> None:
     with pytest.raises(InvalidValue, match="something"):
-        Item(0, kind, "something", "何か").encode(value)
+        Item(0, kind, "something").encode(value)
 
 
 @pytest.mark.parametrize("kind", ["pack", "int", "bits"])
 def test_words_of_items_have_32_bits(kind: telabh3.Kind) -> None:
     with pytest.raises(InvalidValue):
-        Item(0, kind, "something", "何か").decode(1 << 32)
+        Item(0, kind, "something").decode(1 << 32)
 
 
 def test_requests_for_people() -> None:
     assert str(telabh3.parse_request(telabh3.read_parameter(0x4102))) == "parameter 0x4102"
     assert str(telabh3.parse_request(telabh3.write_parameter(0x4102, 7))) == "parameter 0x4102 = 0x00000007"
     assert str(telabh3.parse_request(telabh3.read_monitor(0x1004))) == "monitor 0x1004"
-    language.use("ja")
+    i18n.use("ja")
     assert str(telabh3.parse_request(telabh3.read_identification(2))) == "識別情報 0x0002"
 
 

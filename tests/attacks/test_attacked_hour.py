@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Self
 
 import pytest
-from attacked import PATIENT, Attackers, Crowd, Served, served
-from attackers import ATTACKS
 
 from orinkit.arms import load_model
-from orinkit.poses import J
+from orinkit.values.poses import J
+from support.attacked import PATIENT, Attackers, Crowd, Served, served
+from support.attackers import ATTACKS
 
 pytestmark = pytest.mark.soak
 

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "bench"))
-from attacked import Attackers, Crowd, Served, served
-from attackers import ATTACKS
+from support.paths import ROOT
 
+sys.path.insert(0, str(ROOT / "bench"))
 import orinkit
 from stalls import watched
+from support.attacked import Attackers, Crowd, Served, served
+from support.attackers import ATTACKS
 
 pytestmark = pytest.mark.soak
 

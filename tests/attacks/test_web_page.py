@@ -14,13 +14,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from attacked import PATIENT, Served, served
-from attackers import packet, text
 
 from orinkit.bcap.packet import decode
 from orinkit.cao import functions as cao
-from orinkit.variant import R8_ARRAY, Variant, VarType
+from orinkit.values.variant import R8_ARRAY, Variant, VarType
 from orinkit.virtual.rc8.control import PROVIDER_NAME
+from support.attacked import PATIENT, Served, served
+from support.attackers import packet, text
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = (

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult, language
 from orinkit.bcap import client as core
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation, encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.cao import functions as f
-from orinkit.cao.answers import Reply
-from orinkit.errors import (
+from orinkit.cao.replies import Reply
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import (
     CallError,
     CallTimeout,
     ConnectionLost,
@@ -25,8 +25,8 @@ from orinkit.errors import (
     LimitExceeded,
     ProtocolError,
 )
-from orinkit.variant import ARRAY, Variant, VarType, variant
-from orinkit.variant_bytes import Limits
+from orinkit.values.codec import Limits
+from orinkit.values.variant import ARRAY, Variant, VarType, variant
 
 pytestmark = pytest.mark.core
 
@@ -134,7 +134,7 @@ def test_a_bad_argument_is_named_and_nothing_is_sent(conversation, function, arg
         next(operation)
     assert str(caught.value).startswith(message)
     assert caught.value.__cause__ is None
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue, match=f"{function.name} の第 . 引数"):
         next(conversation.call(function, arguments, 3.0))
     assert Call(conversation, f.service_stop).sent.code == 2, "the conversation goes on"
@@ -157,7 +157,7 @@ def test_a_request_beyond_the_limit_is_refused_here(conversation):
     assert len(Call(conversation, f.variable_put_value, 3, bytes(size)).request) == 2**24
     with pytest.raises(InvalidValue, match="Variable_PutValue: the arguments make a packet of 16777217 bytes, at most"):
         Call(conversation, f.variable_put_value, 3, bytes(size + 1))
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue, match="パケットが 16777217 バイト"):
         Call(conversation, f.variable_put_value, 3, bytes(size + 1))
 
@@ -230,7 +230,7 @@ def test_results_of_the_wrong_type(conversation, function, arguments, answered, 
     error = call.error(ProtocolError, reply(call.serial, *answered), match)
     assert not error.fatal
     assert len(str(error)) < 200
-    language.use("ja")
+    i18n.use("ja")
     call = Call(conversation, function, *arguments, exact=exact)
     call.error(ProtocolError, reply(call.serial, *answered), "の応答が VT_")
 
@@ -266,7 +266,7 @@ def test_a_time_out(conversation):
 def test_the_other_side_closes(conversation):
     call = Call(conversation, f.robot_move, 3, 1, "P1", "")
     call.error(ConnectionLost, b"", "Robot_Move: the other side closed the connection before it answered")
-    language.use("ja")
+    i18n.use("ja")
     call = Call(conversation, f.robot_move, 3, 1, "P1", "")
     call.feed(reply(call.serial)[:7])
     call.error(ConnectionLost, b"", "応答の前に相手が接続を閉じました")

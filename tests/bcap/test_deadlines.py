@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from orinkit import functions as f
-from orinkit import hresult, language
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation as BcapConversation
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, Wire
+from orinkit.cao.call_limits import AT_ONCE, PER_SECOND
 from orinkit.cao.dialect import VE026A
-from orinkit.cao.patience import AT_ONCE, PER_SECOND
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
 from orinkit.ecap.client import Conversation as EcapConversation
-from orinkit.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
 
 pytestmark = pytest.mark.core
 
@@ -72,7 +72,7 @@ def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
     assert (late.value.executing, late.value.seconds) == (True, 10.0)
     again = pickle.loads(pickle.dumps(late.value))
     assert (again.executing, str(again)) == (True, str(late.value))
-    language.use("ja")
+    i18n.use("ja")
     assert "期限の 10 秒以内" in str(late.value)
 
 
@@ -137,7 +137,7 @@ def test_a_flood_ends_the_call_and_the_connection(told: Told, what: str) -> None
     with pytest.raises(ProtocolError, match="sends without end") as error:
         operation.send(getattr(told, what))
     assert error.value.fatal
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(ProtocolError, match="接続を閉じました"):
         operation, _ = told.call(deadline=None)
         flood(told, operation, getattr(told, what), AT_ONCE + 1)

@@ -5,24 +5,24 @@ from __future__ import annotations
 import json
 import struct
 from datetime import datetime
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult, language
 from orinkit.bcap import packet
-from orinkit.bcap.explain import Field, explain, first_error, kind_of, one_line, show, split
+from orinkit.bcap.dissect import Field, explain, first_error, kind_of, one_line, show, split
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.errors import ProtocolError
-from orinkit.notation import format_variant
-from orinkit.variant import Variant, VarType, type_name, variant
-from strategies import variants
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import ProtocolError
+from orinkit.values.notation import format_variant
+from orinkit.values.variant import Variant, VarType, type_name, variant
+from support import paths
+from support.strategies import variants
 
 pytestmark = pytest.mark.core
 
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 
 
 def ids(vector):
@@ -59,7 +59,7 @@ def test_a_packet_of_the_documents_is_explained_as_printed(vector):
     else:
         assert said["return code"].startswith(f"0x{vector['return_code']:08X}")
     assert ("CRC" in said) == (vector["transport"] == "com")
-    types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": type")]
+    types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": data type")]
     assert [text.partition(" ")[0] for text in types] == [argument["type"] for argument in vector["arguments"]]
 
 
@@ -160,12 +160,12 @@ def test_the_elements_of_arrays_are_fields_of_their_own():
     value = [1, "ab", [True, None], ["x", "y"]]
     fields = explain(request(64, 3, "Do", value))
     said = {field.name: (field.meaning, field.level) for field in fields}
-    assert said["parameter: type"] == ("VT_VARIANT|VT_ARRAY (8204)", 1)
-    assert said["parameter: count"] == ("4", 1)
+    assert said["parameter: data type"] == ("VT_VARIANT|VT_ARRAY (8204)", 1)
+    assert said["parameter: element count"] == ("4", 1)
     assert said["parameter[0]"] == ("3,1", 2)
     assert said["parameter[1]"] == ("8,ab", 2)
     assert said["parameter[2][0]"] == ("11,-1", 3)
-    assert said["parameter[2][1]: type"] == ("VT_EMPTY (0)", 3)
+    assert said["parameter[2][1]: data type"] == ("VT_EMPTY (0)", 3)
     assert said["parameter[3][1]"] == ("8,y", 3)
 
 
@@ -333,7 +333,7 @@ def test_every_packet_that_can_be_made_is_right_and_loses_no_byte(arguments, crc
     fields = explain(frame)
     assert joined(fields) == frame
     assert first_error(fields) is None
-    types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": type")]
+    types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": data type")]
     assert types == [f"{type_name(argument.type)} ({argument.type})" for argument in arguments]
 
 
@@ -371,7 +371,7 @@ def test_what_lies_between_packets_is_a_piece_of_its_own():
 
 
 def test_everything_is_there_in_japanese():
-    language.use("ja")
+    i18n.use("ja")
     said = meanings(GOOD)
     assert said["関数 ID"].startswith("9 Controller_GetVariable: ")
     assert said["name: 文字列長"] == "10 バイト"

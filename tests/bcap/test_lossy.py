@@ -9,17 +9,17 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.client import Conversation
+from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.repeats import MEMORY
 from orinkit.bcap.server import Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import DATAGRAM, LINE, SILENCE
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
-from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidValue
-from orinkit.variant import Variant, VarType, variant
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue
+from orinkit.values.variant import Variant, VarType, variant
 
 pytestmark = pytest.mark.core
 

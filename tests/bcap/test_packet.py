@@ -6,23 +6,23 @@ import json
 import re
 import struct
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult, language
 from orinkit.bcap import packet
 from orinkit.bcap.packet import SOH, Framer, Packet, check_frame, checksum, decode, decode_arguments, encode, pack
-from orinkit.errors import InvalidValue, LimitExceeded, ProtocolError
-from orinkit.variant import ARRAY, Variant, VarType, variant
-from orinkit.variant_bytes import Limits
-from strategies import same, variants
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
+from orinkit.values.codec import Limits
+from orinkit.values.variant import ARRAY, Variant, VarType, variant
+from support.paths import VECTORS
+from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
 
-PRINTED = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+PRINTED = json.loads((VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 EACH = pytest.mark.parametrize("row", PRINTED, ids=lambda row: f"{row['document'][:9]}-{row['line']}-{row['kind']}")
 
 
@@ -139,7 +139,7 @@ def test_what_is_no_packet(spoilt):
         with pytest.raises(ProtocolError, match=rf"{len(spoilt)} bytes .* are no packet") as caught:
             check(spoilt)
         assert (caught.value.code, caught.value.fatal) == (hresult.E_INVALIDRCVPACKET, True)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(ProtocolError, match="パケットではありません"):
         decode(spoilt)
 
@@ -158,7 +158,7 @@ def test_a_wrong_crc_says_which_is_right_and_is_not_fatal():
     with pytest.raises(ProtocolError, match=rf"CRC {data[-3:-1].hex()} is wrong, {right} is right") as caught:
         decode(bytes(data), crc=True)
     assert not caught.value.fatal
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(ProtocolError, match="正しくは"):
         decode(bytes(data), crc=True)
 
@@ -172,7 +172,7 @@ def test_a_count_that_exceeds_the_bytes(count):
     assert (caught.value.code, caught.value.fatal) == (hresult.E_INVALIDRCVPACKET, False)
     if count > 5:
         assert f"{count} arguments cannot be in the 52 bytes present" in str(caught.value)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(ProtocolError):
         decode_arguments(bytes(data), count, len(data) - 1)
 
@@ -306,7 +306,7 @@ def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
 )
 def test_what_is_no_packet_is_shown_in_short(junk, shown):
     lost(Framer(), junk, re.escape(shown))
-    language.use("ja")
+    i18n.use("ja")
     lost(Framer(), junk, "は b-CAP ではありません")
 
 
@@ -328,7 +328,7 @@ def test_a_length_that_no_packet_can_have(length):
     data = b"\1" + struct.pack("<I", length) + GOOD[5:]
     lost(Framer(), data, f"a packet cannot be {length} bytes long; 16 is the least")
     lost(Framer(), data[:5], f"a packet cannot be {length} bytes long")
-    language.use("ja")
+    i18n.use("ja")
     lost(Framer(), data, f"パケット長 {length} は不正です")
 
 
@@ -377,7 +377,7 @@ def test_a_terminator_that_is_none():
     data = GOOD[:-1] + b"\5"
     lost(Framer(), data, f"a packet of {len(data)} bytes ends with 05, not with EOT 04")
     lost(Framer(), GOOD + data + GOOD, "ends with 05")
-    language.use("ja")
+    i18n.use("ja")
     lost(Framer(), data, "末尾が EOT 04 ではなく 05")
 
 

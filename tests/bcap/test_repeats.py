@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from orinkit import hresult
 from orinkit.bcap import packet
+from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.repeats import MEMORY
 from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
 from orinkit.cao.dialect import VE026A
-from orinkit.variant import Variant, VarType, variant
-from orinkit.variant_bytes import Limits
+from orinkit.core import hresult
+from orinkit.values.codec import Limits
+from orinkit.values.variant import Variant, VarType, variant
 
 pytestmark = pytest.mark.core
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import LARGE, Close, Decode, Encoded, Execute, Send, ServerConversation
-from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
-from orinkit.variant_bytes import Limits, encode
+from orinkit.core import hresult
+from orinkit.values.codec import Limits, encode
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 
 pytestmark = pytest.mark.core
 

@@ -5,28 +5,28 @@ from __future__ import annotations
 import json
 import random
 from functools import partial
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.client import encode_request
-from orinkit.bcap.line import LEAST, LineFramer
 from orinkit.bcap.packet import Packet
+from orinkit.bcap.serial_framer import LEAST, LineFramer
 from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, WIRES, DatagramFramer
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import DIALECTS, VE026A
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.errors import InvalidValue, LimitExceeded
-from orinkit.variant import ARRAY, Variant, VarType
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits, decode, encode_variant
+from orinkit.core import hresult
+from orinkit.core.errors import InvalidValue, LimitExceeded
+from orinkit.values.codec import DEFAULT_LIMITS, Limits, decode, encode_variant
+from orinkit.values.variant import ARRAY, Variant, VarType
+from support.paths import VECTORS
 
 pytestmark = pytest.mark.core
 
-PACKETS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text())
+PACKETS = json.loads((VECTORS / "bcap-packets.json").read_text())
 OF_VE026A = [each for each in PACKETS if each["transport"] == "com"]
 ON_A_LINE = LINE.bound(DEFAULT_LIMITS)
 WHOLE = packet.encode(Packet(7, 101, [3], 7), crc=True)

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from orinkit import functions as f
-from orinkit.cao.answers import checked, no_answer
-from orinkit.errors import CallTimeout, ConnectionLost, ProtocolError
-from orinkit.variant import Variant, VarType
+from orinkit.cao.replies import checked, no_answer
+from orinkit.core.errors import CallTimeout, ConnectionLost, ProtocolError
+from orinkit.values.variant import Variant, VarType
 
 pytestmark = pytest.mark.core
 

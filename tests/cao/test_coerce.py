@@ -9,11 +9,11 @@ from math import inf, nan
 import pytest
 from hypothesis import given
 
-from orinkit import hresult, language
 from orinkit.cao.coerce import single, to_handle, to_integer, to_number, to_real, to_text, to_values, wrong_type
-from orinkit.errors import CallError, InvalidArgument, PacketError
-from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
-from strategies import same, variants
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError, InvalidArgument, PacketError
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
+from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
 
@@ -80,7 +80,7 @@ def test_numbers(given, number):
 def test_what_is_no_number(read, given):
     error = refused(read, given, hresult.E_INVALIDARGTYPE, "is wanted")
     assert isinstance(error, PacketError)
-    language.use("ja")
+    i18n.use("ja")
     refused(read, given, hresult.E_INVALIDARGTYPE, "数値.*が必要ですが VT_")
 
 
@@ -108,7 +108,7 @@ def test_the_message_shows_a_text_that_is_no_number():
 )
 def test_what_is_no_vt_i4(given, match):
     assert isinstance(refused(to_integer, given, hresult.E_INVALIDARG, match), InvalidArgument)
-    language.use("ja")
+    i18n.use("ja")
     refused(to_integer, given, hresult.E_INVALIDARG, "整数ではありません|範囲外です")
 
 
@@ -128,7 +128,7 @@ def test_a_number_of_thousands_of_digits():
 )
 def test_what_is_no_usable_real_number(given):
     refused(to_real, given, hresult.E_INVALIDARG, "is no usable number")
-    language.use("ja")
+    i18n.use("ja")
     refused(to_real, given, hresult.E_INVALIDARG, "使えない値です")
 
 

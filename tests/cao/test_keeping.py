@@ -7,15 +7,15 @@ import struct
 import pytest
 from hypothesis import given
 
-from devices import Workshop
-from orinkit import hresult, language
 from orinkit.cao import functions as f
-from orinkit.cao.keeping import MOST, MOST_OF_A_CLIENT, MOST_OF_ALL, Kept, size_to_keep
+from orinkit.cao.quota import MOST, MOST_OF_A_CLIENT, MOST_OF_ALL, Kept, size_to_keep
 from orinkit.cao.session import Host, Session
-from orinkit.errors import CallError
-from orinkit.variant import Variant, variant
-from orinkit.variant_bytes import encode_variant
-from strategies import variants
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError
+from orinkit.values.codec import encode_variant
+from orinkit.values.variant import Variant, variant
+from support.devices import Workshop
+from support.strategies import variants
 
 pytestmark = pytest.mark.core
 
@@ -53,7 +53,7 @@ def astral(value: Variant) -> int:
 )  # fmt: skip
 def test_values_that_are_too_long(value):
     assert refused(size_to_keep, variant(value)) == hresult.E_TOO_MUCH_DATA
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(CallError, match="タグまたはコマンドのパラメータ"):
         size_to_keep(variant(value))
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult, language
 from orinkit.cao.options import Options
-from orinkit.errors import CallError
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError
 
 pytestmark = pytest.mark.core
 
@@ -90,7 +90,7 @@ def test_the_longest_text():
         with pytest.raises(CallError, match=f"an option string of {len(text)} characters, at most 4096") as caught:
             Options(text)
         assert caught.value.code == hresult.E_INVALIDARG
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(CallError, match="上限 4096 文字"):
         Options(longest + "x")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit import language
-from orinkit.cao.secret import FREE, LONGEST, Guesses, check_secret
-from orinkit.errors import InvalidValue
+from orinkit.cao.shared_secret import FREE, LONGEST, Guesses, check_secret
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
 
 pytestmark = pytest.mark.core
 
@@ -60,6 +60,6 @@ def test_secrets(secret):
 def test_secrets_that_cannot_be_used(secret):
     with pytest.raises(InvalidValue, match="a secret has 16 to 256"):
         check_secret(secret)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue, match="16～256 文字"):
         check_secret(secret)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit import hresult
-from orinkit.cao.service import ServiceOptions, read_options
-from orinkit.errors import CallError
-from orinkit.variant import Variant, VarType
+from orinkit.cao.service_options import ServiceOptions, read_options
+from orinkit.core import hresult
+from orinkit.core.errors import CallError
+from orinkit.values.variant import Variant, VarType
 
 pytestmark = pytest.mark.core
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import hresult, language
 from orinkit.cao import provider as p
 from orinkit.cao import session as session_module
 from orinkit.cao.arguments import read_arguments
@@ -18,9 +17,10 @@ from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, FileObject, Provider, VariableObject
 from orinkit.cao.session import Host, Pending, Reply, Session
-from orinkit.errors import CallError, error_for
-from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
-from strategies import same, variants
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError, error_for
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
+from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
 
@@ -233,7 +233,7 @@ def test_a_handle_that_is_not_in_use(session):
         assert code(session, "Variable_Release", handle) == hresult.E_HANDLE
     assert value(session, "Controller_Disconnect", controller) is None
     assert code(session, "Controller_Disconnect", controller) == hresult.E_HANDLE
-    language.use("ja")
+    i18n.use("ja")
     assert "使われていません" in call(session, "Variable_GetValue", 9).detail
 
 
@@ -246,7 +246,7 @@ def test_a_handle_of_another_kind(session):
     assert code(session, "Robot_Release", variable) == hresult.E_HANDLE
     assert code(session, "Variable_Release", controller) == hresult.E_HANDLE
     assert value(session, "Variable_GetValue", variable) == 0
-    language.use("ja")
+    i18n.use("ja")
     assert "Robot が必要" in call(session, "Robot_Execute", variable, "CurPos").detail
 
 
@@ -333,7 +333,7 @@ def test_an_unknown_provider_is_named_with_those_there_are(session):
     reply = call(session, "Controller_Connect", "", "CaoProv.DENSO.RC8", "", "")
     assert reply.code == hresult.E_CAO_PROV_INVALID
     assert reply.detail == "'CaoProv.DENSO.RC8'; served here: CaoProv.Test, CaoProv.Second"
-    language.use("ja")
+    i18n.use("ja")
     assert "提供中" in call(session, "Controller_Connect", "", "x", "", "").detail
 
 
@@ -428,7 +428,7 @@ def test_the_object_limit(device):
     assert connect(session, "one", "@IfNotMember") == controller
     value(session, "Variable_Release", variable)
     value(session, "Controller_GetVariable", controller, "I3", "")
-    language.use("ja")
+    i18n.use("ja")
     assert "3 個まで" in call(session, "Controller_GetMessage", controller).detail
 
 
@@ -668,7 +668,7 @@ def test_every_function_reaches_its_object(session, entry):
 def test_an_unknown_function(session, number):
     reply = session.invoke(number, [])
     assert (reply.code, reply.detail) == (hresult.E_NOTIMPL, f"no function {number}")
-    language.use("ja")
+    i18n.use("ja")
     assert session.invoke(number, [variant(1)]).detail == f"関数 {number} はありません"
 
 
@@ -736,7 +736,7 @@ def test_arguments_of_the_wrong_type(session, name, arguments, expected, caplog)
 
 
 def test_messages_about_arguments_in_japanese(session):
-    language.use("ja")
+    i18n.use("ja")
     reply = call(session, "Robot_Drive", 3)
     assert reply.detail == "引数が 1 個あります (Robot_Drive は 4 個)"
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from orinkit import hresult
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.session import Host, Numbers, Reply, Session
-from orinkit.errors import error_for
-from orinkit.variant import Variant, VarType, plain, variant
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.values.variant import Variant, VarType, plain, variant
 
 pytestmark = pytest.mark.core
 

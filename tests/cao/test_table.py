@@ -1,7 +1,6 @@
 """THE TABLE walked from end to end: complete, spelled as in the documents, and used by everything built on it."""
 
 # No "from __future__ import annotations" here: annotations are what an entry is read from.
-
 import ast
 import doctest
 import inspect
@@ -14,17 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
 from orinkit.cao import functions, provider, table
 from orinkit.cao.functions import BY_NAME, FUNCTIONS, find
 from orinkit.cao.table import Argument, Function, snake_case
-from orinkit.cao.task_modes import StopMode, StopName, TaskMode, TaskName, TaskStatus
-from orinkit.client import _async, _async_motion, _async_nodes, _async_robot, _async_task
-from orinkit.variant import VarType
+from orinkit.client._async import controller, motion, objects, robot, task
+from orinkit.core import i18n
+from orinkit.rc8.task_modes import StopMode, StopName, TaskMode, TaskName, TaskStatus
+from orinkit.values.variant import VarType
+from support.paths import VECTORS
 
 pytestmark = pytest.mark.core
 
-SPEC = json.loads((Path(__file__).parent.parent / "vectors" / "functions.json").read_text())
+SPEC = json.loads((VECTORS / "functions.json").read_text())
 ENTRIES = list(FUNCTIONS.values())
 BY_ENTRY = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
 JAPANESE = re.compile("[぀-ヿ一-鿿]")
@@ -78,7 +78,7 @@ def test_section_and_texts(entry):
     assert JAPANESE.search(entry.ja)
     assert entry.ja.endswith("。")
     assert entry.text == entry.en
-    language.use("ja")
+    i18n.use("ja")
     assert entry.text == entry.ja
 
 
@@ -191,7 +191,7 @@ def test_the_provider_has_no_other_methods():
 
 
 def test_the_client_uses_every_entry():
-    modules = (_async, _async_motion, _async_nodes, _async_robot, _async_task)
+    modules = (controller, motion, objects, robot, task)
     trees = [ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")) for module in modules]
     used = {
         node.attr
@@ -248,7 +248,7 @@ def test_bind(entry, arguments, named, bound):
 def test_bind_refuses(entry, arguments, named, english, japanese):
     with pytest.raises(TypeError, match=english):
         entry.bind(arguments, named)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(TypeError, match=japanese):
         entry.bind(arguments, named)
 
@@ -264,7 +264,7 @@ def test_positional_or_named_it_is_the_same(entry, data):
 def test_errors_say_where_an_argument_is():
     assert functions.robot_move.where(1) == "Robot_Move, argument 1 (handle): "
     assert functions.robot_move.where(3) == "Robot_Move, argument 3 (pose): "
-    language.use("ja")
+    i18n.use("ja")
     assert functions.robot_move.where(4) == "Robot_Move の第 4 引数 (option): "
 
 
@@ -290,7 +290,7 @@ def test_find_names_the_nearest():
     for nothing in (0, 138, "138", "", "xyzzyqqq", -1):
         with pytest.raises(KeyError, match="ids are 1 to 137"):
             find(nothing)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(KeyError, match=r"候補: Robot_Move"):
         find("Robot_Mov")
     with pytest.raises(KeyError, match=r"1～137"):
@@ -330,7 +330,7 @@ def test_an_annotation_without_a_type_is_refused_at_once(hint):
 
 
 def test_task_modes_and_status_are_told_by_their_names():
-    """Of :mod:`orinkit.cao.task_modes`."""
+    """Of :mod:`orinkit.rc8.task_modes`."""
     assert [str(mode) for mode in (*TaskMode, *TaskStatus)][:5] == [
         "cycle",
         "continuous",

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import pytest
 
 import orinkit
-from devices import Recorder
 from orinkit.cli.app import main
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.devices import Recorder
+from support.waiting import until
 
 
 class Done(NamedTuple):

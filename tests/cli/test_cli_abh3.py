@@ -15,18 +15,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import can
 import cantools
 import pytest
 
-import multicast
+import can
 import orinkit
-from multicast import GROUP, free_port
-from orinkit import language
-from orinkit.abh3.decoder import Decoder
-from orinkit.can_frame import CanFrame
-from orinkit.cli._abh3_logs import read_line
-from orinkit.cli._abh3_table import Rows
+from orinkit.abh3.table.decoder import Decoder
+from orinkit.can.frame import CanFrame
+from orinkit.cli.abh3.live_table import Rows
+from orinkit.cli.abh3.logs import read_line
+from orinkit.core import i18n
+from support import multicast
+from support.multicast import GROUP, free_port
 
 PORT = free_port()
 URL = multicast.bus(PORT)
@@ -107,7 +107,7 @@ def test_a_signal_ends_it_whenever_it_comes():
     """Also while a lock of the wait is held: in a process of its own, which would hang."""
     script = """
 import signal, sys
-from orinkit.cli import serve_abh3
+from orinkit.cli.commands import serve_abh3
 
 def look(*_):
     global left
@@ -277,7 +277,7 @@ def test_monitor_ends_by_ctrl_c(run, traffic, when, monkeypatch):
 def test_monitor_as_a_table(run, traffic, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "200")
-    language.use("ja")
+    i18n.use("ja")
     done = run("abh3", "monitor", URL, "--count", "30")
     assert done.code == 0
     for said in ("フレーム", "DP0R 1 -> 2", "BR0 1 -> 全体", "A 速度帰還 = -14.8 min^-1"):
@@ -400,7 +400,7 @@ def test_decode_of_its_own_lines(run, monkeypatch):
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
 def test_decode_tells_of_lines_that_are_none(run, monkeypatch, lang):
-    language.use(lang)
+    i18n.use(lang)
     monkeypatch.setattr(sys, "stdin", io.StringIO("can0  00EF0102   [2]  01 02\nhello\n\nworld\n" + "x" * 100_000))
     done = run("abh3", "decode", "-")
     assert done.code == 1

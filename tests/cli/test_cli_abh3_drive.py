@@ -19,14 +19,15 @@ from typing import Any
 
 import pytest
 
-import multicast
-from orinkit import language
-from orinkit.can_frame import CanFrame
-from orinkit.cli import _abh3_drive, _interrupts
-from orinkit.server.can_server import CanServer, serve_can
+from orinkit.can.frame import CanFrame
+from orinkit.can.server import CanServer, serve_can
+from orinkit.cli._shared import interrupts
+from orinkit.cli.abh3 import drive
+from orinkit.core import i18n
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
-from stopping import stopped
-from waiting import PATIENCE, until
+from support import multicast
+from support.stopping import stopped
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.slow
 
@@ -99,7 +100,7 @@ class Steady:
 def steady(monkeypatch) -> None:
     """The time of the command is that of a clock that is never held up; the driver's is real."""
     clock = Steady()
-    for module in (_abh3_drive, _interrupts):
+    for module in (drive, interrupts):
         monkeypatch.setattr(module, "monotonic", clock.monotonic)
         monkeypatch.setattr(module, "sleep", clock.sleep)
 
@@ -107,7 +108,7 @@ def steady(monkeypatch) -> None:
 @pytest.fixture(autouse=True)
 def _not_held_up(monkeypatch) -> None:
     """A machine that stands still does not end a command in this process."""
-    monkeypatch.setattr(_abh3_drive, "_HELD_UP", PATIENCE)
+    monkeypatch.setattr(drive, "_HELD_UP", PATIENCE)
 
 
 def turning(bench: Bench, least: float = 50) -> Callable[[], bool]:
@@ -283,7 +284,7 @@ def test_a_long_way_to_rest(run, serve):
 PATIENT = f"""
 import sys
 from orinkit.__main__ import main
-from orinkit.cli import _abh3_drive
+from orinkit.cli.abh3 import drive as _abh3_drive
 _abh3_drive._HELD_UP = {PATIENCE}
 sys.exit(main())
 """
@@ -460,7 +461,7 @@ def test_a_command_line_that_cannot_be_used(refused, bench, options, words):
 
 
 def test_in_japanese(run, refused, bench, steady):
-    language.use("ja")
+    i18n.use("ja")
     assert "指令がありません" in refused(*DRIVE, "--seconds", "1", code=2)
     assert " パルス A " in run(*DRIVE, "--ay", "10", "--seconds", "0.1").out
 

@@ -10,12 +10,12 @@ import sys
 import threading
 from pathlib import Path
 
-import can
 import pytest
 
-from orinkit import language
-from orinkit.can_frame import CanFrame
-from orinkit.cli._abh3_logs import read_line
+import can
+from orinkit.can.frame import CanFrame
+from orinkit.cli.abh3.logs import read_line
+from orinkit.core import i18n
 
 LINE = "(1.000000) can0 00EF0201#B6FF0000DBFFDBFF\n"
 ANSWER = "00EF0201#B6FF0000DBFFDBFF  DP0R 1 -> 2: A velocity feedback = -14.8 min^-1"
@@ -176,6 +176,6 @@ def test_a_full_disk_while_it_decodes(program):
 
 
 def test_in_japanese(refused, tmp_path):
-    language.use("ja")
+    i18n.use("ja")
     assert refused("abh3", "decode", str(tmp_path), code=2).endswith(": ディレクトリです")
     assert refused("abh3", "decode", str(tmp_path / "none"), code=2).endswith(": ファイルがありません")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit import language
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Argument
-from orinkit.hresult import MOTOR_NOT_ON
-from orinkit.variant import VarType
+from orinkit.core import i18n
+from orinkit.core.hresult import MOTOR_NOT_ON
+from orinkit.values.variant import VarType
 
 OBJECTS = {
     "Variable": ["--variable", "I1"],
@@ -133,7 +133,7 @@ def test_a_call_that_cannot_be_made(refused, url, argv, said):
 
 
 def test_in_japanese(refused, url):
-    language.use("ja")
+    i18n.use("ja")
     assert (
         refused("call", url, "Variable_GetValue", code=2)
         == "Variable_GetValue の対象を --variable 名前 で指定してください"

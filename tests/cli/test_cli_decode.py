@@ -5,14 +5,14 @@ from __future__ import annotations
 import io
 import json
 import sys
-from pathlib import Path
 
 import pytest
 
-from orinkit import language
-from orinkit.cli.decode import read_hex
+from orinkit.cli.commands.decode import read_hex
+from orinkit.core import i18n
+from support import paths
 
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 START = "01 10 00 00 00 01 00 00 00 01 00 00 00 00 00 04"
 FRAME = bytes.fromhex(START)
 READ = "01 1e 00 00 00 04 00 00 00 65 00 00 00 01 00 0a 00 00 00 03 00 01 00 00 00 03 00 00 00 04"
@@ -74,7 +74,8 @@ def test_the_page_for_people(run):
     assert done.code == 0
     lines = done.out.splitlines()
     assert lines[0] == "Variable_GetValue(3)"
-    assert "    9   function id       65 00 00 00              101 Variable_GetValue: " in lines[5]
+    assert lines[5].startswith("    9   function id  ")
+    assert "  65 00 00 00              101 Variable_GetValue: " in lines[5]
     assert lines[-1].split() == ["29", "end", "(EOT)", "04"]
 
 
@@ -127,7 +128,7 @@ def test_what_is_no_hex(refused, words, said):
 
 
 def test_in_japanese(run):
-    language.use("ja")
+    i18n.use("ja")
     out = run("decode", START).out
     assert "関数 ID" in out
     assert "この接続のサービスを開始する。" in out

@@ -11,10 +11,14 @@ from typing import Any
 
 import pytest
 
-from orinkit import functions, hresult, language
+from orinkit import StreamResult, Timing, functions
 from orinkit.bcap import packet
-from orinkit.cli import _demo_stream
-from orinkit.cli._demo_steps import (
+from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.transcript import Transcript
+from orinkit.cli.app import main
+from orinkit.cli.demo import stream
+from orinkit.cli.demo.rc8 import compare, run_program
+from orinkit.cli.demo.steps import (
     LIST_3_1,
     LIST_4_1,
     LISTS,
@@ -31,14 +35,10 @@ from orinkit.cli._demo_steps import (
     nothing,
     sine,
 )
-from orinkit.cli._errors import Failure
-from orinkit.cli._transcript import Transcript
-from orinkit.cli.app import main
-from orinkit.cli.demo import compare, run_program
-from orinkit.poses import J
-from orinkit.slave.samples import Sample
-from orinkit.streaming import StreamResult, Timing
-from orinkit.variant import VARIANT_ARRAY, Variant, VarType, variant
+from orinkit.core import hresult, i18n
+from orinkit.streaming.recording.samples import Sample
+from orinkit.values.poses import J
+from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
 
 pytestmark = pytest.mark.slow
@@ -51,11 +51,11 @@ ANSWERS = len(CALLS) + SET_POINTS
 
 def run_once(texts: str, *argv: str) -> str:
     """Run the demo, which takes its time, for several tests."""
-    before = language.current()
-    language.use(texts)
+    before = i18n.current()
+    i18n.use(texts)
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
         code = main(["demo", *argv])
-    language.use(before)
+    i18n.use(before)
     assert (code, err.getvalue()) == (0, "")
     return out.getvalue()
 
@@ -192,9 +192,9 @@ def with_sample(number: int, **changed: object) -> StreamResult:
 )
 def test_the_answers_of_slave_mode_are_compared(result, words):
     points = sine((45.0, 30.0, 120.0, 0.0, -60.0, 0.0))
-    assert _demo_stream.compare(streamed(), points) == ""
-    assert _demo_stream.compare(with_sample(3, code=hresult.S_BUF_FULL), points) == ""
-    assert words in _demo_stream.compare(result, points)
+    assert stream.compare(streamed(), points) == ""
+    assert stream.compare(with_sample(3, code=hresult.S_BUF_FULL), points) == ""
+    assert words in stream.compare(result, points)
 
 
 def test_a_busy_computer_gets_another_try():
@@ -210,7 +210,7 @@ def test_a_busy_computer_gets_another_try():
         if sent and 50 <= int(sent[1]) < 250 and not any("too busy" in each for each in said):
             devices[0].raise_error(hresult.COMMAND_DELAY)
 
-    run_program("List 4-1", Program("it", "それ", tuple(steps)), documents, say, fields=False)
+    run_program("List 4-1", Program("it", tuple(steps)), documents, say, fields=False)
     assert any("COMMAND_DELAY" in line for line in said)
     assert sum("too busy" in line for line in said) == 1
     assert sum("slvRecvFormat" in line for line in said) == 2
@@ -232,7 +232,7 @@ def test_the_steps_are_those_of_the_sample():
 def with_check(number: int, check) -> Program:
     steps = list(LIST_3_1)
     steps[number - 1] = dataclasses.replace(steps[number - 1], check=check)
-    return Program("it", "それ", tuple(steps))
+    return Program("it", tuple(steps))
 
 
 def test_an_answer_that_differs_ends_the_demo():
@@ -250,7 +250,7 @@ def test_an_answer_that_differs_ends_the_demo():
 def test_an_error_ends_the_demo():
     steps = (LIST_3_1[0], dataclasses.replace(LIST_3_1[1], arguments=("", "CaoProv.Nobody", "", "")))
     with pytest.raises(Failure, match="E_CAO_PROV_INVALID"):
-        run_program("List", Program("", "", steps), [], lambda _line: None, fields=False)
+        run_program("List", Program("", steps), [], lambda _line: None, fields=False)
 
 
 @pytest.mark.parametrize(

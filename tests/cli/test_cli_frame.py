@@ -13,8 +13,8 @@ import sys
 import pytest
 
 import orinkit
-from orinkit import language
 from orinkit.cli.app import build
+from orinkit.core import i18n
 
 COMMANDS = (
     "demo",
@@ -70,7 +70,7 @@ def test_every_command_has_help(run, command):
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
 def test_help_of_abh3(run, monkeypatch, lang):
-    language.use(lang)
+    i18n.use(lang)
     monkeypatch.setenv("COLUMNS", "80")
     usage = {"en": "Usage", "ja": "使い方"}[lang]
     drive = run("abh3", "drive", "--help").out
@@ -103,7 +103,7 @@ def test_help_in_japanese(program):
 
 
 def test_the_words_of_the_help_page_itself_in_japanese(run):
-    language.use("ja")
+    i18n.use("ja")
     done = run("put", "--help")
     assert done.out.startswith("使い方: orinkit put [OPTIONS] URL NAME VALUE...\n")
     assert "[既定値: CaoProv.DENSO.VRC]" in done.out
@@ -117,14 +117,14 @@ def test_every_help_text_changes_with_the_language():
         return {app.help, *(app[command].help for command in COMMANDS), app["serve"]["rc8"].help, app["--help"].help}
 
     english = texts()
-    language.use("ja")
+    i18n.use("ja")
     assert not english & texts()
 
 
 def test_help_loads_nothing_that_only_commands_need(program):
     script = (
         "import sys; from orinkit.cli.app import main; main(['--help']);"
-        "print(sorted({'asyncio', 'numpy', 'sqlite3', 'markdown_it', 'orinkit.virtual', 'orinkit.cli.get'} & set(sys.modules)))"
+        "print(sorted({'asyncio', 'numpy', 'sqlite3', 'markdown_it', 'orinkit.virtual', 'orinkit.cli.commands.get'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, encoding="utf-8", check=True)
     assert done.stdout.splitlines()[-1] == "[]"
@@ -166,7 +166,7 @@ def test_a_wrong_command_line_is_one_clear_line(refused, argv, said):
     ],
 )
 def test_a_wrong_command_line_in_japanese(refused, argv, said):
-    language.use("ja")
+    i18n.use("ja")
     assert refused(*argv, code=2).startswith(said)
 
 
@@ -193,7 +193,7 @@ def test_interrupted(program):
     assert (process.returncode, out, err) == (130, "", "orinkit: interrupted\n")
 
 
-@pytest.mark.parametrize("module", ["orinkit.cli.app", "cyclopts", "orinkit.cli.functions"])
+@pytest.mark.parametrize("module", ["orinkit.cli.app", "cyclopts", "orinkit.cli.commands.functions"])
 def test_interrupted_in_the_first_moments(module):
     """Ctrl-C while modules are imported."""
     script = f"""

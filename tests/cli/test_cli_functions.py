@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit import language
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cli._signature import signature
+from orinkit.cli._shared.signature import signature
+from orinkit.core import i18n
 
 
 def test_the_list_has_every_function(run):
@@ -55,7 +55,7 @@ def test_json_has_everything(run):
 
 
 def test_in_japanese(run):
-    language.use("ja")
+    i18n.use("ja")
     assert FUNCTIONS[1].ja in run("functions").out
     assert "仕様書" in run("functions", "1").out
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import multicast
 import orinkit
 from orinkit.virtual.rc8 import VirtualRC8
+from support import multicast
 
 COMMANDS = {
     "rc8": ["serve", "rc8", "--tcp", "127.0.0.1:0"],

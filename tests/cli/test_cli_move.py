@@ -12,11 +12,11 @@ from itertools import pairwise
 import pytest
 
 import orinkit
-from orinkit import language
 from orinkit.cli.app import main
+from orinkit.core import i18n
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.waiting import until
 
 HOME = [0, 45, 90, 0, 45, 0]
 THERE = [45, 30, 120, 0, -60, 0]
@@ -227,6 +227,6 @@ def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
 
 
 def test_in_japanese(refused, rc8, url):
-    language.use("ja")
+    i18n.use("ja")
     assert "モータ" in refused("move", url, POSE, "--no-motor")
     assert "ディレクトリ" in refused("move", url, POSE, "--record", "/no/such/x.csv", code=2)

@@ -7,18 +7,19 @@ from collections.abc import Iterator
 
 import pytest
 
-import multicast
 import orinkit
-from devices import Recorder
-from orinkit import Device, command, language, variable
+from orinkit import Device, command, variable
+from orinkit.abh3.provider.provider import ABH3Provider
+from orinkit.can.server import serve_can
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cli import _connection
-from orinkit.errors import CallError, error_for
-from orinkit.gateway.abh3 import ABH3Provider
-from orinkit.server.can_server import serve_can
+from orinkit.cli._shared import connection
+from orinkit.core import i18n
+from orinkit.core.errors import CallError, error_for
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import PATIENCE, until
+from support import multicast
+from support.devices import Recorder
+from support.waiting import PATIENCE, until
 
 GRIPPER = "CaoProv.Example.Gripper"
 BUS = multicast.bus()
@@ -69,7 +70,7 @@ PATIENTLY = ("--timeout", f"{PATIENCE:g}")
 @pytest.fixture
 def _patient(monkeypatch) -> None:
     """The words are waited for as long as everything else: over UDP they are asked for once."""
-    monkeypatch.setattr(_connection, "_ASKING", PATIENCE)
+    monkeypatch.setattr(connection, "_ASKING", PATIENCE)
 
 
 @pytest.mark.usefixtures("_patient")
@@ -95,7 +96,7 @@ def test_what_the_command_line_adds_is_still_there(refused, gripper_url):
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
 def test_words_that_say_no_more_than_the_code(refused, gripper_url, lang):
-    language.use(lang)
+    i18n.use(lang)
     assert "[" not in refused("get", gripper_url, "PLAIN", "--provider", GRIPPER)
 
 
@@ -146,7 +147,7 @@ def test_a_device_without_words(refused, answer):
 
 def test_a_device_that_does_not_answer_the_question(refused, monkeypatch):
     """It is asked once, with one try; the first error is told."""
-    monkeypatch.setattr(_connection, "_ASKING", 0.05)
+    monkeypatch.setattr(connection, "_ASKING", 0.05)
     device = Silent(None)
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         try:

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit import language
-from orinkit.cli._control_secret import find_secret, left_for
-from orinkit.cli._errors import Failure
-from orinkit.cli.pendant import ACTIONS, PROVIDER
+from orinkit.cli._shared.control_secret import find_secret, left_for
+from orinkit.cli._shared.errors import Failure
+from orinkit.cli.commands.pendant import ACTIONS, PROVIDER
+from orinkit.core import i18n
 from orinkit.transport.address import Address
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import Mode, VirtualRC8
@@ -165,7 +165,7 @@ def test_status(press, run, control):
 
 
 def test_in_japanese(press):
-    language.use("ja")
+    i18n.use("ja")
     assert press("estop", "on").startswith("非常停止  on\n")
 
 
@@ -382,7 +382,9 @@ def test_what_a_killed_server_has_left_is_replaced(runtime):
 
 def test_the_secret_is_not_sent_to_other_machines(run, control, runtime, monkeypatch):
     seen = []
-    monkeypatch.setattr("orinkit.cli.pendant._press", lambda url, connection, *_: seen.append(connection.option) or {})
+    monkeypatch.setattr(
+        "orinkit.cli.commands.pendant._press", lambda url, connection, *_: seen.append(connection.option) or {}
+    )
     for host in ("127.0.0.1", "localhost", "192.0.2.1", "robot.example"):
         run("pendant", f"tcp://{host}:{port_of(control)}", "status")
     assert [option is not None for option in seen] == [True, True, False, False]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from orinkit import language
-from orinkit.cli import _motion_plot
-from orinkit.cli._motion_record import PERIOD, joints_of, read_csv, recording_of, write_csv
+from orinkit.cli._shared import motion_plot
+from orinkit.cli._shared.motion_record import PERIOD, joints_of, read_csv, recording_of, write_csv
+from orinkit.core import i18n
 
 SIGNATURES = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-"}
 HEADER = "time_s,J1_command,J2_command\n"
@@ -66,7 +66,7 @@ def test_equal_curves_stay_visible(motion):
     from matplotlib.figure import Figure
 
     figure = Figure()
-    _motion_plot.draw(read_csv(motion), figure)
+    motion_plot.draw(read_csv(motion), figure)
     lines = figure.axes[0].get_lines()[:6]
     assert len({str(line._dash_pattern) for line in lines}) == 6
 
@@ -129,7 +129,7 @@ def test_a_file_that_is_none(refused, tmp_path, content, words):
     assert words in line
     assert str(path) in line
     assert not path.with_suffix(".png").exists()
-    language.use("ja")
+    i18n.use("ja")
     assert refused("plot", str(path), code=2) != line
 
 
@@ -144,7 +144,7 @@ def test_files_that_cannot_be_used(refused, motion, tmp_path):
 def test_without_matplotlib(refused, motion, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert "pip install 'orinkit[plot]'" in refused("plot", str(motion))
-    language.use("ja")
+    i18n.use("ja")
     assert "pip install 'orinkit[plot]'" in refused("plot", str(motion))
 
 
@@ -173,7 +173,7 @@ def test_labels_in_japanese_where_a_font_has_it(run, motion, tmp_path, monkeypat
     """A machine without such a font gets English labels and no boxes."""
     from matplotlib.font_manager import fontManager
 
-    language.use("ja")
+    i18n.use("ja")
     target = tmp_path / "x.svg"
     monkeypatch.setattr(fontManager, "ttflist", [font for font in fontManager.ttflist if font.name == "DejaVu Sans"])
     assert run("plot", str(motion), "--out", str(target)).code == 0

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import orinkit
-from orinkit.errors import CallError
+from orinkit.core.errors import CallError
 from orinkit.transport.address import is_loopback
 
 Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from distributions import device, environment, forgetting, install
+from support.distributions import device, environment, forgetting, install
 
 GRIPPER = "CaoProv.Example.Gripper"
 Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]
@@ -206,7 +206,7 @@ def test_what_a_handler_raised_is_in_the_log_and_told_to_its_client(serve, tmp_p
 )
 def test_a_wrong_target_is_one_clear_line(refused, monkeypatch, tmp_path, target, said):
     monkeypatch.chdir(tmp_path)
-    Path("gripper.py").write_text(f"{device(GRIPPER)}\nfrom distributions import device\n", encoding="utf-8")
+    Path("gripper.py").write_text(f"{device(GRIPPER)}\nfrom support.distributions import device\n", encoding="utf-8")
     Path("broken.py").write_text("\n1 / 0\n", encoding="utf-8")
     assert refused("serve", "device", target, "--tcp", "127.0.0.1:0", code=2).startswith(said)
 

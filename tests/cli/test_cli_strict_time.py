@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import orinkit
-from orinkit.hresult import COMMAND_DELAY
-from waiting import until
+from orinkit.core.hresult import COMMAND_DELAY
+from support.waiting import until
 
 WAITED = "no set-point for 250 ms"
 OPTIONS = pytest.mark.parametrize(("options", "waited"), [((), True), (("--strict-time",), False)])

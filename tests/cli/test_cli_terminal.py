@@ -14,12 +14,12 @@ import pytest
 
 import orinkit
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, RobotObject, VariableObject
-from orinkit.cli._terminal import Screen, bold
+from orinkit.cli._shared.terminal import Screen, bold
 from orinkit.cli.app import main
-from orinkit.errors import error_for
-from orinkit.hresult import E_FAIL
-from orinkit.language import visible
-from orinkit.variant import Variant
+from orinkit.core.errors import error_for
+from orinkit.core.hresult import E_FAIL
+from orinkit.core.i18n import visible
+from orinkit.values.variant import Variant
 
 EVIL = (
     "\x1b]0;owned\x07\x1b[2J\x1b[1m\x9b31m\x08\x0b\x0c\r\x7f\x85\u061c\u200b\u200e\u202e\u2028\u2029\u2066\ufeff\U000e0041"

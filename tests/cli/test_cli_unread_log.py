@@ -7,10 +7,10 @@ import subprocess
 
 import orinkit
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.poses import J
+from orinkit.values.poses import J
 from orinkit.virtual.rc8.control import PROVIDER_NAME
-from peers import RawClient
-from waiting import PATIENCE, until
+from support.peers import RawClient
+from support.waiting import PATIENCE, until
 
 ROUNDS = 25
 SECRET = "a-secret-of-this-test"

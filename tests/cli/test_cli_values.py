@@ -9,12 +9,12 @@ from decimal import Decimal
 import pytest
 
 import orinkit
-from orinkit import language
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cli._output import plain, text
-from orinkit.cli.put import read_values
-from orinkit.hresult import MOTOR_NOT_ON
-from orinkit.variant import ARRAY, R8_ARRAY, Variant, VarType
+from orinkit.cli._shared.output import plain, text
+from orinkit.cli.commands.put import read_values
+from orinkit.core import i18n
+from orinkit.core.hresult import MOTOR_NOT_ON
+from orinkit.values.variant import ARRAY, R8_ARRAY, Variant, VarType
 
 # --- get and put ------------------------------------------------------------------------------------------------------
 
@@ -184,7 +184,7 @@ def test_info(run, url, rc8):
     assert facts["serial number"] == "SN-42"
     assert facts["mode"] == "3 automatic"
     assert facts["emergency stop"] == "released"
-    assert facts["errors"] == "0x81501003 The motor must be on"
+    assert facts["current errors"] == "0x81501003 The motor must be on"
     assert "I 100" in facts["variable counts"]
     assert "@MODE" in facts["variables"]
 
@@ -225,7 +225,7 @@ def test_info_of_a_controller_that_answers_nonsense(run, recorder_url):
 
 
 def test_info_in_japanese(run, url, rc8):
-    language.use("ja")
+    i18n.use("ja")
     rc8.emergency_stop(True)
     rc8.set_mode(1)
     out = run("info", url).out

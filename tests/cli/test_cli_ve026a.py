@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit import language
+from orinkit.core import i18n
 from orinkit.virtual.ve026a import VirtualVE026A
-from waiting import until
+from support.waiting import until
 
 HOME = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 0.0)
 
@@ -42,7 +42,7 @@ def wave(path: Path, first: float, count: int = 60) -> str:
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
 def test_it_has_no_motions_of_its_own(refused, arm, url, lang):
-    language.use(lang)
+    i18n.use(lang)
     line = refused("move", url, "J(10,30,120,0,30,0)")
     words = {"en": "a VE026A moves in slave mode only. Try: orinkit stream", "ja": "スレーブモードでのみ動作します"}
     assert words[lang] in line

@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from http_peers import CERTIFICATE, KEY
-from orinkit import language
-from orinkit.cli._serving import Listening, _urls, _warnings
-from orinkit.cli._web import Web
-from orinkit.errors import ConnectFailed, InvalidAddress, ProtocolError
+from orinkit.cli._shared.serving import Listening, _urls, _warnings
+from orinkit.cli._shared.web import Web
+from orinkit.core import i18n
+from orinkit.core.errors import ConnectFailed, InvalidAddress, ProtocolError
 from orinkit.gateway import RemoteProvider
-from orinkit.server.http_options import HttpOptions
-from orinkit.transport.access import Access
+from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.http_reply import Contact, no_certificates, tls_failed
+from orinkit.transport.credentials import Access
+from orinkit.transport.http.response import Contact, no_certificates, tls_failed
 from orinkit.virtual.rc8 import VirtualRC8
+from support.http_peers import CERTIFICATE, KEY
 
 ADDRESS = HttpAddress("http", "127.0.0.1", 8080)
 
@@ -68,7 +68,7 @@ def test_a_token_file_that_others_can_read(tmp_path):
         file.chmod(mode)
         (warning,) = _warnings(Listening(web=web))
         assert f"--token-file {file} can be read or changed by other accounts. Try: chmod 600" in warning
-    language.use("ja")
+    i18n.use("ja")
     (warning,) = _warnings(Listening(web=web))
     assert "他のアカウントからも読み書きできます" in warning
 
@@ -79,7 +79,7 @@ def test_a_token_is_none_of_b_cap():
     (warning,) = _warnings(Listening(tcp=("5007",), pty=True, web=web))
     assert warning.startswith("orinkit: warning: --token-file is for --http only")
     assert "--tcp, --pty" in warning
-    language.use("ja")
+    i18n.use("ja")
     (warning,) = _warnings(Listening(udp=("5007",), web=web))
     assert "--udp に接続できる人" in warning
 
@@ -150,7 +150,7 @@ def test_a_certificate_without_its_key(refused):
 
 @pytest.mark.parametrize("name", ["en", "ja"])
 def test_hints_name_the_options_too(name):
-    language.use(name)
+    i18n.use(name)
     refusal = Contact(ADDRESS, Access(), 1000).refusal(401, [], b"", 10)
     assert "token= (--token-file)" in str(refusal)
     assert "cafile= (--cafile)" in str(tls_failed(ADDRESS, OSError("x")))
@@ -184,9 +184,9 @@ def test_several_values_are_one_argument(refused, argv, hinted):
 # --- help -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "default"), [("en", "[default: all]"), ("ja", "[既定値: すべて]")])
+@pytest.mark.parametrize(("name", "default"), [("en", "[default: all names]"), ("ja", "[既定値: すべて]")])
 def test_the_help_of_the_gateway(run, name, default):
-    language.use(name)
+    i18n.use(name)
     page = " ".join(run("gateway", "--help").out.replace("│", " ").split())
     assert default in page
     assert "'*'" not in page

@@ -8,15 +8,15 @@ import sys
 
 import pytest
 
+from orinkit import Lateness
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.cli import _demo_ve026a
-from orinkit.cli._errors import Failure
-from orinkit.cli._transcript import Transcript
-from orinkit.streaming import Lateness
+from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.transcript import Transcript
+from orinkit.cli.demo import ve026a
 from orinkit.virtual.ve026a import VirtualVE026A
 from orinkit.virtual.ve026a.codes import SET_POINT_MISSED
-from waiting import until
+from support.waiting import until
 
 
 def test_the_procedure(run):
@@ -46,7 +46,7 @@ def test_a_wrong_answer(reply):
     transcript = Transcript()
     transcript(">", packet.encode(Packet(1, 1, [], 1), crc=True))
     transcript("<", packet.encode(reply, crc=True))
-    demo = _demo_ve026a.Demo(lambda _line: None, fields=False)
+    demo = ve026a.Demo(lambda _line: None, fields=False)
     with pytest.raises(Failure, match="step"):
         demo._check(transcript.packets, "step")
 
@@ -68,7 +68,7 @@ def arms(monkeypatch) -> list[VirtualVE026A]:
 def test_a_busy_computer_gets_another_try(monkeypatch, arms):
     """The detector finds a set-point missing: the error is cleared, and the wave begins anew from where the arm is."""
     said: list[str] = []
-    wave, waves = _demo_ve026a.Demo._wave, []
+    wave, waves = ve026a.Demo._wave, []
 
     def torn(self, robot, angles):
         waves.append(angles)
@@ -79,8 +79,8 @@ def test_a_busy_computer_gets_another_try(monkeypatch, arms):
             robot.execute("slvMove", angles)
         return wave(self, robot, angles)
 
-    monkeypatch.setattr(_demo_ve026a.Demo, "_wave", torn)
-    told = _demo_ve026a.run(said.append, fields=False)
+    monkeypatch.setattr(ve026a.Demo, "_wave", torn)
+    told = ve026a.run(said.append, fields=False)
     assert len(waves) > 1
     assert waves[0][0] != waves[1][0]
     assert any("too busy" in line for line in said)
@@ -91,8 +91,8 @@ def test_a_busy_computer_gets_another_try(monkeypatch, arms):
 def test_late_set_points_are_told(monkeypatch, count, told):
     said: list[str] = []
     monkeypatch.setattr(VirtualVE026A, "lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
-    monkeypatch.setattr(_demo_ve026a.Demo, "_procedure", lambda *_: None)
-    _demo_ve026a.run(said.append, fields=False)
+    monkeypatch.setattr(ve026a.Demo, "_procedure", lambda *_: None)
+    ve026a.run(said.append, fields=False)
     words = "3 late set-points, by up to 48 ms: this computer was busy. A real VE026A would have stopped."
     assert any(words in line for line in said) is told
 
@@ -101,7 +101,7 @@ def test_the_log_does_not_tell_it_too():
     """Python writes warnings to stderr where nobody has set logging up."""
     script = """
 import logging
-from orinkit.cli.demo import late_told_here
+from orinkit.cli.demo.rc8 import late_told_here
 with late_told_here():
     logging.getLogger("orinkit.rc8").warning("unheard")
     logging.getLogger("orinkit.ve026a").warning("unheard")

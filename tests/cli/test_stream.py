@@ -15,18 +15,18 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit import language
-from orinkit.cli._stream_report import Report, histogram
-from orinkit.cli._stream_trace import Trace, is_recording, read_trace, trace_of
-from orinkit.errors import InvalidValue
-from orinkit.poses import J
-from orinkit.slave.realtime import RealTime
-from orinkit.slave.record import open_recorder
-from orinkit.slave.samples import Sample
-from orinkit.streaming import Lateness, StreamResult, Timing
+from orinkit import Lateness, StreamResult, Timing
+from orinkit.cli._shared.stream_report import Report, histogram
+from orinkit.cli._shared.stream_trace import Trace, is_recording, read_trace, trace_of
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue
+from orinkit.streaming.process.realtime import RealTime
+from orinkit.streaming.recording.recorder import open_recorder
+from orinkit.streaming.recording.samples import Sample
+from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.slave.slave import Slave
-from waiting import until
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Slave
+from support.waiting import until
 
 PERIOD = 0.008
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
@@ -248,7 +248,7 @@ def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
 
 
 def test_in_japanese(run, refused, url, file, tmp_path):
-    language.use("ja")
+    i18n.use("ja")
     out = run("stream", url, file).out
     for words in ("位置指令", "送信間隔", "アンダーフロー", "最大偏差", "51 個"):
         assert words in out
@@ -280,7 +280,7 @@ def late_file(tmp_path, monkeypatch) -> str:
     ],
 )
 def test_late_set_points_are_told(run, url, late_file, lang, told):
-    language.use(lang)
+    i18n.use(lang)
     done = run("stream", url, late_file)
     assert done.code == 0
     words = [" ".join(line.split()) for line in done.out.splitlines()]
@@ -379,7 +379,7 @@ def test_a_file_that_is_none(refused, tmp_path, name, content, words):
     line = refused("plot", str(path), code=2)
     assert words in line
     assert str(path) in line
-    language.use("ja")
+    i18n.use("ja")
     assert refused("plot", str(path), code=2) != line
 
 

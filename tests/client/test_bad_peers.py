@@ -11,13 +11,12 @@ from typing import Any
 
 import pytest
 
-from both import LISTEN_AT, Both, only
-from http_wired import PEERS, ecap, on_the_wire
-from orinkit import aio, hresult
+from orinkit import aio
 from orinkit import functions as f
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.errors import (
+from orinkit.core import hresult
+from orinkit.core.errors import (
     CallError,
     CallTimeout,
     ConnectFailed,
@@ -29,9 +28,11 @@ from orinkit.errors import (
     ProtocolError,
     TransportError,
 )
-from orinkit.variant import Variant, VarType
-from peers import BadPeer, Line, executing, reply
-from waiting import TooSlow, with_longer_times
+from orinkit.values.variant import Variant, VarType
+from support.both import LISTEN_AT, Both, only
+from support.http_wired import PEERS, ecap, on_the_wire
+from support.peers import BadPeer, Line, executing, reply
+from support.waiting import TooSlow, with_longer_times
 
 pytestmark = pytest.mark.slow
 

@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both
-from devices import Workshop
 from orinkit import functions as f
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Framer, Packet
-from orinkit.errors import CallTimeout, ConnectionClosed, InvalidValue, ProtocolError
-from orinkit.variant_bytes import DEFAULT_LIMITS
-from waiting import PATIENCE
+from orinkit.core import hresult
+from orinkit.core.errors import CallTimeout, ConnectionClosed, InvalidValue, ProtocolError
+from orinkit.values.codec import DEFAULT_LIMITS
+from support.both import Both
+from support.devices import Workshop
+from support.waiting import PATIENCE
 
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nOrinkit-Executing: 100\r\nTransfer-Encoding: chunked\r\n\r\n"
 

@@ -11,12 +11,10 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both
-from devices import Call, Recorder, Workshop
-from http_wired import EcapPeer
-from orinkit import HttpOptions, aio, hresult
+from orinkit import HttpOptions, aio
 from orinkit import functions as f
-from orinkit.errors import (
+from orinkit.core import hresult
+from orinkit.core.errors import (
     CallError,
     CallTimeout,
     ConnectFailed,
@@ -25,10 +23,13 @@ from orinkit.errors import (
     StreamError,
     error_for,
 )
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import Line, reply
-from waiting import until
+from support.both import Both
+from support.devices import Call, Recorder, Workshop
+from support.http_wired import EcapPeer
+from support.peers import Line, reply
+from support.waiting import until
 
 ANYWHERE = "http://127.0.0.1:0"
 PATIENCE = 30.0  # less than a server takes to forget a client that has not taken leave
@@ -285,7 +286,7 @@ class Late(orinkit.Device):
 def test_what_a_server_says_of_a_failure_comes_however_long_it_takes(
     both: Both, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("orinkit.transport.http_reply._SIGNS", 80)  # ms
+    monkeypatch.setattr("orinkit.transport.http.response._SIGNS", 80)  # ms
     with orinkit.serve(Late(), ANYWHERE) as server:
         controller = both.connect(server.url, provider="Test.Late")
         with pytest.raises(CallError) as caught:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit import language
 from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
-from orinkit.cao.carrier import Carrier
-from orinkit.client._motion_common import note_broken_off, note_closed, note_failure
+from orinkit.cao.transport_profile import Carrier
+from orinkit.client._shared.motion import note_broken_off, note_closed, note_failure
+from orinkit.core import i18n
+from orinkit.core.errors import ConnectionClosed, OrinError
 from orinkit.ecap.client import HTTP
-from orinkit.errors import ConnectionClosed, OrinError
 
 
 def gone(wire: Carrier) -> str:
@@ -31,7 +31,7 @@ def gone(wire: Carrier) -> str:
 )  # fmt: skip
 def test_a_connection_that_is_gone(wire: Carrier, en: str, ja: str) -> None:
     assert en in gone(wire)
-    language.use("ja")
+    i18n.use("ja")
     assert ja in gone(wire)
 
 
@@ -41,7 +41,7 @@ def test_a_connection_that_was_closed(note) -> None:
     assert "should the packet that says so be lost, after 10 s of silence or later" in note(DATAGRAM)
     assert "should the server not hear of that, after 60 s of silence or later" in note(HTTP)
     assert "should the packet that says so be lost, only when the next client connects" in note(LINE)
-    language.use("ja")
+    i18n.use("ja")
     assert "失われた" not in note(STREAM)
     assert "10 秒以上無通信が続いた後" in note(DATAGRAM)
     assert "終了をサーバに伝えられなかった場合は、60 秒以上" in note(HTTP)

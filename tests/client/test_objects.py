@@ -12,15 +12,13 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both, only
-from devices import Call, Recorder, Workshop, answer
-from orinkit import aio, hresult, language
+from orinkit import aio
 from orinkit import functions as f
 from orinkit.bcap import packet
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.table import Argument, Function
-from orinkit.ecap.message import read_reply, read_request
-from orinkit.errors import (
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import (
     CallError,
     CallTimeout,
     ConnectFailed,
@@ -33,9 +31,12 @@ from orinkit.errors import (
     OrinError,
     ProtocolError,
 )
-from orinkit.server.background import Server
-from orinkit.variant import VarType
+from orinkit.ecap.message import read_reply, read_request
+from orinkit.server.threaded import Server
+from orinkit.values.variant import VarType
 from orinkit.virtual.rc8 import VirtualRC8
+from support.both import Both, only
+from support.devices import Call, Recorder, Workshop, answer
 
 PROVIDER = "Test.Recorder"
 PATIENT = 20.0  # a time-out that no test may reach: nothing is sent twice
@@ -483,7 +484,7 @@ def test_trace_shows_every_packet(both: Both, server: Server, sent: bytes, answe
 
 def test_request_gives_code_and_exact_type(both: Both, server: Server) -> None:
     client = both.client(server.url)
-    controller = both.run(client.call(f.controller_connect, "", orinkit.client._common.RC8, "localhost"))
+    controller = both.run(client.call(f.controller_connect, "", orinkit.client._shared.common.RC8, "localhost"))
     variable = both.run(client.call(f.controller_get_variable, controller, "IO150"))
     reply = both.run(client.request(f.variable_get_value, variable, exact=True))
     assert (reply.code, reply.value) == (0, orinkit.Variant(VarType.BOOL, False))
@@ -501,11 +502,11 @@ def test_an_error_tells_everything(both: Both, server: Server) -> None:
     for part in ("Controller_Execute(", "'Fail'", "0x80070005", "E_ACCESSDENIED", error.info.text, error.info.hint):
         assert part in str(error)
     english = str(error)
-    language.use("ja")
+    i18n.use("ja")
     assert str(error) != english
     assert error.info.text in str(error)
     assert any("ぁ" <= sign <= "ヿ" or "一" <= sign <= "鿿" for sign in str(error))
-    language.use("en")
+    i18n.use("en")
     with pytest.raises(NotImplementedCall):
         both.run(controller.execute("no such command"))
     for command in ("Crash", "CrashLater", "CrashBlocking"):
@@ -573,7 +574,7 @@ def test_errors_survive_pickling(both: Both, server: Server) -> None:
         assert type(copy) is type(error)
         assert (str(copy), vars(copy)) == (str(error), vars(error))
     assert [type(error) for error in caught[:4]] == [
-        orinkit.errors.ProgramError,
+        orinkit.core.errors.ProgramError,
         InvalidHandle,
         CallTimeout,
         ObjectReleased,

@@ -13,14 +13,12 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both, only
-from clocks import HeldClock
-from devices import Call, Recorder
-from orinkit import J, P, T, V, aio, hresult, language
+from orinkit import J, P, T, V, aio
 from orinkit import functions as f
 from orinkit.cao import provider as p
 from orinkit.cao.provider import Blocking, ClientInfo, Later, Provider
-from orinkit.errors import (
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import (
     BusyError,
     CallError,
     CallTimeout,
@@ -30,10 +28,13 @@ from orinkit.errors import (
     ProtocolError,
     TransportError,
 )
-from orinkit.poses import PassMark, Target, parse_target
-from orinkit.variant import Variant, plain
+from orinkit.values.poses import PassMark, Target, parse_target
+from orinkit.values.variant import Variant, plain
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import TooSlow, until, with_longer_times
+from support.both import Both, only
+from support.clocks import HeldClock
+from support.devices import Call, Recorder
+from support.waiting import TooSlow, until, with_longer_times
 
 HOME = J(0, 45, 90, 0, 45, 0)
 THERE = J(45, 30, 120, 0, -60, 0)
@@ -174,7 +175,7 @@ def test_what_cannot_be_sent_is_said_before_anything_is(
     with pytest.raises(InvalidValue, match=words) as caught:
         both.run(use(recorded))
     english = str(caught.value)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue) as caught:
         both.run(use(recorded))
     assert str(caught.value) != english
@@ -940,8 +941,8 @@ def test_the_end_of_a_good_block_may_fail(both: Both, scripted: Any, device: Scr
 
 @pytest.fixture
 def patient_with_halting(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("_sync_holding", "_async_holding"):
-        monkeypatch.setattr(f"orinkit.client.{module}._HALT_PATIENCE", PATIENCE)
+    for module in ("_sync", "_async"):
+        monkeypatch.setattr(f"orinkit.client.{module}.leases._HALT_PATIENCE", PATIENCE)
 
 
 @TIMES_OUT

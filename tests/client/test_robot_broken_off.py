@@ -12,9 +12,9 @@ import pytest
 
 import orinkit
 import orinkit.aio
-from orinkit.poses import J
+from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import PATIENCE, until
+from support.waiting import PATIENCE, until
 
 GOAL = J(150, 45, 90, 0, 45, 0)
 

@@ -10,13 +10,14 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both
-from clocks import HeldClock
-from orinkit import J, P, T, hresult
-from orinkit.client._motion_common import Way, same_place
-from orinkit.errors import CallError
+from orinkit import J, P, T
+from orinkit.client._shared.motion import Way, same_place
+from orinkit.core import hresult
+from orinkit.core.errors import CallError
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.both import Both
+from support.clocks import HeldClock
+from support.waiting import until
 
 HOME = J(0, 45, 90, 0, 45, 0)
 LEFT = J(-30, 45, 90, 0, 45, 0)

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both, only
-from devices import Call, Recorder
-from orinkit import language
-from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
-from orinkit.client._common import ErrorInfo, file_text, is_program, logged_message, moment
-from orinkit.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ObjectReleased, ProtocolError
+from orinkit.client._shared.common import ErrorInfo, file_text, is_program, logged_message, moment
+from orinkit.core import i18n
+from orinkit.core.errors import CallError, InvalidArgument, InvalidValue, ObjectNotFound, ObjectReleased, ProtocolError
+from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.both import Both, only
+from support.devices import Call, Recorder
+from support.waiting import until
 
 PATIENCE = 20.0
 COUNTING = "Sub Main\n  I[1] = I[1] + 1\nEnd Sub\n"
@@ -181,7 +181,7 @@ def test_modes_that_there_are_not(both: Both, controller: Any, use: Callable[[An
     with pytest.raises(InvalidValue, match=r'there is no mode .*"cycle"') as caught:
         both.run(use(task))
     english = str(caught.value)
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidValue) as caught:
         both.run(use(task))
     assert str(caught.value) != english

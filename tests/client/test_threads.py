@@ -17,15 +17,15 @@ from typing import Any, Self
 import pytest
 
 import orinkit
-from both import LISTEN_AT
-from devices import Workshop
-from http_wired import PEERS, on_the_wire
 from orinkit import aio
 from orinkit import functions as f
-from orinkit.errors import BusyError, CallTimeout, InvalidValue, OrinError, ProtocolError, TransportError
-from orinkit.server.background import Server
+from orinkit.core.errors import BusyError, CallTimeout, InvalidValue, OrinError, ProtocolError, TransportError
+from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import BadPeer, Line, reply
+from support.both import LISTEN_AT
+from support.devices import Workshop
+from support.http_wired import PEERS, on_the_wire
+from support.peers import BadPeer, Line, reply
 
 PROVIDER = "Test.Workshop"
 PATIENT = 30.0
@@ -85,7 +85,7 @@ def test_threads_that_fail_do_not_disturb_the_others(server: Server) -> None:
         def work(thread: int) -> None:
             for number in range(100):
                 if thread % 2:
-                    with pytest.raises(orinkit.errors.NotImplementedCall):
+                    with pytest.raises(orinkit.core.errors.NotImplementedCall):
                         controller.execute("no such command", number)
                 else:
                     assert controller.execute("Echo", number) == number

@@ -9,17 +9,17 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both
-from devices import Recorder
 from orinkit import aio
 from orinkit import functions as f
 from orinkit.bcap.wire import DATAGRAM
-from orinkit.errors import InvalidHandle
+from orinkit.core.errors import InvalidHandle
 from orinkit.server import udp
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.transport import aio_links, links
 from orinkit.transport.address import parse_address
-from waiting import until
+from support.both import Both
+from support.devices import Recorder
+from support.waiting import until
 
 
 @pytest.mark.parametrize("silent", [False, True])

@@ -10,14 +10,14 @@ import pytest
 
 import orinkit
 import orinkit.aio
-from both import Both
-from clocks import HeldClock
-from orinkit import hresult
-from orinkit.errors import CallError, InvalidValue, StreamError
-from orinkit.poses import J
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue, StreamError
+from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.ve026a import VirtualVE026A
-from waiting import PATIENCE, until
+from support.both import Both
+from support.clocks import HeldClock
+from support.waiting import PATIENCE, until
 
 HOME = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 0.0)
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from orinkit import functions as f
-from orinkit import hresult
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, ProtocolError
 from orinkit.ecap.client import HTTP, Conversation
-from orinkit.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, ProtocolError
-from orinkit.variant import Variant, VarType
-from orinkit.variant_bytes import Limits
+from orinkit.values.codec import Limits
+from orinkit.values.variant import Variant, VarType
 
 pytestmark = pytest.mark.core
 

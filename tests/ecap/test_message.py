@@ -7,16 +7,16 @@ from enum import IntEnum, StrEnum
 
 import pytest
 
-from ecap_bodies import BAD_BODIES, BODIES, EXAMPLES, bstr, i4
-from orinkit import hresult, language
 from orinkit.bcap.client import encode_request
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, ProtocolError
 from orinkit.ecap.message import explain_reply, explain_request, read_reply, read_request, write_reply, write_request
-from orinkit.errors import CallError, InvalidValue, LimitExceeded, ProtocolError
-from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits, encode_variant
-from strategies import same
+from orinkit.values.codec import DEFAULT_LIMITS, Limits, encode_variant
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from support.ecap_bodies import BAD_BODIES, BODIES, EXAMPLES, bstr, i4
+from support.strategies import same
 
 pytestmark = pytest.mark.core
 
@@ -76,7 +76,7 @@ def test_what_is_no_request_is_refused_with_a_reason(each):
 
 @pytest.mark.parametrize("each", BAD_BODIES, ids=[each.name for each in BAD_BODIES])
 def test_reasons_are_also_in_japanese(each):
-    language.use("ja")
+    i18n.use("ja")
     detail = refusal(each.body).detail
     assert any("ぁ" <= sign <= "ヿ" for sign in detail)
     assert explain_request(each.body)
@@ -309,7 +309,7 @@ def test_what_is_no_reply_is_quoted(body, told):
     error = unreadable(body)
     assert told in str(error)
     assert error.code == hresult.E_INVALIDRCVPACKET
-    language.use("ja")
+    i18n.use("ja")
     assert any("ぁ" <= sign <= "ヿ" for sign in str(unreadable(body)))
 
 

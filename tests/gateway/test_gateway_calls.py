@@ -10,25 +10,26 @@ import threading
 from typing import Any
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, chain, gateway, hurry
 
 import orinkit
-from devices import Call, Recorder, Workshop
-from orinkit import aio, hresult
+from orinkit import aio
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ClientInfo, Coded, ControllerObject, Provider, RobotObject, VariableObject
 from orinkit.cao.table import Function
-from orinkit.errors import BusyError, CallError, InvalidAddress, InvalidArgument, InvalidValue
+from orinkit.core import hresult
+from orinkit.core.errors import BusyError, CallError, InvalidAddress, InvalidArgument, InvalidValue
 from orinkit.gateway import RemoteProvider, Upstream
-from orinkit.variant import Variant, VarType
+from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.clock import Clock
+from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.cycle import PERIOD
 from orinkit.virtual.ve026a import VirtualVE026A
-from peers import RawClient
-from waiting import until
+from support.devices import Call, Recorder, Workshop
+from support.gateways import HTTP, LISTEN, PATIENCE, chain, gateway, hurry
+from support.peers import RawClient
+from support.waiting import until
 
 RELEASES = {entry.interface: entry for entry in FUNCTIONS.values() if entry.releases}
 SAMPLES = {VarType.I4: -7, VarType.R4: 0.375, VarType.BSTR: "名前", VarType.VARIANT: [1, "two", 3.5]}

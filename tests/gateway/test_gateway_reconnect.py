@@ -9,20 +9,21 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, gateway, hurry
 
 import orinkit
-from devices import Call, Recorder, Workshop
-from orinkit import functions, hresult, language
+from orinkit import functions
 from orinkit.bcap.packet import Packet
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.errors import CallError
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError
 from orinkit.gateway import RemoteProvider, Upstream
 from orinkit.gateway.upstream import Connection, Wanted
-from orinkit.variant_bytes import Limits
+from orinkit.values.codec import Limits
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import BadPeer, Line, reply
-from waiting import until
+from support.devices import Call, Recorder, Workshop
+from support.gateways import HTTP, LISTEN, PATIENCE, gateway, hurry
+from support.peers import BadPeer, Line, reply
+from support.waiting import until
 
 FIRST_HANDLE = 2
 ATTRIBUTE = 19
@@ -214,7 +215,7 @@ def test_what_it_says(caplog: pytest.LogCaptureFixture) -> None:
 
 
 def test_it_says_so_in_japanese() -> None:
-    language.use("ja")
+    i18n.use("ja")
     provider = RemoteProvider({"a": "tcp://h", "b": "tcp://i"})
     with pytest.raises(CallError, match="ゲートウェイの先にありません"):
         provider._choose("c")

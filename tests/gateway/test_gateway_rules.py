@@ -6,22 +6,22 @@ import asyncio
 from typing import Any
 
 import pytest
-from gateways import LISTEN
 
 import orinkit
-from devices import Recorder, Workshop
-from orinkit import hresult
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, Later, Provider, VariableObject
-from orinkit.errors import AccessDenied, CallError
+from orinkit.core import hresult
+from orinkit.core.errors import AccessDenied, CallError
 from orinkit.gateway import RemoteProvider, Restricted, Rules
 from orinkit.gateway.rules import READING
-from orinkit.variant import ARRAY, Variant, VarType, variant
+from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.commands import COMMANDS
-from orinkit.virtual.rc8.extension import EXTENSION_COMMANDS
-from orinkit.virtual.rc8.robot.commands import ROBOT_COMMANDS
-from orinkit.virtual.ve026a import VirtualVE026A, served
+from orinkit.virtual.rc8.objects.controller_commands import COMMANDS
+from orinkit.virtual.rc8.objects.extension import EXTENSION_COMMANDS
+from orinkit.virtual.rc8.objects.robot_commands import ROBOT_COMMANDS
+from orinkit.virtual.ve026a import VirtualVE026A, objects
+from support.devices import Recorder, Workshop
+from support.gateways import LISTEN
 
 EMPTY = Variant(VarType.EMPTY)
 OF_REAL_ONES = {
@@ -62,8 +62,8 @@ def test_no_command_of_the_virtual_controllers_is_forgotten() -> None:
 
 
 def test_no_documented_command_of_a_ve026a_only_reads() -> None:
-    assert {"MOTOR", "SLVCHANGEMODE", "SLVMOVE", "SLVGETLATENESS"} == set(served._ROBOT_COMMANDS)
-    assert READING["Robot"] & {name.lower() for name in served._ROBOT_COMMANDS} == {"slvgetlateness"}
+    assert {"MOTOR", "SLVCHANGEMODE", "SLVMOVE", "SLVGETLATENESS"} == set(objects._ROBOT_COMMANDS)
+    assert READING["Robot"] & {name.lower() for name in objects._ROBOT_COMMANDS} == {"slvgetlateness"}
     assert "clearerror" not in READING["Controller"]
 
 

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from gateways import PATIENCE
 
 import orinkit
-from hand import Hand
-from orinkit.poses import J
-from orinkit.streaming import Lateness, StreamResult
+from orinkit import Lateness, StreamResult
+from orinkit.values.poses import J
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
+from support.gateways import PATIENCE
+from support.hand import Hand
 
 GATEWAY = """
 import sys

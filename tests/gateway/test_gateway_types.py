@@ -6,16 +6,16 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from gateways import HTTP, LISTEN, PATIENCE, chain
 from hypothesis import given, settings
 
 import orinkit
 from orinkit.cao import functions as f
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, RobotObject
-from orinkit.client._sync_client import Client
-from orinkit.variant import ARRAY, SIZES, VARIANT_ARRAY, Variant, VarType
-from orinkit.variant_bytes import decode, encode_variant
-from strategies import same, strings, variants
+from orinkit.client._sync.client import Client
+from orinkit.values.codec import decode, encode_variant
+from orinkit.values.variant import ARRAY, SIZES, VARIANT_ARRAY, Variant, VarType
+from support.gateways import HTTP, LISTEN, PATIENCE, chain
+from support.strategies import same, strings, variants
 
 SIMPLE = [vt for vt in SIZES if vt not in (VarType.BOOL, VarType.DATE, VarType.CY, VarType.R4, VarType.R8)]
 EACH = [

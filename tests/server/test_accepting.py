@@ -11,8 +11,8 @@ import sys
 
 import pytest
 
-from devices import Workshop
 from orinkit.server.aio_server import AsyncServer
+from support.devices import Workshop
 
 PROGRAM = """
 import logging, resource, socket, sys, threading, time

@@ -10,22 +10,22 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
-from leaping import leap
 
 import orinkit
-from both import Both, only
-from orinkit import hresult
 from orinkit.cao.dialect import RC8, VE026A
-from orinkit.cao.service import read_options
-from orinkit.client._common import check_alive, with_alive
-from orinkit.errors import CallError, InvalidValue
+from orinkit.cao.service_options import read_options
+from orinkit.client._shared.common import check_alive, with_alive
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue
 from orinkit.gateway import RemoteProvider
-from orinkit.server.background import Server
-from orinkit.variant import variant
+from orinkit.server.threaded import Server
+from orinkit.values.variant import variant
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
-from stopping import stopped
-from waiting import PATIENCE, until
+from support.both import Both, only
+from support.leaping import leap
+from support.peers import RawClient
+from support.stopping import stopped
+from support.waiting import PATIENCE, until
 
 EVERYWHERE = only("tcp", "udp", "serial", "http", because="each wire carries signs of life in its own way")
 BEGIN = """

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-import bad_links
 import orinkit
-from bad_links import BadSerial, BadUdp, Harm, Ledger, at_random, spoil_bytes
-from both import Both
-from orinkit import hresult
-from orinkit.errors import CallError, CallTimeout
-from waiting import PATIENCE
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, CallTimeout
+from support import bad_links
+from support.bad_links import BadSerial, BadUdp, Harm, Ledger, at_random, spoil_bytes
+from support.both import Both
+from support.waiting import PATIENCE
 
 SHORT = 0.04  # s for one try
 PACES = (1, 3, 9)

@@ -13,16 +13,16 @@ import pytest
 
 import orinkit
 from orinkit import functions as f
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.cao.table import Function
+from orinkit.core import hresult
 from orinkit.gateway import RemoteProvider
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
-from peers import RawClient
-from waiting import PATIENCE, until
+from support.peers import RawClient
+from support.waiting import PATIENCE, until
 
 FLOOD = 64 * 1024 * 1024
 

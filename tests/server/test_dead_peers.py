@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 import orinkit
-from both import Both, only
-from devices import Workshop
-from namespaces import cable
-from orinkit.errors import InvalidValue
+from orinkit.core.errors import InvalidValue
 from orinkit.gateway import RemoteProvider, Upstream
-from orinkit.server.background import Server
-from orinkit.transport import dead_peers
+from orinkit.server.threaded import Server
+from orinkit.transport import tcp_keepalive
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.both import Both, only
+from support.devices import Workshop
+from support.namespaces import cable
+from support.waiting import until
 
 SOON = 2.0
 MOVING = """
@@ -143,18 +143,18 @@ class Foreign:
 
 @pytest.mark.parametrize(("platform", "option"), [("darwin", 0x80), ("win32", 5)])
 def test_the_names_of_other_systems(monkeypatch: pytest.MonkeyPatch, platform: str, option: int) -> None:
-    monkeypatch.setattr(dead_peers.sys, "platform", platform)
+    monkeypatch.setattr(tcp_keepalive.sys, "platform", platform)
     monkeypatch.delattr(socket, "TCP_USER_TIMEOUT", raising=False)
     if platform == "darwin":
         monkeypatch.delattr(socket, "TCP_KEEPIDLE", raising=False)
         monkeypatch.setattr(socket, "TCP_KEEPALIVE", 0x10, raising=False)
     connection = Foreign()
-    dead_peers.prepare(connection, 10.0)
+    tcp_keepalive.prepare(connection, 10.0)
     assert connection.options[option] == 10
     assert connection.options[0x10 if platform == "darwin" else socket.TCP_KEEPIDLE] == 4
 
 
 def test_a_connection_that_takes_no_options_is_used_as_it_is() -> None:
     connection = Foreign(refused=(socket.TCP_NODELAY, socket.SO_KEEPALIVE))
-    dead_peers.prepare(connection, 10.0)
+    tcp_keepalive.prepare(connection, 10.0)
     assert socket.TCP_NODELAY not in connection.options

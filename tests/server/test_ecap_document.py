@@ -8,17 +8,16 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
 import orinkit
-from devices import Workshop
-from ecap_bodies import EXAMPLES
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
+from support.devices import Workshop
+from support.ecap_bodies import EXAMPLES
+from support.paths import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 ROW = re.compile(r"^\| `(Func|func|Arg1)(.*?)` \| `(0x.*?)` \| .* \|$", re.MULTILINE)
 CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="there is no curl here")
 

@@ -7,19 +7,19 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from large_values import MOST, argument, arrays, ask, text, texts
-from watching import watched
 
 import orinkit
-from orinkit import hresult
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
-from orinkit.server.background import Server
-from orinkit.variant import ARRAY, VarType
+from orinkit.core import hresult
+from orinkit.server.threaded import Server
+from orinkit.values.variant import ARRAY, VarType
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.commands import COMMANDS
-from orinkit.virtual.rc8.robot.commands import ROBOT_COMMANDS
-from peers import RawClient
-from waiting import PATIENCE
+from orinkit.virtual.rc8.objects.controller_commands import COMMANDS
+from orinkit.virtual.rc8.objects.robot_commands import ROBOT_COMMANDS
+from support.large_values import MOST, argument, arrays, ask, text, texts
+from support.peers import RawClient
+from support.waiting import PATIENCE
+from support.watching import watched
 
 VALUES = dict([*texts(), *arrays()])
 FEW = ("text of control characters", "text of surrogates", "VT_UI1", "I2", "DATE", "texts", "nothings", "deep")
@@ -247,4 +247,4 @@ def test_no_file_holds_up_anybody(server, client, name):
 
 
 def test_an_argument_is_what_it_should_be():
-    assert argument(VarType.I4, 1, b"\5\0\0\0") == orinkit.variant_bytes.encode(5)
+    assert argument(VarType.I4, 1, b"\5\0\0\0") == orinkit.values.codec.encode(5)

@@ -12,18 +12,18 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from leaping import settle
 
 import orinkit
-from devices import Workshop
 from orinkit import aio
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import Session
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
+from support.devices import Workshop
+from support.leaping import settle
+from support.peers import RawClient
 
 PATIENT = 60.0
 CLIENTS = 200

@@ -8,18 +8,18 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from test_http_server import Web
 
 import orinkit
-from devices import Workshop
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.server import places
-from orinkit.server.background import Server
-from orinkit.server.places import ALWAYS, Partial
-from peers import RawClient
-from waiting import until
+from orinkit.core import hresult
+from orinkit.server import capacity
+from orinkit.server.capacity import ALWAYS, Partial
+from orinkit.server.threaded import Server
+from support.devices import Workshop
+from support.peers import RawClient
+from support.waiting import until
+from support.web import Web
 
 CONNECT, EXECUTE = 3, 17
 ROOM = 4 * 1024 * 1024
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
-    monkeypatch.setattr(places, "PARTIAL", ROOM)  # as much as a test can send soon
+    monkeypatch.setattr(capacity, "PARTIAL", ROOM)  # as much as a test can send soon
     with orinkit.serve(Workshop(), "tcp://127.0.0.1:0", "http://127.0.0.1:0") as served:
         yield served
     Web.close_all()

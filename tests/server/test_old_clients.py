@@ -9,7 +9,17 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from callers import (
+
+import orinkit
+from orinkit.bcap.packet import Packet
+from orinkit.bcap.wire import STREAM
+from orinkit.core import hresult
+from orinkit.server.threaded import Server
+from orinkit.values.variant import ARRAY, Variant, VarType
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+from support.both import LISTEN_AT, only
+from support.callers import (
     CONNECT,
     EXECUTE,
     GET,
@@ -22,17 +32,7 @@ from callers import (
     SerialRaw,
     UdpRaw,
 )  # fmt: skip
-
-import orinkit
-from both import LISTEN_AT, only
-from orinkit import hresult
-from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import STREAM
-from orinkit.server.background import Server
-from orinkit.variant import ARRAY, Variant, VarType
-from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.waiting import until
 
 DISCONNECT, GET_ROBOT, ROBOT_EXECUTE, ROBOT_MOVE, ROBOT_RELEASE, RELEASE = 4, 7, 64, 72, 84, 111
 HOME = [0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0]

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 import orinkit
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
-from waiting import until
+from support import paths
+from support.peers import RawClient
+from support.waiting import until
 
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 P1 = [350.0, 50.0, 300.0, 180.0, 0.0, 180.0, 5.0]
 SERVICE_START, SERVICE_STOP, CONNECT, DISCONNECT, GET_ROBOT, GET_TASK = 1, 2, 3, 4, 7, 8
 ROBOT_EXECUTE, ROBOT_MOVE, ROBOT_RELEASE, TASK_START, TASK_STOP, TASK_RELEASE = 64, 72, 84, 88, 89, 99

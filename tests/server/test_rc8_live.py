@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from leaping import going, take_turns
 
 import orinkit
 from orinkit import functions as f
-from orinkit import hresult
 from orinkit.cao.provider import ClientInfo, Later
-from orinkit.errors import CallError
-from orinkit.variant import variant
+from orinkit.core import hresult
+from orinkit.core.errors import CallError
+from orinkit.values.variant import variant
 from orinkit.virtual.clock import Clock, ManualClock
+from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.cycle import PERIOD
-from waiting import PATIENCE, until
+from support.leaping import going, take_turns
+from support.waiting import PATIENCE, until
 
 MOVES: list[tuple[int, Any, str]] = [
     (1, "@P J(30, 40, 100, 10, 40, 20)", "NEXT"),

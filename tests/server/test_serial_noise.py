@@ -15,19 +15,19 @@ from functools import wraps
 from typing import Any
 
 import pytest
-from callers import CONNECT, EXECUTE, Counting, SerialRaw
 
 import orinkit
-from bad_links import BadSerial, Harm, Ledger, Piece, Script, Spoil, at_random, lose, noise, spoil_bytes
-from both import Both
 from orinkit.bcap import client as bcap_client
-from orinkit.bcap import packet, repeats
+from orinkit.bcap import duplicate_filter, packet
 from orinkit.bcap import server as bcap_server
 from orinkit.bcap.wire import SILENCE
-from orinkit.errors import CallTimeout
+from orinkit.core.errors import CallTimeout
 from orinkit.server import serial_line
-from orinkit.server.background import Server
-from waiting import PATIENCE, until
+from orinkit.server.threaded import Server
+from support.bad_links import BadSerial, Harm, Ledger, Piece, Script, Spoil, at_random, lose, noise, spoil_bytes
+from support.both import Both
+from support.callers import CONNECT, EXECUTE, Counting, SerialRaw
+from support.waiting import PATIENCE, until
 
 TRY = 0.4  # s
 PACES = (1, 2, 4, 8)
@@ -57,7 +57,7 @@ TIMES: list[tuple[Any, str]] = [
     (sys.modules[__name__], "SILENCE"),
     (bcap_client, "SILENCE"),
     (bcap_server, "_OVERDUE"),
-    (repeats, "_LATE_BYTES"),
+    (duplicate_filter, "_LATE_BYTES"),
     (serial_line, "SILENCE"),
 ]
 """Whatever time-outs there are on a serial line, here, in the client, and in the server."""
@@ -399,7 +399,7 @@ def test_clients_that_are_killed_one_after_the_other(both: Both) -> None:
                 both.run(client.controller.variable(f"v{number}"))
                 if [code for code in client.sent if code != 1] != [CONNECT, EXECUTE, 9]:
                     raise Late(f"sent: {client.sent}")
-                if len(client.sent) > 3 + 1 + repeats._LATE_BYTES / TRY:
+                if len(client.sent) > 3 + 1 + duplicate_filter._LATE_BYTES / TRY:
                     raise Late(f"sent: {client.sent}")
             finally:
                 client.be_killed()

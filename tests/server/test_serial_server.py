@@ -14,21 +14,23 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, START, STOP, Counting, SerialRaw, UdpRaw
 
 import orinkit
-from devices import Recorder
-from orinkit import aio, hresult
+from orinkit import aio
 from orinkit.bcap import packet
 from orinkit.cao.session import Session
-from orinkit.errors import ConnectFailed, MissingExtra
+from orinkit.core import hresult
+from orinkit.core.errors import ConnectFailed, MissingExtra
 from orinkit.server import serial_line
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
-from waiting import until
+from support import paths
+from support.callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, START, STOP, Counting, SerialRaw, UdpRaw
+from support.devices import Recorder
+from support.peers import RawClient
+from support.waiting import until
 
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 DESCRIPTORS = Path("/proc/self/fd")
 
 pytestmark = [
@@ -440,7 +442,7 @@ def test_what_is_no_serial_port(path: str) -> None:
 
 
 def test_a_package_that_is_missing(monkeypatch: pytest.MonkeyPatch, shop: Counting) -> None:
-    monkeypatch.setattr("orinkit.extra.find_spec", lambda name: None)
+    monkeypatch.setattr("orinkit.core.optional_deps.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"orinkit\[serial\]"):
         orinkit.serve(Counting(), "serial:///dev/ttyS0")
     with orinkit.serve(shop, "pty://") as server, SerialRaw(server.url) as raw:  # needs none

@@ -12,15 +12,15 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from leaping import leap, take_turns
 
 import orinkit
-from both import Both, only
-from orinkit.errors import InvalidValue, OrinError
+from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.gateway import RemoteProvider, Restricted, Rules
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
+from support.both import Both, only
+from support.leaping import leap, take_turns
+from support.waiting import until
 
 WITHOUT = only("udp", "serial", "http", because="TCP tells of the end of a client by itself")
 FAR = orinkit.J(150, 45, 90, 0, 45, 0)

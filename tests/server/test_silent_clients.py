@@ -9,19 +9,19 @@ import struct
 from collections.abc import Iterator
 
 import pytest
-from leaping import leap, take_turns
 
 import orinkit
-from devices import Workshop
-from orinkit import hresult
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
+from orinkit.core import hresult
 from orinkit.server import tcp
-from orinkit.server.background import Server
-from orinkit.server.connections import Connections
-from orinkit.server.places import DEFAULT_CLIENTS, most_of_an_address
-from peers import RawClient
-from waiting import until
+from orinkit.server.capacity import DEFAULT_CLIENTS, most_of_an_address
+from orinkit.server.context import Connections
+from orinkit.server.threaded import Server
+from support.devices import Workshop
+from support.leaping import leap, take_turns
+from support.peers import RawClient
+from support.waiting import until
 
 START, CONNECT, EXECUTE, RELEASE = 1, 3, 17, 4
 LATE = tcp.PATIENCE + 1.0

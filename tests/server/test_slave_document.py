@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,13 +11,14 @@ import pytest
 import orinkit
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.server.background import Server
+from orinkit.server.threaded import Server
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
-from waiting import until
+from support import paths
+from support.peers import RawClient
+from support.waiting import until
 
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 ROBOT_EXECUTE, ROBOT_MOVE = 64, 72
 SLAVE_MODE_OFF = 0x83500121
 ERROR_PRESENT = 0x81501025

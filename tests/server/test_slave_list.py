@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from leaping import going
 
 import orinkit
 from orinkit import functions
-from orinkit.errors import CallError
-from orinkit.variant import ARRAY, Variant, VarType, plain
+from orinkit.core.errors import CallError
+from orinkit.values.variant import ARRAY, Variant, VarType, plain
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
-from waiting import PATIENCE
+from support.leaping import going
+from support.waiting import PATIENCE
 
 PERIOD, AMPLITUDE, TIMES = 100, 10, 3  # the list's own names
 S_OK, S_BUF_FULL, E_BUF_FULL = 0, 0x0F200501, 0x83201483

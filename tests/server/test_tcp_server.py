@@ -8,26 +8,27 @@ import logging
 import socket
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 import orinkit
-from devices import Call, Recorder, Workshop
-from orinkit import aio, hresult
+from orinkit import aio
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.errors import ConnectFailed, ConnectionLost, InvalidAddress, TransportError
-from orinkit.server.background import Server
-from orinkit.variant_bytes import Limits
+from orinkit.core import hresult
+from orinkit.core.errors import ConnectFailed, ConnectionLost, InvalidAddress, TransportError
+from orinkit.server.threaded import Server
+from orinkit.values.codec import Limits
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import Gone, RawClient
-from waiting import until
+from support import paths
+from support.devices import Call, Recorder, Workshop
+from support.peers import Gone, RawClient
+from support.waiting import until
 
 START, STOP, CONNECT, DISCONNECT, GET_VARIABLE, EXECUTE = 1, 2, 3, 4, 9, 17
 GET, PUT, RELEASE = 101, 102, 111
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 PATIENT = 30.0
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit import hresult
 from orinkit.cao.functions import controller_execute
-from orinkit.server import throttle as throttle_module
-from orinkit.server.throttle import BURST, CLIENT, INTERVAL, LOGGERS, THROTTLE, Throttle
+from orinkit.core import hresult
+from orinkit.server import log_limiter as throttle_module
+from orinkit.server.log_limiter import BURST, CLIENT, INTERVAL, LOGGERS, THROTTLE, Throttle
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
-from waiting import until
+from support.peers import RawClient
+from support.waiting import until
 
 SOURCE = Path(orinkit.__file__).parent
 OUT_OF_REACH = {

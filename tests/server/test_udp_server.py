@@ -15,27 +15,29 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, PUT, START, STOP, Counting, UdpRaw
-from leaping import LeapingLoop, leap
 
 import orinkit
-from devices import Call, Recorder, Workshop
-from orinkit import aio, hresult
+from orinkit import aio
 from orinkit.bcap import packet
+from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.repeats import MEMORY
 from orinkit.cao.session import Host, Session
-from orinkit.errors import ConnectFailed
+from orinkit.core import hresult
+from orinkit.core.errors import ConnectFailed
 from orinkit.server import udp
-from orinkit.server.background import Server
-from orinkit.server.connections import Connections
+from orinkit.server.context import Connections
 from orinkit.server.peer import Caller, Peer
-from orinkit.variant_bytes import DEFAULT_LIMITS
+from orinkit.server.threaded import Server
+from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.virtual.rc8 import VirtualRC8
-from peers import RawClient
-from waiting import until
+from support import paths
+from support.callers import CONNECT, EXECUTE, GET, GET_VARIABLE, PATIENCE, PUT, START, STOP, Counting, UdpRaw
+from support.devices import Call, Recorder, Workshop
+from support.leaping import LeapingLoop, leap
+from support.peers import RawClient
+from support.waiting import until
 
-VECTORS = json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text(encoding="utf-8"))
+VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 DESCRIPTORS = Path("/proc/self/fd")
 
 
@@ -320,7 +322,7 @@ def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
 def test_many_who_are_refused_do_not_fill_the_log(
     shop: Counting, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("orinkit.server.connections._QUIET", 1000.0)
+    monkeypatch.setattr("orinkit.server.context._QUIET", 1000.0)
     caplog.set_level(logging.DEBUG, "orinkit.server")
     with orinkit.serve(shop, "udp://127.0.0.1:0", clients=1) as server, UdpRaw(server.url) as one:
         one.open_workshop()

@@ -14,37 +14,34 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from test_http_server import (
+
+import orinkit
+from orinkit import J, aio
+from orinkit.core.errors import CallTimeout, ConnectFailed, ConnectionLost
+from orinkit.server.http import limits
+from orinkit.server.http.flow_control import HELD
+from orinkit.server.http.limits import Joining
+from orinkit.server.http.options import HttpOptions
+from orinkit.server.threaded import Server
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import VirtualRC8
+from support.both import Both
+from support.devices import Workshop
+from support.waiting import until
+from support.web import (
     EXECUTE,
     GARBAGE,
     OK,
     PATIENCE,
     Web,
-    certificate,
     connect,
     request,
 )
-
-import orinkit
-from both import Both
-from devices import Workshop
-from orinkit import J, aio
-from orinkit.errors import CallTimeout, ConnectFailed, ConnectionLost
-from orinkit.server import http_guard
-from orinkit.server.background import Server
-from orinkit.server.http_flow import HELD
-from orinkit.server.http_guard import Joining
-from orinkit.server.http_options import HttpOptions
-from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8 import VirtualRC8
-from waiting import until
 
 uvloop = pytest.importorskip("uvloop")
 
 READ = 256 * 1024
 """Bytes that uvloop reads at once."""
-
-__all__ = ["certificate"]  # the fixture
 
 
 @pytest.fixture(autouse=True)
@@ -118,7 +115,7 @@ def test_a_cancelled_call_leaves_the_connection_in_step(listen_at: str, workshop
                     try:
                         assert await controller.execute("Echo", "mine") == "mine"
                     except orinkit.CallError as busy:  # until the first one has been answered
-                        if busy.code != orinkit.hresult.E_BUSY_PROC:
+                        if busy.code != orinkit.core.hresult.E_BUSY_PROC:
                             raise
                     else:
                         break
@@ -224,7 +221,7 @@ def test_a_flood_behind_a_call_is_bounded(
             super().receive_data(data)
             kept.append(len(self.trailing_data[0]))
 
-    monkeypatch.setattr(http_guard, "Joining", Measured)
+    monkeypatch.setattr(limits, "Joining", Measured)
     texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(60)]
     with Web(web_server.url, keeps_cookies=True) as web:
         handle = connect(web)

@@ -7,18 +7,18 @@ import os
 import select
 import time
 import tty
-from pathlib import Path
 
 import pytest
 
 import orinkit
 from orinkit.bcap import packet
 from orinkit.virtual.ve026a import VirtualVE026A
-from waiting import PATIENCE
+from support.paths import VECTORS
+from support.waiting import PATIENCE
 
 PRINTED = [
     each
-    for each in json.loads((Path(__file__).parent.parent / "vectors" / "bcap-packets.json").read_text())
+    for each in json.loads((VECTORS / "bcap-packets.json").read_text())
     if each["document"].startswith("bcap-ve026a")
 ]
 REQUESTS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if each["kind"] == "request"}

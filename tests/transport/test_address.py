@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit import language
-from orinkit._pose_checks import brief
-from orinkit.errors import InvalidAddress
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidAddress
 from orinkit.transport.address import Address, HttpAddress, PtyAddress, SerialAddress, network_of, parse_address
+from orinkit.values.pose_numbers import brief
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="names of ports are others in Windows")
 
@@ -198,7 +198,7 @@ def test_no_text(value: Any) -> None:
 
 
 def test_in_japanese() -> None:
-    language.use("ja")
+    i18n.use("ja")
     with pytest.raises(InvalidAddress, match="parity に 'X' は指定できません") as caught:
         parse_address("serial:///dev/ttyS0?parity=X")
     assert "例: serial:///dev/ttyUSB0" in str(caught.value)

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from both import only
-from orinkit.errors import ConnectFailed, ConnectionLost
-from orinkit.transport import forks
+from orinkit.core.errors import ConnectFailed, ConnectionLost
+from orinkit.transport import fork_safety
 from orinkit.virtual.rc8 import VirtualRC8
-from stopping import state_of
-from waiting import PATIENCE, until
+from support.both import only
+from support.stopping import state_of
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
 
@@ -253,18 +253,18 @@ class Holding:
 @pytest.mark.parametrize("possible", [True, False])
 def test_what_is_left_behind(monkeypatch: pytest.MonkeyPatch, possible: bool) -> None:
     """As in a child: descriptors become the null device, or are closed where there is no descriptor for that."""
-    monkeypatch.setattr(forks, "_kept", set())
+    monkeypatch.setattr(fork_safety, "_kept", set())
     ends = os.pipe()
     for thing in (Broken(), Holding(-1, ends[0]), Holding(ends[1])):
-        forks.keep_from_children(thing)
+        fork_safety.keep_from_children(thing)
     if not possible:
 
         def full(*_: object) -> int:
             raise OSError(24, "Too many open files")
 
         monkeypatch.setattr(os, "open", full)
-    forks._leave_behind()
-    assert not forks._kept
+    fork_safety._leave_behind()
+    assert not fork_safety._kept
     monkeypatch.undo()
     if possible:
         for end in ends:

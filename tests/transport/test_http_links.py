@@ -22,8 +22,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from both import Both
-from http_peers import (
+from orinkit.core import i18n
+from orinkit.core.errors import (
+    ConnectFailed,
+    ConnectionClosed,
+    ConnectionLost,
+    InvalidAddress,
+    InvalidValue,
+    LimitExceeded,
+    MissingExtra,
+    OrinError,
+    ProtocolError,
+    StreamError,
+    TransportError,
+)
+from orinkit.transport.address import HttpAddress
+from orinkit.transport.credentials import Access
+from orinkit.transport.http import connection
+from orinkit.transport.http.aio_link import AsyncHttpLink
+from orinkit.transport.http.link import HttpLink
+from orinkit.transport.http.response import Contact, first_line
+from support.both import Both
+from support.http_peers import (
     CERTIFICATE,
     CHUNKED,
     HELLO,
@@ -42,28 +62,8 @@ from http_peers import (
     head,
     reply,
 )
-from orinkit import language
-from orinkit.errors import (
-    ConnectFailed,
-    ConnectionClosed,
-    ConnectionLost,
-    InvalidAddress,
-    InvalidValue,
-    LimitExceeded,
-    MissingExtra,
-    OrinError,
-    ProtocolError,
-    StreamError,
-    TransportError,
-)
-from orinkit.transport import http_connection
-from orinkit.transport.access import Access
-from orinkit.transport.address import HttpAddress
-from orinkit.transport.aio_http_link import AsyncHttpLink
-from orinkit.transport.http_link import HttpLink
-from orinkit.transport.http_reply import Contact, first_line
-from peers import Gone
-from waiting import TooSlow, until, with_longer_times
+from support.peers import Gone
+from support.waiting import TooSlow, until, with_longer_times
 
 PATIENT = 20.0  # a time-out that no test may reach
 SHORT = 0.1  # a time-out that is meant to pass
@@ -191,8 +191,8 @@ def test_large_bodies(ways: Ways) -> None:
 
 
 def test_a_connection_that_was_idle_for_long_is_not_used_again(ways: Ways, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http_connection, "KEPT", 0.0)
-    monkeypatch.setattr("orinkit.transport.aio_http_link.KEPT", 0.0)
+    monkeypatch.setattr(connection, "KEPT", 0.0)
+    monkeypatch.setattr("orinkit.transport.http.aio_link.KEPT", 0.0)
     with HttpPeer(echo) as peer:
         way = ways(peer)
         for number in range(3):
@@ -780,7 +780,7 @@ def test_a_status_that_is_an_error(ways: Ways, status: str, kind: type[OrinError
         assert str(caught.value).startswith(f"{peer.address} answered HTTP {status[:4]}")
         assert ("(What the server says / 理由)" in str(caught.value)) is bool(body)
         assert "more" not in str(caught.value).replace("any more", "")
-        language.use("ja")
+        i18n.use("ja")
         with pytest.raises(kind, match="の応答は HTTP"):
             way.ask(b"Func=1")
         assert way.ask(b"Func=1") == S_OK
@@ -1022,7 +1022,7 @@ def test_a_certificate_that_is_not_trusted(ways: Ways) -> None:
 
 def test_names_are_checked() -> None:
     for access in (KNOWN, Access()):
-        context = http_connection.context_of(HttpAddress("https", "127.0.0.1", 1), access)
+        context = connection.context_of(HttpAddress("https", "127.0.0.1", 1), access)
         assert context is not None
         assert context.check_hostname
         assert context.verify_mode is ssl.CERT_REQUIRED
@@ -1460,12 +1460,12 @@ def fuzzed() -> Iterator[Any]:
 # --- without the package ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("module", ["http_link", "aio_http_link"])
+@pytest.mark.parametrize("module", ["link", "aio_link"])
 def test_httpx2_is_missing(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, "httpx2", None)
-    monkeypatch.delitem(sys.modules, f"orinkit.transport.{module}")
+    monkeypatch.delitem(sys.modules, f"orinkit.transport.http.{module}")
     with pytest.raises(MissingExtra, match=r"e-CAP over HTTP needs httpx2.*orinkit\[http\]"):
-        importlib.import_module(f"orinkit.transport.{module}")
+        importlib.import_module(f"orinkit.transport.http.{module}")
 
 
 def test_a_peer_that_is_gone_is_no_error_of_the_test() -> None:

@@ -18,13 +18,20 @@ from typing import Any
 
 import pytest
 
-from both import Both
-from orinkit.errors import ConnectFailed, ConnectionClosed, ConnectionLost, InvalidAddress, MissingExtra, TransportError
+from orinkit.core.errors import (
+    ConnectFailed,
+    ConnectionClosed,
+    ConnectionLost,
+    InvalidAddress,
+    MissingExtra,
+    TransportError,
+)
 from orinkit.transport import aio_links, links
 from orinkit.transport.address import Address, PtyAddress, SerialAddress
-from orinkit.transport.aio_port_link import AsyncPortLink
-from orinkit.transport.port_link import PortLink
-from orinkit.transport.serial_settings import open_port
+from orinkit.transport.serial.aio_windows import AsyncPortLink
+from orinkit.transport.serial.settings import open_port
+from orinkit.transport.serial.windows import PortLink
+from support.both import Both
 
 PATIENT = 20.0  # a time-out that no test may reach
 SHORT = 0.05  # a time-out that is meant to pass
@@ -553,7 +560,7 @@ def test_settings_that_the_system_does_not_have(both: Both) -> None:
 
 
 def test_without_serialx(both: Both, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orinkit.extra.find_spec", lambda name: None)
+    monkeypatch.setattr("orinkit.core.optional_deps.find_spec", lambda name: None)
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(MissingExtra, match=r"orinkit\[serial\]"):
         both.run(opening(SerialAddress("/dev/ttyS0"), PATIENT))

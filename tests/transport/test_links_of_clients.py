@@ -12,13 +12,20 @@ from typing import Any
 
 import pytest
 
-from both import Both
 from orinkit import functions as f
-from orinkit._pose_checks import brief
 from orinkit.bcap import packet
-from orinkit.errors import CallTimeout, ConnectFailed, ConnectionClosed, ConnectionLost, InvalidAddress, InvalidValue
-from peers import BadPeer, Line, reply
-from waiting import TooSlow, with_longer_times
+from orinkit.core.errors import (
+    CallTimeout,
+    ConnectFailed,
+    ConnectionClosed,
+    ConnectionLost,
+    InvalidAddress,
+    InvalidValue,
+)
+from orinkit.values.pose_numbers import brief
+from support.both import Both
+from support.peers import BadPeer, Line, reply
+from support.waiting import TooSlow, with_longer_times
 
 SHORT = 0.05
 PATIENT = 20.0

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from orinkit.cao.provider import Blocking, ClientInfo
-from orinkit.errors import CallError
+from orinkit.core.errors import CallError
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
 

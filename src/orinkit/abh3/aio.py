@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
-from orinkit.abh3 import _async_bus
-from orinkit.abh3._async_bus import AsyncMotorBus
-from orinkit.abh3._async_driver import AsyncDriver
-from orinkit.abh3._common import BusSettings, Settings
-from orinkit.abh3.records import BR1, BR1V2, DP0R, DP0RV2
-from orinkit.abh3.signals import Dialect
-from orinkit.opening import Opening
+from orinkit.abh3.api._async import bus
+from orinkit.abh3.api._async.bus import AsyncMotorBus
+from orinkit.abh3.api._async.driver import AsyncDriver
+from orinkit.abh3.api.common import BusSettings, Settings
+from orinkit.abh3.table.records import BR1, BR1V2, DP0R, DP0RV2
+from orinkit.abh3.table.signals import Dialect
+from orinkit.core.awaitable import Opening
 
 if TYPE_CHECKING:
     import can
@@ -54,9 +54,9 @@ def connect(
     **settings: Unpack[Settings],
 ) -> Opening[AsyncDriver[Any, Any]]:
     """Open a CAN bus with one driver, as :func:`orinkit.abh3.connect`; for ``async with`` or ``await``."""
-    return Opening(_async_bus.connect(at, dialect=dialect, init=init, **settings))
+    return Opening(bus.connect(at, dialect=dialect, init=init, **settings))
 
 
 def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> Opening[AsyncMotorBus]:
     """Open a CAN bus for several drivers, as :func:`orinkit.abh3.open_bus`; for ``async with`` or ``await``."""
-    return Opening(_async_bus.open_bus(at, **settings))
+    return Opening(bus.open_bus(at, **settings))

@@ -16,9 +16,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orinkit._pose_checks import brief
-from orinkit.errors import InvalidValue
-from orinkit.language import pick
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.values.pose_numbers import brief
 
 
 class Wheels(NamedTuple):
@@ -151,9 +151,7 @@ def _positive(name: str, value: float) -> float:
     number = _finite(name, value)
     if number > 0:
         return number
-    raise InvalidValue(
-        pick(f"{name} must be greater than 0, not {brief(value)}", f"{name} は 0 より大きい値です: {brief(value)}")
-    )
+    raise InvalidValue(tr("{name} must be greater than 0, not {value}", name=name, value=brief(value)))
 
 
 def _finite(name: str, value: float) -> float:
@@ -163,6 +161,4 @@ def _finite(name: str, value: float) -> float:
         number = math.nan
     if math.isfinite(number):
         return number
-    raise InvalidValue(
-        pick(f"{name} must be a finite number, not {brief(value)}", f"{name} は有限の数値です: {brief(value)}")
-    )
+    raise InvalidValue(tr("{name} must be a finite number, not {value}", name=name, value=brief(value)))

@@ -17,18 +17,19 @@ from dataclasses import replace
 from operator import call as _apply
 from typing import Any, Final, TypeAlias
 
-from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
 from orinkit.bcap.wire import SILENCE, STREAM, Wire
-from orinkit.cao.answers import Trace, checked, no_answer
+from orinkit.cao.call_limits import Clock, Patience, standing
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
-from orinkit.cao.patience import Clock, Patience, standing
+from orinkit.cao.replies import Trace, checked, no_answer
 from orinkit.cao.table import Argument, Function
-from orinkit.errors import CallError, CallTimeout, InvalidValue, error_for
-from orinkit.language import pick
-from orinkit.variant import Variant, VarType, variant
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, CallTimeout, InvalidValue, error_for
+from orinkit.core.i18n import tr
+from orinkit.values import codec
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.variant import Variant, VarType, variant
 
 Exchange: TypeAlias = tuple[bytes, float | None]
 Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
@@ -119,7 +120,7 @@ class Conversation:
             function: an entry of the table.
             arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
             seconds: time-out of one try; every S_EXECUTING from the controller starts it anew.
-            exact: give the result as a :class:`~orinkit.variant.Variant`.
+            exact: give the result as a :class:`~orinkit.values.variant.Variant`.
             tries: how often the request is sent in all, where packets may be lost (RC8 table 5-1: TORetry); every
                 S_EXECUTING allows as many again.
             later: least time-out of the tries after the first one: a line that noise has put out of step has to fall
@@ -274,7 +275,7 @@ class Conversation:
         if function.result is None:
             return None
         if count:
-            value, _ = variant_bytes.decode(frame, 15, len(frame) - self._tail, self._limits, exact=exact)
+            value, _ = codec.decode(frame, 15, len(frame) - self._tail, self._limits, exact=exact)
         else:  # a VE026A answers nothing where an RC8 answers VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
         return checked(function, value, exact=exact)
@@ -289,11 +290,13 @@ def sign_of_life(handle: int) -> bytes:
 
 
 def _too_long(function: Function[..., Any], length: int, limits: Limits, wire: Wire) -> InvalidValue:
-    by_tcp = pick(f" ({wire.name}; with TCP there is room)", f" ({wire.name} の場合。TCP なら送信できます)")
+    by_tcp = tr(" ({name}; with TCP there is room)", name=wire.name)
     return InvalidValue(
-        pick(
-            f"{function.name}: the arguments make a packet of {length} bytes, at most {limits.packet} can be sent",
-            f"{function.name}: 引数を含むパケットが {length} バイトになり、上限 {limits.packet} バイトを超えます",
+        tr(
+            "{name}: the arguments make a packet of {length} bytes, at most {most} can be sent",
+            name=function.name,
+            length=length,
+            most=limits.packet,
         )
         + (by_tcp if limits.packet == wire.packet != STREAM.packet else "")
     )
@@ -335,10 +338,10 @@ def encode_request(
 
 
 _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
-    VarType.I4: variant_bytes.encode_integer,
-    VarType.R4: variant_bytes.encode_single,
-    VarType.BSTR: variant_bytes.encode_string,
-    VarType.VARIANT: variant_bytes.encode,
+    VarType.I4: codec.encode_integer,
+    VarType.R4: codec.encode_single,
+    VarType.BSTR: codec.encode_string,
+    VarType.VARIANT: codec.encode,
 }
 _ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
 
@@ -349,14 +352,14 @@ def _learn(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
 
 
 def _encoder(argument: Argument) -> Callable[[Any], bytes]:
-    return variant_bytes.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
+    return codec.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
 
 
 def _sized(encoder: Callable[[Any], bytes], error_size: int) -> Callable[[Any], bytes]:
     """Return an encoder for which a VT_ERROR has another size; only in a VARIANT can there be one."""
-    if encoder is not variant_bytes.encode:
+    if encoder is not codec.encode:
         return encoder
-    return lambda value: variant_bytes.encode_variant(variant(value), error_size)
+    return lambda value: codec.encode_variant(variant(value), error_size)
 
 
 def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:

@@ -12,10 +12,11 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
-from orinkit import hresult, variant_bytes
-from orinkit.errors import LimitExceeded, ProtocolError
-from orinkit.language import pick
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.core import hresult
+from orinkit.core.errors import LimitExceeded, ProtocolError
+from orinkit.core.i18n import tr
+from orinkit.values import codec
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
 
 SOH: Final = 0x01
 EOT: Final = 0x04
@@ -40,7 +41,7 @@ class Packet:
     Attributes:
         serial: 1 to 65535; the reply has the request's.
         code: function id of a request, return code of a reply; unsigned.
-        arguments: plain values, or :class:`~orinkit.variant.Variant` objects if read with ``exact=True``.
+        arguments: plain values, or :class:`~orinkit.values.variant.Variant` objects if read with ``exact=True``.
         reserved: 0 on TCP; on UDP and serial lines the serial of the first try.
         trailer: the reserved area behind the arguments (VE026A 3.1), nearly always empty.
     """
@@ -80,7 +81,7 @@ def encode(packet: Packet, *, crc: bool = False) -> bytes:
     Raises:
         InvalidValue: an argument cannot be a VARIANT.
     """
-    body = b"".join(map(variant_bytes.encode, packet.arguments)) + packet.trailer
+    body = b"".join(map(codec.encode, packet.arguments)) + packet.trailer
     return pack(packet.serial, packet.code, len(packet.arguments), body, packet.reserved, crc=crc)
 
 
@@ -112,16 +113,13 @@ def decode_arguments(
     """
     if count * 10 > end - _BODY:
         raise ProtocolError(
-            pick(
-                f"{count} arguments cannot be in the {end - _BODY} bytes present",
-                f"引数 {count} 個は {end - _BODY} バイトに収まりません",
-            )
+            tr("{count} arguments cannot be in the {present} bytes present", count=count, present=end - _BODY)
         )
     arguments = []
     position = _BODY
     budget = [limits.variants]
     for _ in range(count):
-        value, position = variant_bytes.decode(frame, position, end, limits, exact=exact, budget=budget)
+        value, position = codec.decode(frame, position, end, limits, exact=exact, budget=budget)
         arguments.append(value)
     return arguments, position
 
@@ -146,9 +144,10 @@ def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = Fa
     smallest = OVERHEAD + 2 if crc else OVERHEAD
     if length < smallest or frame[-1] != EOT or _START(frame) != (SOH, length):
         raise ProtocolError(
-            pick(
-                f"{len(frame)} bytes {frame[:8].hex(' ')}... are no packet: SOH 01, the length, and EOT 04 at its end are needed",
-                f"{len(frame)} バイト {frame[:8].hex(' ')}... はパケットではありません (SOH 01、全長、末尾 EOT 04 が必要)",
+            tr(
+                "{count} bytes {begin}... are no packet: SOH 01, the length, and EOT 04 at its end are needed",
+                count=len(frame),
+                begin=frame[:8].hex(" "),
             ),
             fatal=True,
         )
@@ -156,19 +155,17 @@ def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = Fa
         raise _too_long(length, limits)
     if crc and not is_right(frame):
         raise ProtocolError(
-            pick(
-                f"CRC {frame[-3:-1].hex()} is wrong, {_CRC.pack(checksum(frame[1:-3])).hex()} is right",
-                f"CRC {frame[-3:-1].hex()} が違います (正しくは {_CRC.pack(checksum(frame[1:-3])).hex()})",
+            tr(
+                "CRC {found} is wrong, {right} is right",
+                found=frame[-3:-1].hex(),
+                right=_CRC.pack(checksum(frame[1:-3])).hex(),
             )
         )
 
 
 def _too_long(length: int, limits: Limits) -> LimitExceeded:
     return LimitExceeded(
-        pick(
-            f"packet of {length} bytes, at most {limits.packet} are allowed",
-            f"パケット長 {length} バイトは上限 {limits.packet} バイトを超えています",
-        ),
+        tr("packet of {length} bytes, at most {most} are allowed", length=length, most=limits.packet),
         hresult.E_PACKETSIZEOVER,
         fatal=True,
     )
@@ -177,17 +174,13 @@ def _too_long(length: int, limits: Limits) -> LimitExceeded:
 def _no_packet(data: bytes | bytearray) -> ProtocolError:
     """Return the exception for bytes of a stream that do not begin with SOH; it shows the first ones in printable form."""
     shown = ascii(bytes(data[:_SHOWN]))[1:] + ("..." if len(data) > _SHOWN else "")
-    if _HTTP.match(data):
-        hint = pick(
-            ". This is HTTP. Try: an http:// address, and a server of e-CAP",
-            "。これは HTTP です。対処: http:// のアドレスと e-CAP のサーバを使ってください",
-        )
-    else:
-        hint = ""
+    hint = tr(". This is HTTP. Try: an http:// address, and a server of e-CAP") if _HTTP.match(data) else ""
     return ProtocolError(
-        pick(
-            f"{shown} is no b-CAP: a packet begins with SOH 01, not with {data[0]:02x}{hint}",
-            f"{shown} は b-CAP ではありません (パケットの先頭は SOH 01 ですが、{data[0]:02x} でした){hint}",
+        tr(
+            "{shown} is no b-CAP: a packet begins with SOH 01, not with {first:02x}{hint}",
+            shown=shown,
+            first=data[0],
+            hint=hint,
         ),
         fatal=True,
     )
@@ -264,9 +257,10 @@ class Framer:
         if buffer[length - 1] != EOT:
             raise self._lost(
                 ProtocolError(
-                    pick(
-                        f"a packet of {length} bytes ends with {buffer[length - 1]:02x}, not with EOT 04",
-                        f"{length} バイトのパケットの末尾が EOT 04 ではなく {buffer[length - 1]:02x} です",
+                    tr(
+                        "a packet of {length} bytes ends with {last:02x}, not with EOT 04",
+                        length=length,
+                        last=buffer[length - 1],
                     ),
                     fatal=True,
                 )
@@ -284,10 +278,7 @@ class Framer:
             return self._lost(_too_long(length, self.limits))
         return self._lost(
             ProtocolError(
-                pick(
-                    f"a packet cannot be {length} bytes long; {OVERHEAD} is the least",
-                    f"パケット長 {length} は不正です (最小 {OVERHEAD})",
-                ),
+                tr("a packet cannot be {length} bytes long; {least} is the least", length=length, least=OVERHEAD),
                 fatal=True,
             )
         )

@@ -5,7 +5,7 @@ call, :class:`Decode` a large packet first, :class:`Close` the link, :class:`Res
 executes the call, hands the answer to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` when
 :meth:`~ServerConversation.deadline` has come. One call is executed at a time; another one meanwhile is answered with
 E_BUSY_PROC (reference behaviour: docs/protocol.md). Where packets may be lost, a request that comes again is not
-executed again (:mod:`orinkit.bcap.repeats`).
+executed again (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, NamedTuple, TypeAlias
 
-from orinkit import hresult, variant_bytes
 from orinkit.bcap import packet
-from orinkit.bcap.repeats import Answer, Requests, Verdict
+from orinkit.bcap.duplicate_filter import Answer, Requests, Verdict
 from orinkit.bcap.wire import STREAM, Wire
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.service import read_options
-from orinkit.errors import CallError, ProtocolError
-from orinkit.variant import Variant
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.cao.service_options import read_options
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, ProtocolError
+from orinkit.values import codec
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.variant import Variant
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
@@ -350,7 +351,7 @@ class ServerConversation:
     def encode(self, call: Execute, result: Variant) -> Encoded:
         """Return a result for :meth:`finish`; changes nothing, so it may be called from any thread."""
         try:
-            body = variant_bytes.encode_variant(result, self._limits.error_size)
+            body = codec.encode_variant(result, self._limits.error_size)
         except Exception:
             logger.exception("the result of function %d cannot be sent", call.function_id)
             return Encoded(hresult.E_FAIL)

@@ -2,7 +2,7 @@
 
 A :class:`Wire` has all that differs. On a stream nothing is lost, and anything but packets ends the connection. On the other two a packet may be, so that a client
 repeats a request that is not answered: with a new serial, and with the serial of its first try in the reserved field, by
-which a server knows it again (:mod:`orinkit.bcap.repeats`).
+which a server knows it again (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from functools import partial
 from typing import Final, Protocol
 
 from orinkit.bcap import packet
-from orinkit.bcap.line import LineFramer
-from orinkit.cao.carrier import Carrier
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.bcap.serial_framer import LineFramer
+from orinkit.cao.transport_profile import Carrier
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
 
 SILENCE: Final = 0.05
 """Seconds without a byte after which a packet that has begun on a serial line is not coming to its end any more."""

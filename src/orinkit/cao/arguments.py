@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from orinkit import hresult
 from orinkit.cao import coerce
 from orinkit.cao.table import Argument, Function
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.variant import Variant, VarType
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Variant, VarType
 
 
 def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> list[Any]:
@@ -23,9 +23,11 @@ def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> li
     if not function.required <= len(given) <= len(expected):
         raise error_for(
             hresult.E_INVALIDARG,
-            pick(
-                f"{len(given)} arguments were given, {function.name} has {len(expected)}",
-                f"引数が {len(given)} 個あります ({function.name} は {len(expected)} 個)",
+            tr(
+                "{count} arguments were given, {name} has {wanted}",
+                count=len(given),
+                name=function.name,
+                wanted=len(expected),
             ),
         )
     values = [_read(function, *pair) for pair in zip(expected, given, strict=False)]
@@ -46,9 +48,11 @@ def _too_long(function: Function[..., Any], argument: Argument, length: int) -> 
     where = f"{function.name}: {argument.name}"
     return error_for(
         hresult.E_INVALIDARG,
-        pick(
-            f"{where} of {length} characters, at most {argument.longest} are allowed",
-            f"{where} が {length} 文字で、上限 {argument.longest} 文字を超えています",
+        tr(
+            "{where} of {length} characters, at most {most} are allowed",
+            where=where,
+            length=length,
+            most=argument.longest,
         ),
     )
 

@@ -10,10 +10,10 @@ import re
 from decimal import Decimal
 from typing import Any, Final
 
-from orinkit import hresult
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick, quoted
-from orinkit.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.values.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 
@@ -25,10 +25,7 @@ def wrong_type(given: Variant, wanted: str) -> CallError:
     """Return the exception for an argument of the wrong type."""
     return error_for(
         hresult.E_INVALIDARGTYPE,
-        pick(
-            f"{type_name(given.type)} was given, {wanted} is wanted",
-            f"{wanted} が必要ですが {type_name(given.type)} です",
-        ),
+        tr("{type} was given, {wanted} is wanted", type=type_name(given.type), wanted=wanted),
     )
 
 
@@ -50,14 +47,12 @@ def to_number(given: Variant) -> float | int:
         try:
             return _number_in(value)
         except ValueError:
-            raise wrong_type(
-                given, pick(f"a number, not {quoted(value)},", f"数値 ({quoted(value)} ではなく)")
-            ) from None
+            raise wrong_type(given, tr("a number, not {value},", value=quoted(value))) from None
     if isinstance(value, Decimal):
         return int(value) if value == value.to_integral_value(context=CY_CONTEXT) else float(value)
     if isinstance(value, int | float) and given.type != VarType.DATE:
         return value
-    raise wrong_type(given, pick("a number", "数値"))
+    raise wrong_type(given, tr("a number"))
 
 
 def _number_in(text: str) -> float | int:
@@ -82,9 +77,9 @@ def to_integer(given: Variant) -> int:
     """
     number = to_number(given)
     if number != number or number in (float("inf"), float("-inf")) or number != int(number):
-        raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no whole number", f"{number} は整数ではありません"))
+        raise error_for(hresult.E_INVALIDARG, tr("{number} is no whole number", number=number))
     if not -(2**31) <= number < 2**31:
-        raise error_for(hresult.E_INVALIDARG, pick(f"{number!s:.40} is out of range", f"{number!s:.40} は範囲外です"))
+        raise error_for(hresult.E_INVALIDARG, tr("{number!s:.40} is out of range", number=number))
     return int(number)
 
 
@@ -102,7 +97,7 @@ def to_real(given: Variant) -> float:
     except OverflowError:  # a text of hundreds of digits
         number = float("inf")
     if number != number or number in (float("inf"), float("-inf")):
-        raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no usable number", f"{number} は使えない値です"))
+        raise error_for(hresult.E_INVALIDARG, tr("{number} is no usable number", number=number))
     return number
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from orinkit import hresult
+from orinkit.core import hresult
 
 
 @dataclass(frozen=True, slots=True)

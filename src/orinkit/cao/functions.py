@@ -17,8 +17,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from orinkit.cao.table import ENTRIES, I4, R4, AnyValue, Bstr, Function, Handle, function
-from orinkit.language import pick
-from orinkit.variant import Value
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Value
 
 
 # fmt: off
@@ -595,10 +595,7 @@ def find(name: str | int) -> Function[..., Any]:
         from difflib import get_close_matches  # only when something is wrong already
 
         near = ", ".join(get_close_matches(str(name), BY_NAME, n=3, cutoff=0.4))
-        raise KeyError(
-            pick(
-                f"no function {name!r}" + (f"; did you mean {near}?" if near else "; ids are 1 to 137"),
-                f"関数 {name!r} はありません" + (f" (候補: {near})" if near else " (ID は 1～137)"),
-            )
-        )
+        if near:
+            raise KeyError(tr("no function {name!r}; did you mean {near}?", name=name, near=near))
+        raise KeyError(tr("no function {name!r}; ids are 1 to 137", name=name))
     return found

@@ -9,10 +9,10 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from orinkit import hresult
 from orinkit.cao.table import LONGEST_OPTION
-from orinkit.errors import error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
 
 _OPENING: Final = {"(": ")", "[": "]", "{": "}", "<": ">"}
 _DECIMAL: Final = re.compile(r"\s*[+-]?[0-9]+\s*")
@@ -35,9 +35,10 @@ class Options:
         if len(text) > LONGEST_OPTION:
             raise error_for(
                 hresult.E_INVALIDARG,
-                pick(
-                    f"an option string of {len(text)} characters, at most {LONGEST_OPTION} are read",
-                    f"オプション文字列が {len(text)} 文字で、上限 {LONGEST_OPTION} 文字を超えています",
+                tr(
+                    "an option string of {count} characters, at most {most} are read",
+                    count=len(text),
+                    most=LONGEST_OPTION,
                 ),
             )
         self.text = text

@@ -1,7 +1,7 @@
 """What a served device implements: one class per CAO interface, one method per function of the table.
 
 A method's name is the function's in Python's spelling (``Variable_GetValue`` is :meth:`VariableObject.get_value`). It
-gets the arguments as Python values, one of type VARIANT as :class:`~orinkit.variant.Variant` with its exact type, and
+gets the arguments as Python values, one of type VARIANT as :class:`~orinkit.values.variant.Variant` with its exact type, and
 returns the result. It may
 
 * return at once: it then runs on the server's own thread and must not wait for anything;
@@ -17,20 +17,26 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from orinkit import hresult
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.results import Blocking as Blocking
 from orinkit.cao.results import Coded as Coded
 from orinkit.cao.results import Later as Later
 from orinkit.cao.results import Result as Result
-from orinkit.errors import CallError, error_for
-from orinkit.variant import Value, Variant, VarType
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.values.variant import Value, Variant, VarType
 
 
 def _no_reason(code: int) -> str:  # noqa: ARG001 - as every reason
     return ""
+
+
+READABLE: Final = 1
+"""Attribute bit of a variable that can be read."""
+WRITABLE: Final = 2
+"""Attribute bit of a variable that can be written."""
 
 
 class ClientInfo(NamedTuple):

@@ -17,16 +17,16 @@ from inspect import isawaitable
 from traceback import format_exception_only
 from typing import Any, Final, TypeAlias, cast
 
-from orinkit import hresult
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.keeping import KEPT, MOST_OF_A_CLIENT, Kept, size_to_keep
 from orinkit.cao.options import Options
 from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider
+from orinkit.cao.quota import KEPT, MOST_OF_A_CLIENT, Kept, size_to_keep
 from orinkit.cao.table import Function
-from orinkit.errors import CallError, InvalidValue, error_for
-from orinkit.language import cut, pick, printable, quoted
-from orinkit.variant import Variant, VarType, variant
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue, error_for
+from orinkit.core.i18n import cut, printable, quoted, tr
+from orinkit.values.variant import Variant, VarType, variant
 
 logger = logging.getLogger("orinkit.session")
 
@@ -96,7 +96,7 @@ class Host:
             offered = ", ".join(dict.fromkeys(name for p in self.providers for name in p.provider_names))
             raise error_for(
                 hresult.E_CAO_PROV_INVALID,
-                pick(f"{quoted(name)}; served here: {offered}", f"{quoted(name)}。提供中のプロバイダ: {offered}"),
+                tr("{name}; served here: {offered}", name=quoted(name), offered=offered),
             )
         return found
 
@@ -106,13 +106,13 @@ def _checked(given: object) -> list[Provider]:
     wrong = [each for each in listed if not isinstance(each, Provider)]
     if wrong:
         raise TypeError(
-            pick(
-                f"a Provider or Device object is needed, not {wrong[0]!r:.100}; a class wants brackets: MyDevice()",
-                f"Provider か Device のオブジェクトが必要です (クラスには括弧を付けます: MyDevice()): {wrong[0]!r:.100}",
+            tr(
+                "a Provider or Device object is needed, not {wrong!r:.100}; a class wants brackets: MyDevice()",
+                wrong=wrong[0],
             )
         )
     if not listed:
-        raise ValueError(pick("there is nothing to serve", "サーブするものがありません"))
+        raise ValueError(tr("there is nothing to serve"))
     return [each for each in listed if isinstance(each, Provider)]
 
 
@@ -121,9 +121,10 @@ def _check_together(one: Provider, other: Provider) -> None:
     if kinds[0] != kinds[1]:
         names = type(one).__name__, type(other).__name__
         raise ValueError(
-            pick(
-                f"{names[0]} and {names[1]} speak b-CAP differently and cannot be served together",
-                f"{names[0]} と {names[1]} は b-CAP の方言が異なるため、一緒にサーブできません",
+            tr(
+                "{first} and {second} speak b-CAP differently and cannot be served together",
+                first=names[0],
+                second=names[1],
             )
         )
 
@@ -134,9 +135,10 @@ def _names(provider: Provider) -> list[str]:
         logger.warning("%s has no provider_names: nobody can connect to it", type(provider).__name__)
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
         raise TypeError(
-            pick(
-                f'{type(provider).__name__}.provider_names must be a tuple of names, as ("CaoProv.Example.Gripper",), not {names!r}',
-                f'{type(provider).__name__}.provider_names は ("CaoProv.Example.Gripper",) のような名前のタプルです ({names!r})',
+            tr(
+                '{name}.provider_names must be a tuple of names, as ("CaoProv.Example.Gripper",), not {names!r}',
+                name=type(provider).__name__,
+                names=names,
             )
         )
     return list(names)
@@ -206,9 +208,7 @@ class Session:
         """
         function = FUNCTIONS.get(function_id)
         if function is None or (self._functions is not None and function_id not in self._functions):
-            return Reply(
-                hresult.E_NOTIMPL, detail=pick(f"no function {function_id}", f"関数 {function_id} はありません")
-            )
+            return Reply(hresult.E_NOTIMPL, detail=tr("no function {function_id}", function_id=function_id))
         try:
             values = read_arguments(function, arguments)
             special = _SPECIAL.get(function.id)
@@ -322,9 +322,7 @@ class Session:
         except InvalidValue as error:  # the device's fault, not the client's
             kind = type(result).__name__
             raise TypeError(
-                pick(
-                    f"{function.name} cannot return {kind}: {error}", f"{function.name} は {kind} を返せません: {error}"
-                )
+                tr("{name} cannot return {kind}: {error}", name=function.name, kind=kind, error=error)
             ) from error
 
     def _failed(self, function: Function[..., Any], error: BaseException) -> Reply:
@@ -349,10 +347,13 @@ class Session:
     @staticmethod
     def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
         if entry is None:
-            return pick(f"handle {handle} is not in use", f"ハンドル {handle} は使われていません")
-        return pick(
-            f"handle {handle} is a {entry.interface}, {function.name} needs a {function.interface}",
-            f"ハンドル {handle} は {entry.interface} です ({function.name} には {function.interface} が必要)",
+            return tr("handle {handle} is not in use", handle=handle)
+        return tr(
+            "handle {handle} is a {interface}, {name} needs a {wanted}",
+            handle=handle,
+            interface=entry.interface,
+            name=function.name,
+            wanted=function.interface,
         )
 
     # --- motion -------------------------------------------------------------------------------------------------
@@ -388,15 +389,13 @@ class Session:
         if len(self._entries) >= self.host.objects:
             raise error_for(
                 hresult.E_MAX_OBJECT,
-                pick(f"{self.host.objects} objects per client", f"1 クライアント {self.host.objects} 個まで"),
+                tr("{most} objects per client", most=self.host.objects),
             )
 
     def _add(self, interface: str, served: object, parent: int, label: str, provider: Provider | None) -> int:
         if not isinstance(served, CaoObject):
             kind = type(served).__name__
-            raise TypeError(
-                pick(f"the device gave {kind} for a {interface}", f"デバイスが {interface} として {kind} を返しました")
-            )
+            raise TypeError(tr("the device gave {kind} for a {interface}", kind=kind, interface=interface))
         if self._closed or (parent and parent not in self._entries):  # the client left while the device was at work
             served.release()
             raise error_for(hresult.E_ABORT, label)

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Generic, NamedTuple, ParamSpec, TypeVar
 
-from orinkit.language import pick
-from orinkit.variant import Value, VarType
+from orinkit.core.i18n import choose, tr
+from orinkit.values.variant import Value, VarType
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -93,7 +93,7 @@ class Function(Generic[P, R]):
     @property
     def text(self) -> str:
         """The line of text in the language in force."""
-        return pick(self.en, self.ja)
+        return choose(self.en, self.ja)
 
     def bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, ...]:
         """Return the arguments to send, in order, defaults filled in.
@@ -106,30 +106,28 @@ class Function(Generic[P, R]):
             return arguments[:-1] if left_out else arguments
         if len(arguments) > len(self.arguments):
             raise TypeError(
-                pick(
-                    f"{self.name} takes {len(self.arguments)} arguments, {len(arguments)} were given",
-                    f"{self.name} の引数は {len(self.arguments)} 個ですが {len(arguments)} 個渡されました",
+                tr(
+                    "{name} takes {count} arguments, {given} were given",
+                    name=self.name,
+                    count=len(self.arguments),
+                    given=len(arguments),
                 )
             )
         bound = list(arguments)
         left = dict(named)
         for argument in self.arguments[len(arguments) :]:
             if argument.name not in left and not argument.optional:
-                raise TypeError(
-                    pick(
-                        f"{self.name} needs the argument {argument.name!r}",
-                        f"{self.name} には引数 {argument.name!r} が必要です",
-                    )
-                )
+                raise TypeError(tr("{name} needs the argument {argument!r}", name=self.name, argument=argument.name))
             value = left.pop(argument.name, argument.default)
             if value is None and argument.unsent:
                 break
             bound.append(value)
         if left:
             raise TypeError(
-                pick(
-                    f"{self.name} has no argument {next(iter(left))!r}, or it was given twice",
-                    f"{self.name} に引数 {next(iter(left))!r} はないか、二重に指定されています",
+                tr(
+                    "{name} has no argument {argument!r}, or it was given twice",
+                    name=self.name,
+                    argument=next(iter(left)),
                 )
             )
         return tuple(bound)
@@ -141,7 +139,7 @@ class Function(Generic[P, R]):
             number: of the argument, the first one is 1.
         """
         name = self.arguments[number - 1].name
-        return pick(f"{self.name}, argument {number} ({name}): ", f"{self.name} の第 {number} 引数 ({name}): ")
+        return tr("{name}, argument {number} ({argument}): ", name=self.name, number=number, argument=name)
 
 
 def snake_case(name: str) -> str:

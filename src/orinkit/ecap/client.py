@@ -10,17 +10,17 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, Final, TypeAlias
 
-from orinkit.cao.answers import Trace, checked, no_answer
-from orinkit.cao.carrier import Carrier
+from orinkit.cao.call_limits import Clock, Patience, standing
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
-from orinkit.cao.patience import Clock, Patience, standing
+from orinkit.cao.replies import Trace, checked, no_answer
 from orinkit.cao.table import Function
+from orinkit.cao.transport_profile import Carrier
+from orinkit.core.errors import InvalidValue, error_for
+from orinkit.core.i18n import tr
 from orinkit.ecap.message import read_detail, read_reply, write_request
-from orinkit.errors import InvalidValue, error_for
-from orinkit.language import pick
-from orinkit.variant import Variant, VarType
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.variant import Variant, VarType
 
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
@@ -83,7 +83,7 @@ class Conversation:
             function: an entry of the table.
             arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
             seconds: time-out; every sign of the server that it is at work starts it anew.
-            exact: give the result as a :class:`~orinkit.variant.Variant`.
+            exact: give the result as a :class:`~orinkit.values.variant.Variant`.
             tries: as in b-CAP, where packets may be lost.
             later: the same.
             deadline: seconds that the call may take in all, whatever the server says; ``None`` for no such limit.
@@ -135,8 +135,10 @@ class Conversation:
 
 def _too_long(function: Function[..., Any], length: int, limits: Limits) -> InvalidValue:
     return InvalidValue(
-        pick(
-            f"{function.name}: the arguments make a request of {length} bytes, at most {limits.packet} can be sent",
-            f"{function.name}: 引数を含む要求が {length} バイトになり、上限 {limits.packet} バイトを超えます",
+        tr(
+            "{name}: the arguments make a request of {length} bytes, at most {most} can be sent",
+            name=function.name,
+            length=length,
+            most=limits.packet,
         )
     )

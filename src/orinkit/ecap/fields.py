@@ -17,9 +17,9 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from orinkit import hresult
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick, quoted
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import quoted, tr
 
 ARGUMENTS: Final = 5
 """How many arguments a request has."""
@@ -75,9 +75,11 @@ def _cut(body: bytes) -> dict[str, bytes]:
     pieces = _pieces(body)
     if len(pieces) > MOST:
         raise refused(
-            pick(
-                f"more than {MOST} fields; the fields are Func and Arg1 to Arg{ARGUMENTS}, an & in a value is written %26",
-                f"フィールドが {MOST} 個を超えています。フィールドは Func と Arg1～Arg{ARGUMENTS} で、値の中の & は %26 と書きます",
+            tr(
+                "more than {most} fields; the fields are Func and Arg1 to Arg{arguments}, an & in a "
+                "value is written %26",
+                most=MOST,
+                arguments=ARGUMENTS,
             )
         )
     found: dict[str, bytes] = {}
@@ -89,7 +91,7 @@ def _cut(body: bytes) -> dict[str, bytes]:
             continue
         name = match[1].decode().lower()
         if name in found:
-            raise refused(pick(f"{name.capitalize()} is there twice", f"{name.capitalize()} が二重に指定されています"))
+            raise refused(tr("{name} is there twice", name=name.capitalize()))
         found[name] = piece[match.end() :]
     if "func" not in found:
         raise _no_function(body.strip())
@@ -129,10 +131,11 @@ def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> Field:
     except UnicodeDecodeError as error:
         found = error.object[error.start : error.start + 4].hex(" ")
         raise refused(
-            pick(
-                f"{name} is no UTF-8: bytes {found} at {error.start}. Try: send UTF-8, not Shift_JIS",
-                f"{name} が UTF-8 ではありません: {error.start} バイト目に {found}。"
-                "対処: Shift_JIS ではなく UTF-8 で送信してください",
+            tr(
+                "{name} is no UTF-8: bytes {found} at {offset}. Try: send UTF-8, not Shift_JIS",
+                name=name,
+                found=found,
+                offset=error.start,
             )
         ) from None
 
@@ -144,12 +147,7 @@ def _form_bytes(value: bytes) -> bytes:
     bad = _search(_BAD_ESCAPE, value)
     if bad:
         found = quoted(value[bad.start() : bad.start() + 3].decode("ascii", "replace"))
-        raise refused(
-            pick(
-                f"{found} is no escape: % and two hexadecimal digits; a % itself is %25",
-                f"{found} は % と 16 進数 2 桁の形式ではありません。% 自体は %25 と書きます",
-            )
-        )
+        raise refused(tr('{found} is no escape: "%" and two hexadecimal digits; a "%" itself is %25', found=found))
     return b"".join(map(_unescaped, _slices(value)))
 
 
@@ -208,22 +206,18 @@ def refused(reason: str) -> CallError:
 
 def _no_function(body: bytes) -> CallError:
     found = _quoted(body)
-    begins = pick(f"the body begins with {found}", f"ボディの先頭は {found} です")
-    empty = pick("the body is empty", "ボディが空です")
-    return refused(
-        pick(
-            f"no Func: {begins if body else empty}. Try: Func=3,Arg1=...,Arg2=...",
-            f"Func がありません: {begins if body else empty}。対処: Func=3,Arg1=...,Arg2=... の形で送信してください",
-        )
-    )
+    begins = tr("the body begins with {found}", found=found)
+    empty = tr("the body is empty")
+    return refused(tr("no Func: {found}. Try: Func=3,Arg1=...,Arg2=...", found=begins if body else empty))
 
 
 def _unknown(piece: bytes) -> CallError:
     found = _quoted(piece)
     return refused(
-        pick(
-            f"{found} is none of the fields Func and Arg1 to Arg{ARGUMENTS}; an & in a value is written %26",
-            f"{found} は Func, Arg1～Arg{ARGUMENTS} のどれでもありません。値の中の & は %26 と書きます",
+        tr(
+            "{found} is none of the fields Func and Arg1 to Arg{arguments}; an & in a value is written %26",
+            found=found,
+            arguments=ARGUMENTS,
         )
     )
 

@@ -1,7 +1,7 @@
 """e-CAP messages from and to bytes: the bodies of requests and of replies (e-CAP 3).
 
 A request is ``Func=9,Arg1=2,Arg2=IO150,Arg3=,Arg4=,Arg5=`` (:mod:`orinkit.ecap.fields`). An argument of type VARIANT is
-written in notation, ``8,Sample`` (e-CAP 3.5, :mod:`orinkit.notation`), nothing being VT_EMPTY; any other as plain text: a
+written in notation, ``8,Sample`` (e-CAP 3.5, :mod:`orinkit.values.notation`), nothing being VT_EMPTY; any other as plain text: a
 string as it is, a number decimal or ``0x`` hexadecimal. As a number can be nothing else, it may be in notation as well.
 
 A reply is ``0x00000000,3,2``: the return code, then a comma and the result in notation, if there is one.
@@ -17,17 +17,18 @@ from struct import pack, unpack
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
-from orinkit import hresult, variant_bytes
-from orinkit._notation_numbers import LONGEST, REAL, WHOLE
 from orinkit.cao import coerce
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Argument, Function
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
+from orinkit.core.i18n import printable, quoted, tr
 from orinkit.ecap.fields import ARGUMENTS, BLANKS, Field, read_fields, refused, to_text
-from orinkit.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
-from orinkit.language import pick, printable, quoted
-from orinkit.notation import format_variant, parse
-from orinkit.variant import ARRAY, Variant, VarType, misfit, trusted, variant
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.values import codec
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.notation import format_variant, parse
+from orinkit.values.notation_numbers import LONGEST, REAL, WHOLE
+from orinkit.values.variant import ARRAY, Variant, VarType, misfit, trusted, variant
 
 _FAILED: Final = 0x8000_0000
 _DETAIL: Final = 500  # characters
@@ -98,10 +99,10 @@ def explain_request(body: bytes) -> str:
     try:
         fields = read_fields(body)
     except CallError as error:
-        return pick(f"not an e-CAP request: {error.detail}", f"e-CAP の要求ではありません: {error.detail}")
+        return tr("not an e-CAP request: {detail}", detail=error.detail)
     word = fields.pop("func").text.strip(BLANKS)
     function = FUNCTIONS.get(_whole(word) or 0)
-    words = [function.name if function else pick(f"function {printable(word)}?", f"関数 {printable(word)}?")]
+    words = [function.name if function else tr("function {word}?", word=printable(word))]
     arguments = function.arguments if function else ()
     for number, argument in enumerate(arguments, 1):
         text = printable(fields.pop(f"arg{number}", _EMPTY).text)
@@ -114,12 +115,12 @@ def explain_request(body: bytes) -> str:
 
 
 def _write_integer(value: Any) -> str:
-    variant_bytes.encode_integer(value)  # refuses what does not fit, as for b-CAP
+    codec.encode_integer(value)  # refuses what does not fit, as for b-CAP
     return str(int(value))
 
 
 def _write_single(value: Any) -> str:
-    variant_bytes.encode_single(value)
+    codec.encode_single(value)
     return format_variant(trusted(VarType.R4, float(value))).partition(",")[2]
 
 
@@ -151,20 +152,12 @@ def _function(word: str) -> Function[..., Any]:
     number = _whole(word)
     if number is None:
         by_name = _IDS.get(word.lower(), 3)
-        raise refused(
-            pick(
-                f"Func: {quoted(word)} is no number. Try: Func={by_name}",
-                f"Func: {quoted(word)} は数値ではありません。対処: Func={by_name} のように書きます",
-            )
-        )
+        raise refused(tr("Func: {word} is no number. Try: Func={by_name}", word=quoted(word), by_name=by_name))
     function = FUNCTIONS.get(number)
     if function is None:
         raise error_for(
             hresult.E_NOTIMPL,
-            pick(
-                f"no function {quoted(word)}; there are 1 to {len(FUNCTIONS)}",
-                f"関数 {quoted(word)} はありません (1～{len(FUNCTIONS)})",
-            ),
+            tr("no function {word}; there are 1 to {count}", word=quoted(word), count=len(FUNCTIONS)),
         )
     return function
 
@@ -179,10 +172,7 @@ def _check_number(function: Function[..., Any], given: list[Field]) -> None:
     for number, field in enumerate(given, 1):
         if number > len(function.arguments) and field.text.strip(BLANKS):
             raise refused(
-                pick(
-                    f"{function.name} has no argument {number}, Arg{number} has to be empty",
-                    f"{function.name} に第 {number} 引数はありません。Arg{number} は空にしてください",
-                )
+                tr("{name} has no argument {number}, Arg{number} has to be empty", name=function.name, number=number)
             )
 
 
@@ -196,18 +186,13 @@ def _read(function: Function[..., Any], number: int, argument: Argument, field: 
             return _read_variant(field.text, limits)
         return _read_handle(field.text) if argument.is_handle else _READERS[argument.vt](field.text)
     except NotationError as error:
-        kind = pick(
-            "; a VARIANT is written <type>,<value>: 3,100 or 8,text",
-            "。VARIANT は 3,100 や 8,text のように <型>,<値> と書きます",
-        )
+        kind = tr("; a VARIANT is written <type>,<value>: 3,100 or 8,text")
         code, reason = hresult.E_INVALIDARG, f"{error}{kind}"
     except ProtocolError as error:
         code, reason = error.code, str(error)
     except CallError as error:
         code, reason = error.code, error.detail
-    plus = pick(
-        '; a "+" in the body is read as a blank, write %2B', "。ボディの「+」は空白になります。%2B と書いてください"
-    )
+    plus = tr('; a "+" in the body is read as a blank, write %2B')
     raise error_for(code, function.where(number) + reason + (plus if field.plus else ""))
 
 
@@ -244,9 +229,10 @@ def _read_handle(text: str) -> Variant:
         found = quoted(text)
         raise error_for(
             error.code,
-            pick(
-                f"{found} is no handle: the number that Controller_Connect, Controller_GetVariable and the like have answered",
-                f"{found} はハンドルではありません。Controller_Connect や Controller_GetVariable などが返した番号を指定します",
+            tr(
+                "{found} is no handle: the number that Controller_Connect, Controller_GetVariable and "
+                "the like have answered",
+                found=found,
             ),
         ) from None
 
@@ -262,7 +248,7 @@ def _read_number(text: str) -> Variant:
     """Return a number of whatever type it is; its range is checked where it is used, as for b-CAP."""
     word = text.strip(BLANKS)
     if not word:
-        raise refused(pick("empty, a number is needed", "空です。数値が必要です"))
+        raise refused(tr("empty, a number is needed"))
     if len(word) <= LONGEST:
         if "," in word:
             return parse(word)
@@ -271,9 +257,7 @@ def _read_number(text: str) -> Variant:
             return _integer(whole)
         if REAL.fullmatch(word):
             return trusted(VarType.R8, float(word))
-    raise error_for(
-        hresult.E_INVALIDARGTYPE, pick(f"{quoted(word)} is no number", f"{quoted(word)} は数値ではありません")
-    )
+    raise error_for(hresult.E_INVALIDARGTYPE, tr("{word} is no number", word=quoted(word)))
 
 
 def _integer(number: int) -> Variant:
@@ -327,7 +311,7 @@ def read_reply(body: bytes, limits: Limits = DEFAULT_LIMITS) -> tuple[int, Varia
         _check_cost([text], limits)
         return code, _parse(text, limits)
     except UnicodeDecodeError:
-        raise _no_reply(rest, pick("it is no UTF-8", "UTF-8 ではありません")) from None
+        raise _no_reply(rest, tr("it is no UTF-8")) from None
     except NotationError as error:
         raise _no_reply(rest, str(error)) from None
 
@@ -360,11 +344,10 @@ def _cut_reply(body: bytes) -> tuple[int, bytes]:
             return hresult.unsigned(number), body[match.end() :]
     found = _quoted(body)
     raise ProtocolError(
-        pick(
-            f"{found} is no e-CAP reply, which begins with a return code as 0x00000000. "
-            "Try: is this the address of an e-CAP server, its path too?",
-            f"{found} は e-CAP の応答ではありません (0x00000000 のようなリターンコードで始まるはずです)。"
-            "対処: e-CAP サーバのアドレスとパスを確認してください",
+        tr(
+            "{found} is no e-CAP reply, which begins with a return code as 0x00000000. Try: is this "
+            "the address of an e-CAP server, its path too?",
+            found=found,
         )
     )
 
@@ -372,10 +355,7 @@ def _cut_reply(body: bytes) -> tuple[int, bytes]:
 def _no_reply(rest: bytes, reason: str) -> ProtocolError:
     found = _quoted(rest)
     return ProtocolError(
-        pick(
-            f"the result {found} of an e-CAP reply cannot be read: {reason}",
-            f"e-CAP 応答の結果 {found} を読めません: {reason}",
-        )
+        tr("the result {found} of an e-CAP reply cannot be read: {reason}", found=found, reason=reason)
     )
 
 
@@ -387,10 +367,7 @@ def _quoted(data: bytes) -> str:
 
 
 def _too_long(length: int, limits: Limits) -> str:
-    return pick(
-        f"body of {length} bytes, at most {limits.packet} are allowed",
-        f"ボディ {length} バイトは上限 {limits.packet} バイトを超えています",
-    )
+    return tr("body of {length} bytes, at most {most} are allowed", length=length, most=limits.packet)
 
 
 _SLICE: Final = 4096  # characters that are looked at at a time
@@ -419,10 +396,7 @@ def _check_cost(texts: Iterable[str], limits: Limits) -> None:
             left -= _cost(text, left)
     if left < 0:
         raise LimitExceeded(
-            pick(
-                "the arrays have too many elements as text. Try: smaller arrays, several calls, or b-CAP",
-                "配列の要素数が文字列として多すぎます。対処: 配列を小さくするか、呼び出しを分けるか、b-CAP を使ってください",
-            ),
+            tr("the arrays have too many elements as text. Try: smaller arrays, several calls, or b-CAP"),
             hresult.E_ARGSIZEOVER,
         )
 
@@ -460,5 +434,5 @@ def _parse(text: str, limits: Limits) -> Variant:
     item = parse(text)
     if item.type & ARRAY and len(text) > limits.variants:  # shorter ones cannot have more elements
         sizes = Limits(limits.packet, limits.depth, limits.variants)
-        variant_bytes.decode(variant_bytes.encode_variant(item), limits=sizes)
+        codec.decode(codec.encode_variant(item), limits=sizes)
     return item

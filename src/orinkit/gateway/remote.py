@@ -14,7 +14,6 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from orinkit import hresult
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
 from orinkit.cao.provider import (
@@ -33,10 +32,11 @@ from orinkit.cao.provider import (
 )
 from orinkit.cao.results import given_up
 from orinkit.cao.table import Function
-from orinkit.errors import CallError, error_for
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import quoted, tr
 from orinkit.gateway.upstream import LOCAL, Connection, Upstream, Wanted
-from orinkit.language import pick, quoted
-from orinkit.variant import VarType
+from orinkit.values.variant import VarType
 
 AnyUpstream: TypeAlias = str | Upstream
 _PUT: Final = "put_"
@@ -126,11 +126,11 @@ class RemoteObject(CaoObject):
         url, kind = self._connection.url, self.interface
         return error_for(
             hresult.E_HANDLE,
-            pick(
-                f"gateway to {url}: the connection was lost meanwhile, and with it what the client had put into this {kind}, "
-                "done with it, or fetched. Get it anew",
-                f"{url} へのゲートウェイ: 接続が一度切れたため、この {kind} に設定・実行・取り出しした内容は失われました。"
-                "取得し直してください",
+            tr(
+                "gateway to {url}: the connection was lost meanwhile, and with it what the client had "
+                "put into this {kind}, done with it, or fetched. Get it anew",
+                url=url,
+                kind=kind,
             ),
         )
 
@@ -183,10 +183,7 @@ def _leaves_mark(function: Function[..., Any], arguments: tuple[Any, ...]) -> bo
 
 
 def _too_late(url: str, function: Function[..., Any]) -> str:
-    return pick(
-        f"gateway to {url}: {function.name} was not sent, as its client waits for it no more",
-        f"{url} へのゲートウェイ: クライアントが応答を待っていないため、{function.name} は送信しませんでした",
-    )
+    return tr("gateway to {url}: {name} was not sent, as its client waits for it no more", url=url, name=function.name)
 
 
 def _without_create(option: str) -> str:
@@ -303,9 +300,10 @@ class RemoteProvider(Provider):
         names = ", ".join(self._upstreams)
         raise error_for(
             hresult.E_INVALIDARG,
-            pick(
-                f"the machine {quoted(machine, 80)} is none of those behind this gateway: {names}",
-                f"マシン名 {quoted(machine, 80)} は、このゲートウェイの先にありません ({names})",
+            tr(
+                "the machine {machine} is none of those behind this gateway: {names}",
+                machine=quoted(machine, 80),
+                names=names,
             ),
         )
 
@@ -317,11 +315,10 @@ def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
     wrong = [name for name in names if given > 1 and (not name or name == LOCAL or name in hosts)]
     if wrong or len(set(names)) < given:
         raise ValueError(
-            pick(
-                "each of several controllers needs a name of its own, which is neither localhost nor the host of one: "
-                f"{', '.join(map(repr, names))}",
-                "複数のコントローラにはそれぞれ別の名前が必要です (localhost やコントローラのホスト名は使えません): "
-                f"{', '.join(map(repr, names))}",
+            tr(
+                "each of several controllers needs a name of its own, which is neither localhost nor the "
+                "host of one: {names}",
+                names=", ".join(map(repr, names)),
             )
         )
 
@@ -330,11 +327,11 @@ def _common_dialect(upstreams: Mapping[str, Upstream]) -> Any:
     dialects = {upstream.spoken.name: upstream.spoken for upstream in upstreams.values()}
     if len({name.lower() for name in upstreams}) < len(upstreams) or len(dialects) != 1:
         raise ValueError(
-            pick(
-                "a gateway needs at least one controller, names that differ in more than upper and lower case, and one "
-                f"dialect for all: {', '.join(upstreams) or '-'}; {', '.join(dialects) or '-'}",
-                "ゲートウェイには 1 台以上のコントローラが必要で、名前は大文字小文字以外で区別でき、"
-                f"方言はすべて同じでなければなりません: {', '.join(upstreams) or '-'}; {', '.join(dialects) or '-'}",
+            tr(
+                "a gateway needs at least one controller, names that differ in more than upper and lower "
+                "case, and one dialect for all: {upstreams}; {dialects}",
+                upstreams=", ".join(upstreams) or "-",
+                dialects=", ".join(dialects) or "-",
             )
         )
     (dialect,) = dialects.values()

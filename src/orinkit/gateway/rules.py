@@ -15,16 +15,16 @@ from fnmatch import fnmatchcase
 from inspect import isawaitable
 from typing import Any, Final
 
-from orinkit import hresult
-from orinkit._pose_checks import brief
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
-from orinkit.cao.pose_arguments import read_targets
 from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider, Result
 from orinkit.cao.table import Function
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.rc8.pose_arguments import read_targets
+from orinkit.values.pose_numbers import brief
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 READING: Final[Mapping[str, frozenset[str]]] = {
     interface: frozenset(name.lower() for name in names.split())
@@ -123,10 +123,7 @@ class Rules:
         ):
             if isinstance(patterns, str) or not all(isinstance(each, str) for each in patterns):
                 raise TypeError(
-                    pick(
-                        f"{name}: a list of patterns is needed, not {brief(patterns)}",
-                        f"{name} にはパターンのリストを指定してください ({brief(patterns)})",
-                    )
+                    tr("{name}: a list of patterns is needed, not {patterns}", name=name, patterns=brief(patterns))
                 )
 
     def check(self, function: Function[..., Any], arguments: Sequence[Any]) -> None:
@@ -371,8 +368,5 @@ def _named_in_array(given: Variant) -> Iterator[str]:
 
 
 def _denied(what: str, *, read_only: bool = False) -> CallError:
-    reason = pick(
-        "only reading is allowed here" if read_only else "not on the list of what is allowed here",
-        "ここでは読み出しのみ許可されています" if read_only else "許可リストにありません",
-    )
+    reason = tr("only reading is allowed here") if read_only else tr("not on the list of what is allowed here")
     return error_for(hresult.E_ACCESSDENIED, f"{what}: {reason}")

@@ -20,18 +20,16 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from orinkit import hresult
-from orinkit._pose_checks import brief
 from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao import functions as f
-from orinkit.cao.answers import Reply
 from orinkit.cao.dialect import DIALECTS, Dialect
-from orinkit.cao.motion_signs import leaves_moving
+from orinkit.cao.replies import Reply
 from orinkit.cao.table import Function
-from orinkit.client._async_client import AsyncClient
-from orinkit.client._common import dialect_of, service_option
-from orinkit.client._opening import access_to, opening_of
-from orinkit.errors import (
+from orinkit.client._async.client import AsyncClient
+from orinkit.client._shared.common import dialect_of, service_option
+from orinkit.client._shared.endpoint import access_to, opening_of
+from orinkit.core import hresult
+from orinkit.core.errors import (
     CallError,
     CallTimeout,
     ConnectionClosed,
@@ -43,10 +41,12 @@ from orinkit.errors import (
     TransportError,
     error_for,
 )
-from orinkit.language import pick
+from orinkit.core.i18n import tr
+from orinkit.rc8.motion_calls import leaves_moving
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.dead_peers import DEAD_AFTER, check_dead_after
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.pose_numbers import brief
 
 logger = logging.getLogger("orinkit.gateway")
 
@@ -115,7 +115,7 @@ class Upstream:
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         access_to(address, self.token, self.cafile)
         if isinstance(address, HttpAddress):
-            from orinkit.transport import aio_http_link  # noqa: F401 - takes long; later other clients would wait for it
+            from orinkit.transport.http import aio_link  # noqa: F401 - takes long; later other clients would wait for it
         dialect_of(self.dialect, self.url)
         _check_seconds("retry", self.retry)
         check_dead_after(self.dead_after)
@@ -271,7 +271,7 @@ class Connection:
 
     def give_up(self) -> None:
         """Close the connection to the controller in the background; the next call opens another one."""
-        self._spawn(self._lose(ConnectionClosed(pick("its client is silent", "クライアントからの通信が途絶えました"))))
+        self._spawn(self._lose(ConnectionClosed(tr("its client is silent"))))
 
     async def ended(self) -> None:
         """Wait until it has been closed, if it is being closed, in this event loop; not for long."""
@@ -448,9 +448,11 @@ def _check_seconds(name: str, seconds: float) -> None:
     given: object = seconds
     if not isinstance(given, int | float) or not 0 <= given <= _MOST_SECONDS:
         raise InvalidValue(
-            pick(
-                f"{name} must be a number of seconds from 0 to {_MOST_SECONDS:.0e}, not {brief(seconds)}",
-                f"{name} は 0～{_MOST_SECONDS:.0e} の秒数でなければなりません ({brief(seconds)})",
+            tr(
+                "{name} must be a number of seconds from 0 to {most_seconds:.0e}, not {seconds}",
+                name=name,
+                most_seconds=_MOST_SECONDS,
+                seconds=brief(seconds),
             )
         )
 
@@ -463,32 +465,30 @@ def _refusal(url: str, error: OrinError) -> tuple[int, str]:
 
 
 def _never_sent(url: str, error: OrinError) -> str:
-    return pick(
-        f"gateway to {url}: {error}. The call was not sent",
-        f"{url} へのゲートウェイ: {error}。呼び出しは送信されていません",
-    )
+    return tr("gateway to {url}: {error}. The call was not sent", url=url, error=error)
 
 
 def _forgotten(url: str) -> str:
-    return pick(
-        f"gateway to {url}: the controller has forgotten this client, as after a restart. The call was not carried out; the "
-        "next one connects again",
-        f"{url} へのゲートウェイ: コントローラが再起動などでこのクライアントを忘れています。呼び出しは実行されていません。"
-        "次の呼び出しで再接続します",
+    return tr(
+        "gateway to {url}: the controller has forgotten this client, as after a restart. The "
+        "call was not carried out; the next one connects again",
+        url=url,
     )
 
 
 def _under_way(url: str, function: Function[..., Any], error: OrinError) -> str:
-    return pick(
-        f"gateway to {url}: {error}. Whether {function.name} was carried out is not known, and it is not repeated. "
-        "After a lost connection the next call connects again; the arm is not taken again",
-        f"{url} へのゲートウェイ: {error}。{function.name} が実行されたかどうかは不明で、再送はしません。"
-        "接続が切れた場合は次の呼び出しで再接続しますが、アームの制御権は再取得しません",
+    return tr(
+        "gateway to {url}: {error}. Whether {name} was carried out is not known, and it is not "
+        "repeated. After a lost connection the next call connects again; the arm is not taken "
+        "again",
+        url=url,
+        error=error,
+        name=function.name,
     )
 
 
 def _gone(url: str) -> CallError:
     return error_for(
         hresult.E_ABORT,
-        pick(f"gateway to {url}: the client has gone", f"{url} へのゲートウェイ: クライアントは切断済みです"),
+        tr("gateway to {url}: the client has gone", url=url),
     )

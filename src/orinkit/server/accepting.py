@@ -13,7 +13,7 @@ import os
 import socket
 from typing import Any, Final
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 
 logger = logging.getLogger("orinkit.server")
 
@@ -56,7 +56,7 @@ def watch(loop: asyncio.AbstractEventLoop) -> None:
 def _handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     error = context.get("exception")
     if isinstance(error, OSError) and error.errno in _EXHAUSTED and "accept" in str(context.get("message", "")):
-        text = pick("no connection can be accepted for now: %s", "現在、接続を受け付けられません: %s")
+        text = tr("no connection can be accepted for now: %s")
         logger.error(text, error.strerror)
     else:
         loop.default_exception_handler(context)

@@ -9,18 +9,18 @@ from typing import Final, Self, TypeAlias
 
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import Host
-from orinkit.errors import ConnectFailed
-from orinkit.language import pick
-from orinkit.server.connections import Connections, Listener
-from orinkit.server.http_options import DEFAULT_HTTP, HttpOptions
-from orinkit.server.patience import ALIVE
-from orinkit.server.places import DEFAULT_CLIENTS
+from orinkit.core.errors import ConnectFailed
+from orinkit.core.i18n import tr
+from orinkit.server.alive_option import ALIVE
+from orinkit.server.capacity import DEFAULT_CLIENTS
+from orinkit.server.context import Connections, Listener
+from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
+from orinkit.server.log_limiter import THROTTLE
 from orinkit.server.tcp import TcpListener
-from orinkit.server.throttle import THROTTLE
 from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
-from orinkit.transport.dead_peers import DEAD_AFTER
 from orinkit.transport.links import for_drivers
-from orinkit.variant_bytes import DEFAULT_LIMITS, Limits
+from orinkit.transport.tcp_keepalive import DEAD_AFTER
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.server")
 
@@ -156,7 +156,7 @@ async def _listen(address: Place, shared: Connections, http: HttpOptions) -> Lis
 async def _listen_at(address: Address | HttpAddress, shared: Connections, http: HttpOptions) -> Listener:
     try:
         if isinstance(address, HttpAddress):
-            from orinkit.server.http_listener import HttpListener  # few servers speak e-CAP
+            from orinkit.server.http.listener import HttpListener  # few servers speak e-CAP
 
             return await HttpListener.open(address, shared, http)
         if address.scheme == "udp":
@@ -168,8 +168,9 @@ async def _listen_at(address: Address | HttpAddress, shared: Connections, http: 
         raise
     except (OSError, ValueError) as error:
         raise ConnectFailed(
-            pick(
-                f"cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
-                f"{address} で待ち受けできません: {error}。対処: 別のポートか、空きポートを選ぶ 0 を指定してください",
+            tr(
+                "cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
+                address=address,
+                error=error,
             )
         ) from error

@@ -10,19 +10,19 @@ from functools import partial
 from itertools import chain
 from typing import Final
 
-from orinkit import hresult
 from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import Wire
 from orinkit.cao.provider import Blocking, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import Pending, Reply, Session
-from orinkit.server.connections import Connections
-from orinkit.server.large import is_large
-from orinkit.server.throttle import CLIENT
-from orinkit.server.vigil import Vigil
-from orinkit.server.waiting import result_of
+from orinkit.core import hresult
+from orinkit.server.call_runner import result_of
+from orinkit.server.context import Connections
+from orinkit.server.large_values import is_large
+from orinkit.server.liveness import Vigil
+from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
-from orinkit.variant import Variant
+from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
@@ -105,7 +105,7 @@ class Peer(ABC):
 
     @property
     def network(self) -> str:
-        """Where it is from; see :class:`~orinkit.server.connections.Client`."""
+        """Where it is from; see :class:`~orinkit.server.context.Client`."""
         if self._network is None:
             self._network = network_of(self._host)
         return self._network
@@ -119,7 +119,7 @@ class Peer(ABC):
         """Be a client no more: another one has come, and this one holds nothing."""
         self._rest("idle, it has made way for another client")
 
-    # --- signs of life: orinkit.server.vigil ------------------------------------------------------------------------
+    # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
     patience: float | None = None
 

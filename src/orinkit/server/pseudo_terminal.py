@@ -9,7 +9,7 @@ import tty
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from orinkit.transport.forks import keep_from_children
+from orinkit.transport.fork_safety import keep_from_children
 
 _CHUNK: Final = 65536
 _HIGH: Final = 65536

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final, Self, cast
 
 from orinkit.bcap.wire import LINE, SILENCE
 from orinkit.cao.provider import ClientInfo
-from orinkit.errors import ConnectFailed
-from orinkit.language import pick
-from orinkit.server.connections import Connections
+from orinkit.core.errors import ConnectFailed
+from orinkit.core.i18n import tr
+from orinkit.server.context import Connections
 from orinkit.server.peer import Caller
 from orinkit.transport.address import PtyAddress, SerialAddress
-from orinkit.transport.forks import keep_from_children
-from orinkit.transport.serial_settings import open_failed, settings
+from orinkit.transport.fork_safety import keep_from_children
+from orinkit.transport.serial.settings import open_failed, settings
 
 if TYPE_CHECKING:
     from orinkit.server.pseudo_terminal import PseudoTerminal
@@ -240,11 +240,11 @@ class PtyListener:
             return cls(PseudoTerminal(loop, lambda path: LineCaller(shared, loop, path)))
         except (ImportError, OSError) as error:
             raise ConnectFailed(
-                pick(
-                    f"cannot open {address}: {error}. Try: pseudo-terminals are a thing of Linux and macOS; "
+                tr(
+                    "cannot open {address}: {error}. Try: pseudo-terminals are a thing of Linux and macOS; "
                     "in Windows use a serial port",
-                    f"{address} を開けません: {error}。対処: 疑似端末は Linux と macOS でのみ使えます。"
-                    "Windows ではシリアルポートを使ってください",
+                    address=address,
+                    error=error,
                 )
             ) from error
 

@@ -12,11 +12,11 @@ from orinkit.bcap.wire import STREAM
 from orinkit.cao.provider import ClientInfo
 from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
-from orinkit.server.connections import Connections
+from orinkit.server.context import Connections
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
-from orinkit.transport.dead_peers import prepare
-from orinkit.transport.forks import keep_from_children
+from orinkit.transport.fork_safety import keep_from_children
+from orinkit.transport.tcp_keepalive import prepare
 
 logger = logging.getLogger("orinkit.server")
 

@@ -13,11 +13,11 @@ from orinkit.bcap.server import Encoded, Execute
 from orinkit.bcap.wire import DATAGRAM
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.session import Session
-from orinkit.server.connections import Connections
+from orinkit.server.context import Connections
 from orinkit.server.peer import Caller
 from orinkit.transport.address import Address
-from orinkit.transport.forks import keep_from_children
-from orinkit.variant import Variant
+from orinkit.transport.fork_safety import keep_from_children
+from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 

@@ -10,9 +10,9 @@ import os
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
-from orinkit._pose_checks import brief
-from orinkit.errors import InvalidAddress
-from orinkit.language import pick
+from orinkit.core.errors import InvalidAddress
+from orinkit.core.i18n import tr
+from orinkit.values.pose_numbers import brief
 
 DEFAULT_PORT: Final = 5007
 """The port of b-CAP (List 3-1)."""
@@ -181,12 +181,12 @@ def parse_address(text: str) -> AnyAddress:
         InvalidAddress: it is none, or its transport is not there.
     """
     if not isinstance(text, str):
-        raise _bad(brief(text), pick("a text is needed", "文字列が必要です"))
+        raise _bad(brief(text), tr("a text is needed"))
     scheme, rest, url = _split_scheme(text.strip())
     if text.strip().startswith("/"):
         raise _bad(
             text,
-            pick("a serial port has serial:// before it", "シリアルポートは serial:// を付けてください"),
+            tr("a serial port has serial:// before it"),
             _SERIAL_EXAMPLE,
         )
     if scheme in _HOSTS:
@@ -199,7 +199,7 @@ def parse_address(text: str) -> AnyAddress:
         if rest:
             raise _bad(
                 text,
-                pick(f"pty takes nothing more, not {rest!r:.80}", f"pty に {rest!r:.80} は指定できません"),
+                tr("pty takes nothing more, not {rest!r:.80}", rest=rest),
                 "pty://",
             )
         return PtyAddress()
@@ -208,10 +208,7 @@ def parse_address(text: str) -> AnyAddress:
     known = "tcp, udp, http, https, serial, com, can"
     raise _bad(
         text,
-        pick(
-            f"unknown transport {scheme!r:.80}; {known} are known",
-            f"トランスポート {scheme!r:.80} は不明です (対応: {known})",
-        ),
+        tr("unknown transport {scheme!r:.80}; {known} are known", scheme=scheme, known=known),
     )
 
 
@@ -236,15 +233,15 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
         host, colon, port = place.partition(":")
         whole = ":" not in port
     if host.isdecimal():
-        raise _bad(text, pick(f"{host:.80} is no host", f"{host:.80} はホストではありません"), example)
+        raise _bad(text, tr("{host:.80} is no host", host=host), example)
     if not whole or not host or any(sign in host for sign in " /?@#[]\0\t\r\n"):
-        reason = pick("a host and perhaps a port are needed", "ホストと、必要ならポートを指定してください")
+        reason = tr("a host and perhaps a port are needed")
         raise _bad(text, reason, example)
     if not colon:
         return host, usual
     number = _whole(port)
     if not 0 <= number <= 65535:
-        reason = pick(f"port {port!r:.80} is not 0 to 65535", f"ポート {port!r:.80} は 0～65535 ではありません")
+        reason = tr("port {port!r:.80} is not 0 to 65535", port=port)
         raise _bad(text, reason, example)
     return host, number
 
@@ -253,10 +250,7 @@ def _http(text: str, rest: str, scheme: str) -> HttpAddress:
     """Read ``127.0.0.1:8080/path?query``."""
     place, slash, path = rest.partition("/")
     if "?" in place or "#" in rest or any(not "!" <= sign <= "~" for sign in path):
-        reason = pick(
-            "a path has no blanks, no # and only ASCII: others are written %XX",
-            "パスに空白、#、ASCII 以外の文字は使えません (%XX の形で指定してください)",
-        )
+        reason = tr("a path has no blanks, no # and only ASCII: others are written %XX")
         raise _bad(text, reason, f"{scheme}://192.168.0.1:8080/ecap")
     return HttpAddress(scheme, *_split_port(text, place, scheme), slash + path or "/")
 
@@ -270,7 +264,7 @@ def _serial(text: str, rest: str) -> SerialAddress:
 
     place, mark, query = rest.partition("?")
     if place.startswith("dev/"):
-        raise _bad(text, pick("a path begins with a slash", "パスはスラッシュで始まります"), _SERIAL_EXAMPLE)
+        raise _bad(text, tr("a path begins with a slash"), _SERIAL_EXAMPLE)
     settings: dict[str, str] = {}
     for part in query.split("&") if mark and query else ():
         name, _, value = part.partition("=")
@@ -286,16 +280,16 @@ def _com(text: str, rest: str) -> SerialAddress:
     example = "com:1:38400:N:8:1:0"
     place, *values = (part.strip() for part in rest.split(":"))
     if len(values) > len(_SETTINGS):
-        reason = pick(
-            f"at most {len(_SETTINGS)} settings follow the port, a path with colons needs the form serial://",
-            f"ポートに続く設定は {len(_SETTINGS)} 個までです。コロンを含むパスは serial:// の形式で指定してください",
+        reason = tr(
+            "at most {count} settings follow the port, a path with colons needs the form serial://",
+            count=len(_SETTINGS),
         )
         raise _bad(text, reason, example)
     number = _whole(place)
     if number > 0:
         place = f"COM{number}" if os.name == "nt" else f"/dev/ttyS{number - 1}"
     elif place.isdecimal():
-        raise _bad(text, pick("COM ports count from 1", "COM ポートの番号は 1 からです"), example)
+        raise _bad(text, tr("COM ports count from 1"), example)
     settings = {name: value for name, value in zip(_SETTINGS, values, strict=False) if value}
     return _port(text, place, settings, example)
 
@@ -303,7 +297,7 @@ def _com(text: str, rest: str) -> SerialAddress:
 def _port(text: str, path: str, settings: dict[str, str], example: str) -> SerialAddress:
     path = path.strip()
     if not path or len(path) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in path):
-        reason = pick("a serial port is needed", "シリアルポートを指定してください")
+        reason = tr("a serial port is needed")
         raise _bad(text, reason, example)
     if os.name != "nt" and "/" not in path:
         path = f"/dev/{path}"
@@ -325,9 +319,7 @@ def _port(text: str, path: str, settings: dict[str, str], example: str) -> Seria
     if flow not in range(3):
         raise _bad(
             text,
-            _wrong_value(
-                "flow", settings["flow"], pick("0 none, 1 XON/XOFF, 2 hardware", "0 なし、1 XON/XOFF、2 ハードウェア")
-            ),
+            _wrong_value("flow", settings["flow"], tr("0 none, 1 XON/XOFF, 2 hardware")),
             example,
         )
     return SerialAddress(path, baudrate, parity, bits, stop, flow)
@@ -338,15 +330,13 @@ _SETTINGS: Final = ("baudrate", "parity", "bits", "stop", "flow")
 
 def _wrong_setting(name: str, *, twice: bool) -> str:
     if twice:
-        return pick(f"{name} is given twice", f"{name} が 2 回指定されています")
+        return tr("{name} is given twice", name=name)
     known = ", ".join(_SETTINGS)
-    return pick(f"there is no setting {name!r:.80}; {known} are known", f"設定 {name!r:.80} はありません ({known})")
+    return tr("there is no setting {name!r:.80}; {known} are known", name=name, known=known)
 
 
 def _wrong_value(name: str, value: str, known: str) -> str:
-    return pick(
-        f"{name} cannot be {value!r:.80}; known: {known}", f"{name} に {value!r:.80} は指定できません ({known})"
-    )
+    return tr("{name} cannot be {value!r:.80}; known: {known}", name=name, value=value, known=known)
 
 
 # --- CAN --------------------------------------------------------------------------------------------------------------
@@ -359,16 +349,13 @@ def _can(text: str, rest: str) -> CanAddress:
     place, _, query = rest.partition("?")
     interface, _, channel = place.partition("/")
     if not interface.replace("-", "_").isidentifier() or not interface.isascii() or len(interface) > _NAME:
-        reason = pick(
-            "an interface of python-can is needed: socketcan, slcan, serial, udp_multicast, virtual, pcan ...",
-            "python-can のインタフェース (socketcan, slcan, serial, udp_multicast, virtual, pcan など) を指定してください",
-        )
+        reason = tr("an interface of python-can is needed: socketcan, slcan, serial, udp_multicast, virtual, pcan ...")
         raise _bad(text, reason, _CAN_EXAMPLE)
     channel = unquote(channel, errors="surrogateescape")
     if interface == "udp_multicast" and channel[:1] == "[" and channel[-1:] == "]":
         channel = channel[1:-1]  # an IPv6 address as in other URLs
     if len(channel) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
-        raise _bad(text, pick("that is no channel", "チャンネルが不正です"), _CAN_EXAMPLE)
+        raise _bad(text, tr("that is no channel"), _CAN_EXAMPLE)
     options: dict[str, CanOption] = {}
     for part in query.split("&") if query else ():
         name, _, value = part.partition("=")
@@ -407,8 +394,8 @@ _NUMBER: Final = 40  # characters of a number
 
 def _wrong_option(name: str, *, twice: bool) -> str:
     if twice:
-        return pick(f"{name} is given twice", f"{name} が 2 回指定されています")
-    return pick(f"{name!r:.80} cannot be an option", f"{name!r:.80} はオプションにできません")
+        return tr("{name} is given twice", name=name)
+    return tr("{name!r:.80} cannot be an option", name=name)
 
 
 def _whole(text: str) -> int:
@@ -418,8 +405,5 @@ def _whole(text: str) -> int:
 
 def _bad(text: str, reason: str, example: str = _EXAMPLE) -> InvalidAddress:
     return InvalidAddress(
-        pick(
-            f"{text!r:.200} is no address: {reason}. Example: {example}",
-            f"アドレス {text!r:.200} が不正です: {reason}。例: {example}",
-        )
+        tr("{text!r:.200} is no address: {reason}. Example: {example}", text=text, reason=reason, example=example)
     )

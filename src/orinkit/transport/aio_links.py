@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 
-from orinkit.transport.access import NOTHING, Access
 from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
-from orinkit.transport.dead_peers import DEAD_AFTER
-from orinkit.transport.drive import AsyncLink
+from orinkit.transport.credentials import NOTHING, Access
 from orinkit.transport.links import for_drivers, for_servers
-from orinkit.variant_bytes import DEFAULT_LIMITS
+from orinkit.transport.runner import AsyncLink
+from orinkit.transport.tcp_keepalive import DEAD_AFTER
+from orinkit.values.codec import DEFAULT_LIMITS
 
 
 async def open_link(
@@ -35,22 +35,22 @@ async def open_link(
     """
     if isinstance(address, Address):
         if address.scheme == "udp":
-            from orinkit.transport.aio_udp import AsyncUdpLink  # a program has one kind of link, most have TCP
+            from orinkit.transport.sockets.aio_udp import AsyncUdpLink  # a program has one kind of link, most have TCP
 
             return await AsyncUdpLink.connect(address, seconds)
-        from orinkit.transport.aio_tcp import AsyncTcpLink
+        from orinkit.transport.sockets.aio_tcp import AsyncTcpLink
 
         return await AsyncTcpLink.connect(address, seconds, dead_after)
     if isinstance(address, HttpAddress):
-        from orinkit.transport.aio_http_link import AsyncHttpLink
+        from orinkit.transport.http.aio_link import AsyncHttpLink
 
         return AsyncHttpLink(address, access, most, dead_after=dead_after)
     if isinstance(address, SerialAddress):
         if os.name == "nt":
-            from orinkit.transport.aio_port_link import AsyncPortLink
+            from orinkit.transport.serial.aio_windows import AsyncPortLink
 
             return await AsyncPortLink.open(address, seconds)
-        from orinkit.transport.aio_serial import AsyncSerialLink
+        from orinkit.transport.serial.aio_port import AsyncSerialLink
 
         return await AsyncSerialLink.open(address)
     if isinstance(address, CanAddress):

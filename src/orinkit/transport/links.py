@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 
-from orinkit.errors import InvalidAddress
-from orinkit.language import pick
-from orinkit.transport.access import NOTHING, Access
+from orinkit.core.errors import InvalidAddress
+from orinkit.core.i18n import tr
 from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
-from orinkit.transport.dead_peers import DEAD_AFTER
-from orinkit.transport.drive import Link
-from orinkit.variant_bytes import DEFAULT_LIMITS
+from orinkit.transport.credentials import NOTHING, Access
+from orinkit.transport.runner import Link
+from orinkit.transport.tcp_keepalive import DEAD_AFTER
+from orinkit.values.codec import DEFAULT_LIMITS
 
 
 def open_link(
@@ -36,26 +36,26 @@ def open_link(
     """
     if isinstance(address, Address):
         if address.scheme == "udp":
-            from orinkit.transport.udp import UdpLink  # a program has one kind of link, most have TCP
+            from orinkit.transport.sockets.udp import UdpLink  # a program has one kind of link, most have TCP
 
             return UdpLink.connect(address, seconds)
-        from orinkit.transport.tcp import TcpLink
+        from orinkit.transport.sockets.tcp import TcpLink
 
         return TcpLink.connect(address, seconds, dead_after)
     if isinstance(address, HttpAddress):
-        from orinkit.transport.http_link import HttpLink
+        from orinkit.transport.http.link import HttpLink
 
         return HttpLink(address, access, most, dead_after=dead_after)
     if isinstance(address, SerialAddress):
-        from orinkit.transport import serial_settings
+        from orinkit.transport.serial import settings
 
         if os.name == "nt":
-            from orinkit.transport.port_link import PortLink
+            from orinkit.transport.serial.windows import PortLink
 
-            return PortLink(serial_settings.open_port(address))
-        from orinkit.transport.serial_port import SerialLink
+            return PortLink(settings.open_port(address))
+        from orinkit.transport.serial.port import SerialLink
 
-        return SerialLink(serial_settings.open_file(address))
+        return SerialLink(settings.open_file(address))
     if isinstance(address, CanAddress):
         raise for_drivers(address)
     raise for_servers()
@@ -69,17 +69,17 @@ def adopt(kind: str, descriptor: int) -> Link:
         descriptor: of the socket or the port.
     """
     if kind == "serial":
-        from orinkit.transport.serial_port import SerialLink
-        from orinkit.transport.serial_settings import as_file
+        from orinkit.transport.serial.port import SerialLink
+        from orinkit.transport.serial.settings import as_file
 
         return SerialLink(as_file(descriptor))
     import socket
 
     if kind == "udp":
-        from orinkit.transport.udp import UdpLink
+        from orinkit.transport.sockets.udp import UdpLink
 
         return UdpLink(socket.socket(fileno=descriptor), heard=True)
-    from orinkit.transport.tcp import TcpLink
+    from orinkit.transport.sockets.tcp import TcpLink
 
     return TcpLink(socket.socket(fileno=descriptor))
 
@@ -87,18 +87,15 @@ def adopt(kind: str, descriptor: int) -> Link:
 def for_servers() -> InvalidAddress:
     """Return the exception for an address that a client cannot use."""
     return InvalidAddress(
-        pick(
-            "'pty://' is an address for servers; connect to the serial:// address that the server tells",
-            "'pty://' はサーバ用のアドレスです。サーバが表示する serial:// のアドレスに接続してください",
-        )
+        tr("'pty://' is an address for servers; connect to the serial:// address that the server tells")
     )
 
 
 def for_drivers(address: CanAddress) -> InvalidAddress:
     """Return the exception for a CAN bus where a controller is wanted, or is to be served."""
     return InvalidAddress(
-        pick(
-            f"{str(address)!r:.200} is a CAN bus, where no b-CAP is spoken. For ABH3 drivers: orinkit.abh3.connect(...)",
-            f"{str(address)!r:.200} は CAN バスで、b-CAP は使えません。ABH3 ドライバには orinkit.abh3.connect(...) を使ってください",
+        tr(
+            "{address!r:.200} is a CAN bus, where no b-CAP is spoken. For ABH3 drivers: orinkit.abh3.connect(...)",
+            address=str(address),
         )
     )

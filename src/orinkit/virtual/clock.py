@@ -13,7 +13,7 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Final
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 
 _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
 _SCALES: Final = (1e-6, 1e6)  # beyond, a device's times are no numbers that a clock can count
@@ -60,9 +60,11 @@ class Clock:
         low, high = _SCALES
         if not low <= scale <= high:
             raise ValueError(
-                pick(
-                    f"the time scale must be positive, from {low:f} to {high:.0f}, not {scale:g}",
-                    f"時間倍率は {low:f}～{high:.0f} の正の数です: {scale:g}",
+                tr(
+                    "the time scale must be positive, from {low:f} to {high:.0f}, not {scale:g}",
+                    low=low,
+                    high=high,
+                    scale=scale,
                 )
             )
         self.scale = scale
@@ -167,12 +169,7 @@ class ManualClock(Clock):
             ValueError: the step is negative, or no finite number.
         """
         if not 0 <= seconds < float("inf"):
-            raise ValueError(
-                pick(
-                    f"a clock goes on by a number of seconds and never back: {seconds} s",
-                    f"時計を進める秒数は 0 以上の有限の数値です (戻すことはできません): {seconds} 秒",
-                )
-            )
+            raise ValueError(tr("a clock goes on by a number of seconds and never back: {seconds} s", seconds=seconds))
         self._seconds += seconds
         for advance in list(self._driven):
             advance()

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from orinkit.abh3.frames import Codec
-from orinkit.abh3.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, DP0R, DP0RV2, Record
-from orinkit.abh3.signals import ANALOG, CURRENT, VOLTAGE, Dialect, Quantity
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, DP0R, DP0RV2, Record
+from orinkit.abh3.table.signals import ANALOG, CURRENT, VOLTAGE, Dialect, Quantity
 from orinkit.virtual.abh3.axis import FINE
 from orinkit.virtual.abh3.drive import held, load, velocity
 from orinkit.virtual.abh3.state import State

@@ -7,7 +7,8 @@ import struct
 import threading
 from typing import Final
 
-from orinkit.abh3.ids import (
+from orinkit.abh3.session.multipacket import Responder
+from orinkit.abh3.table.ids import (
     BROADCAST,
     BROADCASTS,
     CONTROL,
@@ -19,12 +20,11 @@ from orinkit.abh3.ids import (
     broadcast,
     single,
 )
-from orinkit.abh3.multipacket import Responder
-from orinkit.abh3.records import DP0S
-from orinkit.abh3.signals import ANALOG
-from orinkit.can_frame import MAX_DATA, MAX_ID, CanFrame
-from orinkit.errors import InvalidValue
-from orinkit.language import pick
+from orinkit.abh3.table.records import DP0S
+from orinkit.abh3.table.signals import ANALOG
+from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
 from orinkit.virtual.abh3.answers import Answers
 from orinkit.virtual.abh3.driver import CURRENT_CODES, CYCLES, Driver
 from orinkit.virtual.abh3.flags import FAULTS, named
@@ -159,7 +159,7 @@ class VirtualABH3:
             InvalidValue: there is no such input, or the voltage is beyond -327.68 to 327.67 V.
         """
         with self._lock:
-            _check_number(number, pick("analog input", "アナログ入力"))
+            _check_number(number, tr("analog input"))
             self._driver.analog[number] = ANALOG.decode(ANALOG.encode(volts))
 
     def set_monitor(self, number: int, source: str | float) -> None:
@@ -173,9 +173,9 @@ class VirtualABH3:
             InvalidValue: there is no such monitor or quantity, or the number is no single float.
         """
         with self._lock:
-            _check_number(number, pick("monitor", "モニタ"))
+            _check_number(number, tr("monitor"))
             if isinstance(source, str):
-                named(dict.fromkeys(MONITORS, 0), source, pick("quantity", "項目"))
+                named(dict.fromkeys(MONITORS, 0), source, tr("quantity"))
             self._driver.monitors[number] = source if isinstance(source, str) else _single(source)
 
     def set_load(self, axis: str, percent: float) -> None:
@@ -189,7 +189,7 @@ class VirtualABH3:
             InvalidValue: there is no such axis, or it is more than 327.67 %.
         """
         with self._lock:
-            named(dict.fromkeys(self._driver.drive.axes, 0), axis, pick("axis", "軸"))
+            named(dict.fromkeys(self._driver.drive.axes, 0), axis, tr("axis"))
             check_number("load", percent, -_MOST_LOAD, _MOST_LOAD)
             self._catch_up()
             self._driver.drive.axes[axis].load = round(percent * CURRENT_CODES)
@@ -205,7 +205,7 @@ class VirtualABH3:
             InvalidValue: there is no such fault.
         """
         with self._lock:
-            mask = named(FAULTS.masks, fault, pick("fault", "異常"))
+            mask = named(FAULTS.masks, fault, tr("fault"))
             self._catch_up()
             self._driver.fail(mask, stays=stays)
 
@@ -216,7 +216,7 @@ class VirtualABH3:
             InvalidValue: there is no such fault.
         """
         with self._lock:
-            mask = named(FAULTS.masks, fault, pick("fault", "異常"))
+            mask = named(FAULTS.masks, fault, tr("fault"))
             self._catch_up()
             self._driver.watch.causes &= ~mask
 
@@ -293,15 +293,11 @@ def _periods(parameters: Parameters) -> dict[str, int]:
 
 def _check_number(number: int, kind: str) -> None:
     if type(number) is not int or number not in (0, 1):
-        raise InvalidValue(
-            pick(f"there is {kind} 0 and 1, not {number!r:.40}", f"{kind}は 0 と 1 です: {number!r:.40}")
-        )
+        raise InvalidValue(tr("there is {kind} 0 and 1, not {number!r:.40}", kind=kind, number=number))
 
 
 def _single_error(number: object) -> InvalidValue:
-    return InvalidValue(
-        pick(f"a monitor shows a single float, not {number!r:.40}", f"モニタは単精度実数です: {number!r:.40}")
-    )
+    return InvalidValue(tr("a monitor shows a single float, not {number!r:.40}", number=number))
 
 
 def _single(number: float) -> float:

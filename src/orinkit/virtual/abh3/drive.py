@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from orinkit.abh3.signals import PULSES, VELOCITY, Quantity
+from orinkit.abh3.table.signals import PULSES, VELOCITY, Quantity
 from orinkit.virtual.abh3.axis import FINE, Axis, Limits
 from orinkit.virtual.abh3.parameters import Parameters
 

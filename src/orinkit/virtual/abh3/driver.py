@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from orinkit.abh3.records import DP0S, Flags
-from orinkit.abh3.signals import VELOCITY, dialect_of
+from orinkit.abh3.table.records import DP0S, Flags
+from orinkit.abh3.table.signals import VELOCITY, dialect_of
 from orinkit.virtual.abh3.axis import FINE, Axis, Mode
 from orinkit.virtual.abh3.drive import AXES, MOTORS, Drive
+from orinkit.virtual.abh3.fault_monitor import Watch
 from orinkit.virtual.abh3.flags import Inputs, bits_of, code_of, of_states, with_code
 from orinkit.virtual.abh3.parameters import Parameters
 from orinkit.virtual.abh3.state import State
-from orinkit.virtual.abh3.watch import Watch
 
 CYCLES: Final = 1000
 """In 1 s."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from orinkit.abh3.signals import V1, Dialect, Logic, Word
-from orinkit.errors import InvalidValue
-from orinkit.language import pick
+from orinkit.abh3.table.signals import V1, Dialect, Logic, Word
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
 
 FAULTS: Final = V1.errors
 """The faults; both dialects number them alike."""
@@ -66,7 +66,7 @@ class Inputs:
         """
         digital = {key: mask for key, mask in self._io.masks.items() if key.startswith("di_")}
         known = {**self._word.masks, **digital}
-        mask = named(known, name, pick("terminal", "端子"))
+        mask = named(known, name, tr("terminal"))
         if name in digital:
             self.terminals = self.terminals | mask if on else self.terminals & ~mask
         else:
@@ -81,9 +81,7 @@ def named(known: Mapping[str, int], name: object, kind: str) -> int:
     """
     if not isinstance(name, str) or name not in known:
         names = ", ".join(known)
-        raise InvalidValue(
-            pick(f"there is no {kind} {name!r:.40}; there are {names}", f"{kind} {name!r:.40} はありません: {names}")
-        )
+        raise InvalidValue(tr("there is no {kind} {name!r:.40}; there are {names}", kind=kind, name=name, names=names))
     return known[name]
 
 

@@ -14,11 +14,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from orinkit.abh3 import telabh3
-from orinkit.abh3.ids import BROADCASTS, SINGLE
-from orinkit.abh3.records import Flags
-from orinkit.abh3.telabh3 import MONITORS, PARAMETERS
-from orinkit.errors import InvalidValue, ProtocolError
+from orinkit.abh3.session import telabh3
+from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS
+from orinkit.abh3.table.ids import BROADCASTS, SINGLE
+from orinkit.abh3.table.records import Flags
+from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.virtual.abh3.drive import AXES
 from orinkit.virtual.abh3.driver import OUTPUTS, Driver
 from orinkit.virtual.abh3.parameters import SETS, Parameters

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from orinkit.abh3.ids import BROADCASTS, GROUPS, LAST_ADDRESS
-from orinkit.abh3.signals import CURRENT, DIALECTS, VELOCITY, VOLTAGE
-from orinkit.errors import InvalidValue
-from orinkit.language import pick
+from orinkit.abh3.table.ids import BROADCASTS, GROUPS, LAST_ADDRESS
+from orinkit.abh3.table.signals import CURRENT, DIALECTS, VELOCITY, VOLTAGE
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
 
 SETS: Final = 8
 """Data sets of an axis, chosen by its select bits."""
@@ -50,7 +50,7 @@ def _choice(name: str, value: object, known: tuple[Any, ...]) -> None:
 
 def _whole(name: str, value: object, low: float, high: float) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise _unusable(name, value, pick(f"a whole number of {low} to {high}", f"{low} から {high} の整数"))
+        raise _unusable(name, value, tr("a whole number of {low} to {high}", low=low, high=high))
 
 
 def check_number(name: str, value: object, low: float, high: float) -> None:
@@ -60,13 +60,11 @@ def check_number(name: str, value: object, low: float, high: float) -> None:
         InvalidValue: it is none, or out of range.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise _unusable(name, value, pick(f"{low:g} to {high:g}", f"{low:g} から {high:g}"))
+        raise _unusable(name, value, tr("{low:g} to {high:g}", low=low, high=high))
 
 
 def _unusable(name: str, value: object, known: str) -> InvalidValue:
-    return InvalidValue(
-        pick(f"{name} must be {known}, not {value!r:.60}", f"{name} は {known} でなければなりません: {value!r:.60}")
-    )
+    return InvalidValue(tr("{name} must be {known}, not {value!r:.60}", name=name, known=known, value=value))
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,13 +166,11 @@ class Parameters:
         if self.host is not None:
             _whole("host", self.host, 0, LAST_ADDRESS)
         if self.host == self.address:
-            raise _unusable("host", self.host, pick("another one than address", "address 以外"))
+            raise _unusable("host", self.host, tr("another one than address"))
         if self.single_mode is not None:
             _whole("single_mode", self.single_mode, -1, LONGEST_PERIOD)
             if self.single_mode > 0 and self.host is None:
-                raise _unusable(
-                    "single_mode", self.single_mode, pick("-1 or 0 without a fixed host", "host が None のとき -1 か 0")
-                )
+                raise _unusable("single_mode", self.single_mode, tr("-1 or 0 without a fixed host"))
         self._check_rows()
 
     def _check_rows(self) -> None:
@@ -182,7 +178,7 @@ class Parameters:
             row = getattr(self, name)
             eight = isinstance(row, Sequence) and len(row) == BROADCASTS
             if not eight or not all(isinstance(item, kind) for item in row):
-                raise _unusable(name, row, pick(f"8 x {kind.__name__}", f"8 個の {kind.__name__}"))
+                raise _unusable(name, row, tr("8 x {type}", type=kind.__name__))
             object.__setattr__(self, name, tuple(row))  # a list could change later
         for mode in self.broadcast_modes:
             _whole("broadcast_modes", mode, 0, LONGEST_PERIOD)

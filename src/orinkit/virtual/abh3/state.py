@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit.abh3.records import Flags
+from orinkit.abh3.table.records import Flags
 
 
 @dataclass(frozen=True, slots=True)

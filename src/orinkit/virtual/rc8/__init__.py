@@ -5,14 +5,15 @@
 other module has one concern of the controller. Needs the extra ``virtual`` (numpy, lark).
 """
 
-from orinkit.extra import require
+from orinkit.core.i18n import tr
+from orinkit.core.optional_deps import require
 
-require(("the virtual RC8", "仮想 RC8 "), "virtual", "numpy", "lark")
+require(tr("the virtual RC8"), "virtual", "numpy", "lark")
 
 from orinkit.virtual.rc8.pendant import Pendant  # noqa: E402 - what is missing is to be told first
 from orinkit.virtual.rc8.permission import Access, Permission  # noqa: E402
 from orinkit.virtual.rc8.provider import VirtualRC8  # noqa: E402
-from orinkit.virtual.rc8.store import StateError  # noqa: E402
 from orinkit.virtual.rc8.switches import Mode, Token  # noqa: E402
+from orinkit.virtual.rc8.variables.database import StateError  # noqa: E402
 
 __all__ = ["Access", "Mode", "Pendant", "Permission", "StateError", "Token", "VirtualRC8"]

@@ -18,18 +18,18 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from orinkit import hresult
 from orinkit.cao.options import Options
 from orinkit.cao.provider import Blocking, ClientInfo, ControllerObject, Later, Provider
-from orinkit.cao.secret import Guesses, check_secret
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.variant import Variant
-from orinkit.virtual.rc8 import conversion
+from orinkit.cao.shared_secret import Guesses, check_secret
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.provider import VirtualRC8
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.switches import Mode
+from orinkit.virtual.rc8.variables import conversion
 
 PROVIDER_NAME: Final = "CaoProv.orinkit.Pendant"
 
@@ -108,18 +108,13 @@ class ControlProvider(Provider):
 
 
 def _denied(*, given: bool) -> CallError:
-    wrong = (
-        pick("the secret is wrong", "シークレットが違います")
-        if given
-        else pick("the control port needs its secret", "制御ポートのシークレットが必要です")
-    )
+    wrong = tr("the secret is wrong") if given else tr("the control port needs its secret")
     return error_for(
         hresult.E_ACCESSDENIED,
         wrong
-        + pick(
-            ". Try: Secret=... in the option, as the server printed it; orinkit pendant on the server's account finds it",
-            "。対処: サーバが表示したシークレットをオプションに Secret=... の形で指定してください "
-            "(サーバと同じアカウントの orinkit pendant は自動で見つけます)",
+        + tr(
+            ". Try: Secret=... in the option, as the server printed it; orinkit pendant on the "
+            "server's account finds it"
         ),
     )
 
@@ -128,7 +123,7 @@ class ControlPanel(ControllerObject):
     """One client's panel: every button is a command of Execute."""
 
     def __init__(self, rc8: VirtualRC8, name: str) -> None:
-        super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8", "仮想 RC8 の操作盤"))
+        super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8"))
         self._rc8 = rc8
 
     def execute(self, command: str, parameter: Variant) -> Any:
@@ -245,7 +240,7 @@ CONTROLS: Final = {name.lower(): run for name, run in _BUTTONS.items()}
 def _first(parameter: Variant) -> Variant:
     given = parameters.elements(parameter)
     if not given:
-        raise error_for(hresult.E_INVALIDARG, pick("a parameter is missing", "パラメータがありません"))
+        raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))
     return given[0]
 
 
@@ -255,7 +250,7 @@ def _flag(given: Sequence[Variant], index: int, *, missing: bool) -> bool:
 
 def _text(given: Variant) -> str:
     if not isinstance(given.value, str):
-        raise error_for(hresult.DISP_E_TYPEMISMATCH, pick("a text is needed", "文字列が必要です"))
+        raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a text is needed"))
     return given.value[:_LONGEST]
 
 

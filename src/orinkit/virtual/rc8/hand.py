@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit import hresult
 from orinkit.cao.provider import Later
-from orinkit.errors import error_for
-from orinkit.language import pick
-from orinkit.virtual.rc8.cycle import PERIOD, Cycles
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.virtual.engine.control_loop import PERIOD, Cycles
 from orinkit.virtual.rc8.switches import Switches
 
 STROKE: Final = 30.0
@@ -231,9 +231,11 @@ class Hand:
             low, high = (self.position, STROKE) if inside else (0.0, self.position)
             if width is not None and not low <= width <= high:  # NaN is not
                 raise ValueError(
-                    pick(
-                        f"a workpiece of {width:g} mm does not fit: {low:g} to {high:g} mm at this opening",
-                        f"幅 {width:g} mm のワークは入りません (現在の開き幅では {low:g}～{high:g} mm)",
+                    tr(
+                        "a workpiece of {width:g} mm does not fit: {low:g} to {high:g} mm at this opening",
+                        width=width,
+                        low=low,
+                        high=high,
                     )
                 )
             self.workpiece = None if width is None else Workpiece(float(width), inside)
@@ -270,7 +272,7 @@ class Hand:
         if self._switches.emergency_stop:
             raise error_for(hresult.EMERGENCY_STOP_ON)
         if not self.motor:
-            raise error_for(hresult.MOTOR_NOT_ON, pick("motor of the hand", "ハンドのモータ"))
+            raise error_for(hresult.MOTOR_NOT_ON, tr("motor of the hand"))
         self._cycles.require_open()
         self.stop()
         self.force = 0.0
@@ -304,8 +306,7 @@ class Hand:
         if not 0 <= number < len(self.taught):
             raise error_for(
                 hresult.VALUE_OUT_OF_RANGE,
-                pick(f"no taught position {number:g}", f"教示位置 {number:g} はありません")
-                + f" (0..{len(self.taught) - 1})",
+                tr("no taught position {number:g}", number=number) + f" (0..{len(self.taught) - 1})",
             )
         return self.taught[number]
 
@@ -314,5 +315,5 @@ def _within(value: float, low: float, high: float, unit: str) -> None:
     if not low <= value <= high:  # NaN is not
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            pick(f"{value:g} {unit} is not within", f"{value:g} {unit} は範囲外です:") + f" {low:g}..{high:g}",
+            tr("{value:g} {unit} is not within", value=value, unit=unit) + f" {low:g}..{high:g}",
         )

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Generic, TypeVar
 
-from orinkit import hresult
-from orinkit.errors import error_for
-from orinkit.language import pick
-from orinkit.variant import Value
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Value
 
 T = TypeVar("T")
 
@@ -123,7 +123,7 @@ class Log(Generic[T]):
         except IndexError:
             pass
         count = len(self._records)
-        raise error_for(hresult.DISP_E_BADINDEX, pick(f"{index}; there are {count}", f"{index} (件数は {count})"))
+        raise error_for(hresult.DISP_E_BADINDEX, tr("{index}; there are {count}", index=index, count=count))
 
 
 ErrorLog = Log[ErrorRecord]

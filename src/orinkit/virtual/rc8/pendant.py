@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from orinkit import hresult
-from orinkit.errors import error_for
-from orinkit.language import pick
-from orinkit.poses import AT_COMMAND
-from orinkit.variant import ARRAY, Variant, VarType
-from orinkit.virtual.rc8.classes import CLASSES
-from orinkit.virtual.rc8.motion import plan
-from orinkit.virtual.rc8.motion.plan import Rates
-from orinkit.virtual.rc8.motion.queue import Ticket
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.values.poses import AT_COMMAND
+from orinkit.values.variant import ARRAY, Variant, VarType
+from orinkit.virtual.engine.motion import planner
+from orinkit.virtual.engine.motion.planner import Rates
+from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.state import State
 from orinkit.virtual.rc8.switches import Mode, SlaveLimit, Token
+from orinkit.virtual.rc8.variables.types import CLASSES
 
 _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
 """A tenth of the largest speed: what hand operation has at most."""
@@ -91,7 +91,7 @@ class Pendant:
             arm = self._state.arm
             if not 1 <= axis <= len(arm.model.axes):
                 count = len(arm.model.axes)
-                raise ValueError(pick(f"no axis {axis}; 1 to {count}", f"軸 {axis} はありません (1～{count})"))
+                raise ValueError(tr("no axis {axis}; 1 to {count}", axis=axis, count=count))
             if self._state.switches.mode is Mode.AUTOMATIC:
                 raise error_for(hresult.REFUSED_IN_AUTO_MODE)
             self._require_safe()
@@ -107,7 +107,7 @@ class Pendant:
             limits = arm.model.axes[axis - 1]
             if not limits.lower <= end[axis - 1] <= limits.upper:
                 raise error_for(hresult.MANUAL_SOFT_LIMIT_AXIS1 + axis - 1)
-            return arm.begin(plan.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
+            return arm.begin(planner.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
 
     def teach(self, kind: str, index: int, values: Sequence[float]) -> None:
         """Write a pose into a global variable: P (7 numbers), J (8), T (10) or V (3).
@@ -117,7 +117,7 @@ class Pendant:
             ValueError: another kind.
         """
         if kind not in ("P", "J", "T", "V"):
-            raise ValueError(pick(f"{kind!r} is none of P, J, T, V", f"{kind!r} は P、J、T、V のいずれでもありません"))
+            raise ValueError(tr("{kind!r} is none of P, J, T, V", kind=kind))
         with self._state.cycles:
             self._state.variables.write(CLASSES[kind], index, Variant(int(VarType.R8) | ARRAY, list(values)))
 
@@ -152,7 +152,7 @@ class Pendant:
         self._state.machine_lock(on)
 
     def raise_error(self, code: int | str, message: str | None = None) -> None:
-        """Raise an error: a code, or the name of one (:mod:`orinkit.hresult`).
+        """Raise an error: a code, or the name of one (:mod:`orinkit.core.hresult`).
 
         Raises:
             ValueError: no such name.
@@ -200,9 +200,7 @@ class Pendant:
         if switches.mode is not Mode.AUTOMATIC and not switches.deadman:
             raise error_for(
                 hresult.E_ACCESSDENIED,
-                pick(
-                    "hold the enable switch first (deadman on)", "先にイネーブルスイッチを押してください (deadman on)"
-                ),
+                tr("hold the enable switch first (deadman on)"),
             )
 
     def _require_safe(self) -> None:

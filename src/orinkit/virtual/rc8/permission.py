@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from enum import IntFlag
 from typing import Final, TypeAlias
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 
 
 class Access(IntFlag):
@@ -61,12 +61,7 @@ class Permission:
         for part in map(str.strip, text.split(",")):  # an empty part is refused: forgetting a right must not grant one
             address, equals, right = map(str.strip, part.partition("="))
             if not equals:
-                raise ValueError(
-                    pick(
-                        f"{part!r} is no ADDRESS=RIGHT; for example 192.168.0.7=r,*=rw",
-                        f"{part!r} は アドレス=権限 の形ではありません (例: 192.168.0.7=r,*=rw)",
-                    )
-                )
+                raise ValueError(tr("{part!r} is no ADDRESS=RIGHT; for example 192.168.0.7=r,*=rw", part=part))
             if address in rights:
                 raise _twice(address)
             rights[address] = right
@@ -90,10 +85,7 @@ def _access(name: str) -> Access:
     access = _NAMES.get(name.strip().lower())
     if access is None:
         raise ValueError(
-            pick(
-                f'{name!r} is no right; "rw" reads and writes, "r" only reads, "none" does neither',
-                f'{name!r} という権限はありません ("rw" 読み書き、"r" 読み出しのみ、"none" 不可)',
-            )
+            tr('{name!r} is no right; "rw" reads and writes, "r" only reads, "none" does neither', name=name)
         )
     return access
 
@@ -102,13 +94,8 @@ def _network(text: str) -> _Network:
     try:
         return ipaddress.ip_network(text.strip())
     except ValueError as error:
-        raise ValueError(
-            pick(
-                f"{text!r} is no IP address or network ({error})",
-                f"{text!r} は IP アドレスでもネットワークでもありません ({error})",
-            )
-        ) from None
+        raise ValueError(tr("{text!r} is no IP address or network ({error})", text=text, error=error)) from None
 
 
 def _twice(address: str) -> ValueError:
-    return ValueError(pick(f"{address} is given twice", f"{address} が二重に指定されています"))
+    return ValueError(tr("{address} is given twice", address=address))

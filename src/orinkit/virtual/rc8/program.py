@@ -7,24 +7,24 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from orinkit import hresult
-from orinkit.cao.motion_options import MotionOptions
 from orinkit.cao.provider import Later
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.poses import PassMark, Target
-from orinkit.variant import ARRAY, Variant, VarType
-from orinkit.virtual.rc8.classes import CLASSES
-from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.motion.queue import Ticket
-from orinkit.virtual.rc8.pacscript.world import Plane, PointKind, Value, VariableKind, Wait
-from orinkit.virtual.rc8.robot import answers, report
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.rc8.motion_options import MotionOptions
+from orinkit.values.poses import PassMark, Target
+from orinkit.values.variant import ARRAY, Variant, VarType
+from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.rc8.pacscript.host_interface import Plane, PointKind, Value, VariableKind, Wait
+from orinkit.virtual.rc8.robot import queries, state_report
 from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.moves import CURVE, Moves
-from orinkit.virtual.rc8.robot.operators import Operator
 from orinkit.virtual.rc8.robot.speeds import KEEP, SQUARE
 from orinkit.virtual.rc8.robot.tools import Matrix
+from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.types import CLASSES
 
 _VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
@@ -196,7 +196,7 @@ class ProgramWorld:
 
     def current(self, kind: Literal["P", "J", "T", "FIG"], dest: bool = False) -> Value:
         """Return where the robot is, or where it was sent."""
-        source = report.destination(self._arm) if dest else report.current(self._arm)
+        source = state_report.destination(self._arm) if dest else state_report.current(self._arm)
         if kind == "FIG":
             return source.figure()
         return tuple({"P": source.position, "J": source.angles, "T": source.trans}[kind]())
@@ -208,7 +208,7 @@ class ProgramWorld:
             for each in arguments
             if isinstance(each, tuple | int)
         ]
-        value = answers.calculate(self._arm, name, given).value
+        value = queries.calculate(self._arm, name, given).value
         return tuple(value) if isinstance(value, list) else int(value)
 
     # --- helpers ------------------------------------------------------------------------------------------------
@@ -252,9 +252,7 @@ class ProgramWorld:
             if error.code == hresult.VARIABLE_INDEX_INVALID:  # a program has a code of its own for it
                 raise error_for(hresult.GLOBAL_VARIABLE_OUT_OF_RANGE, error.detail) from None
             if error.code == hresult.DISP_E_TYPEMISMATCH:
-                raise error_for(
-                    hresult.VARIABLE_CHANGE_FAILED, pick("a value of another type", "型が一致しません")
-                ) from None
+                raise error_for(hresult.VARIABLE_CHANGE_FAILED, tr("a value of another type")) from None
             raise
 
 

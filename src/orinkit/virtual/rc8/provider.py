@@ -10,21 +10,21 @@ from typing import Final
 
 from orinkit.arms import Model, load_model
 from orinkit.cao.provider import ClientInfo, Provider
-from orinkit.cao.slave_lateness import Lateness
-from orinkit.language import Language, pick
+from orinkit.core.i18n import Language, tr
+from orinkit.rc8.slave_lateness import Lateness
 from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8.caller import Caller
-from orinkit.virtual.rc8.controller import RC8Controller
-from orinkit.virtual.rc8.memory import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.objects.controller import RC8Controller
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.samples import sample_programs
-from orinkit.virtual.rc8.scratch import Scratch
-from orinkit.virtual.rc8.speech import speaker
 from orinkit.virtual.rc8.state import Identity, Origin, State, read_mode
-from orinkit.virtual.rc8.store import Store
 from orinkit.virtual.rc8.switches import Mode, SlaveLimit, Switches, Token
+from orinkit.virtual.rc8.temporary_directory import Scratch
+from orinkit.virtual.rc8.translations import translator
+from orinkit.virtual.rc8.variables.database import Store
+from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
@@ -92,14 +92,14 @@ class VirtualRC8(Provider):
         language: Language | None = None,
     ) -> None:
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
-        say = speaker(language)
+        translator(language)  # an unknown language is refused before anything is made
         if state is not None and not os.fspath(state):
-            raise ValueError(pick("the state directory has an empty name", "状態ディレクトリの名前が空です"))
+            raise ValueError(tr("the state directory has an empty name"))
         if not isinstance(permission, Permission | None):
             raise TypeError(
-                pick(
-                    f'permission must be a Permission, for example Permission.parse("*=r"), not {permission!r}',
-                    f'permission は Permission で指定してください (例: Permission.parse("*=r")): {permission!r}',
+                tr(
+                    'permission must be a Permission, for example Permission.parse("*=r"), not {permission!r}',
+                    permission=permission,
                 )
             )
         switches = Switches(
@@ -123,7 +123,7 @@ class VirtualRC8(Provider):
                 clock=clock or Clock(),
                 identity=Identity(serial_no, version),
                 permission=permission or Permission(),
-                say=say,
+                language=language,
                 counts=counts,
                 io_points=io_points,
                 store=store,

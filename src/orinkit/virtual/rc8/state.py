@@ -14,39 +14,39 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Final
 
-from orinkit import hresult
 from orinkit.arms import Model
-from orinkit.cao.task_modes import TaskMode
-from orinkit.errors import CallError, error_for
-from orinkit.hresult import Family
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.hresult import Family
+from orinkit.core.i18n import N_, Language, tr
+from orinkit.rc8.task_modes import TaskMode
 from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8.calendar import Calendar
-from orinkit.virtual.rc8.cycle import Cycles
+from orinkit.virtual.engine.calendar import Calendar
+from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.timers import Timers
+from orinkit.virtual.rc8.error_list import Faults, level_of
 from orinkit.virtual.rc8.events import EventKind, Events
-from orinkit.virtual.rc8.faults import Faults, level_of
 from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.hand import Hand
 from orinkit.virtual.rc8.logs import ErrorRecord, OperationLog, OperationRecord
-from orinkit.virtual.rc8.memory import Variables
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.arm import Arm
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.robot.moves import Moves
-from orinkit.virtual.rc8.speech import Say
-from orinkit.virtual.rc8.store import Store
 from orinkit.virtual.rc8.switches import Mode, Switches, Token
 from orinkit.virtual.rc8.tasks import Task, Tasks
-from orinkit.virtual.rc8.timers import Timers
+from orinkit.virtual.rc8.translations import translator
+from orinkit.virtual.rc8.variables.database import Store
+from orinkit.virtual.rc8.variables.table import Variables
 
 _STOPPING_LEVEL: Final = 2
 _CUTTING_MOTION_LEVEL: Final = 3
 _CUTTING_LEVEL: Final = 4
 _BATTERY_LIFE: Final = timedelta(days=2 * 365)
-_MODE_NAMES: Final[Mapping[Mode, tuple[str, str]]] = {
-    Mode.MANUAL: ("manual", "手動"),
-    Mode.TEACH_CHECK: ("teach check", "ティーチチェック"),
-    Mode.AUTOMATIC: ("automatic", "自動"),
+_MODE_NAMES: Final[Mapping[Mode, str]] = {
+    Mode.MANUAL: N_("manual"),
+    Mode.TEACH_CHECK: N_("teach check"),
+    Mode.AUTOMATIC: N_("automatic"),
 }
 
 
@@ -102,7 +102,7 @@ class State:
         clock: its clock.
         identity: what it says it is.
         permission: who may read and write.
-        say: picks its texts' language.
+        language: of its texts; None for the current language of the process.
         counts: how many of each class of variables it has.
         io_points: how many I/O points it has.
         store: where its variables are kept, ``None`` for nowhere.
@@ -125,7 +125,7 @@ class State:
         clock: Clock,
         identity: Identity,
         permission: Permission,
-        say: Say,
+        language: Language | None,
         counts: Mapping[str, int] | None,
         io_points: int,
         store: Store | None,
@@ -136,11 +136,11 @@ class State:
         self.clock = clock
         self.identity = identity
         self.permission = permission
-        self.say = say
+        self.say = translator(language)
         self.calendar = Calendar(clock)
         self.variables = Variables(counts, io_points, store, self.calendar.now)
         self.switches = switches
-        self.faults = Faults(say)
+        self.faults = Faults(language)
         self.operations = OperationLog()
         self.events = Events()
         self.supervisors_running = 0
@@ -241,7 +241,7 @@ class State:
             if self.faults.fatal:
                 raise error_for(hresult.FATAL_ERROR_BEFORE)
             self.faults.clear()
-            self.log(Operation.CLEAR_ERROR, self.say("Errors cleared", "エラーをクリア"), origin)
+            self.log(Operation.CLEAR_ERROR, self.say("Errors cleared"), origin)
 
     def restart(self) -> None:
         """Do what switching it off and on does for errors, motor, motions and programs; clients stay connected."""
@@ -251,7 +251,7 @@ class State:
             self.arm.give()
             self.hand.stop()
             self.faults.clear()
-            self.log(Operation.RESTART, self.say("Restarted", "再起動"))
+            self.log(Operation.RESTART, self.say("Restarted"))
 
     def set_mode(self, mode: int) -> None:
         """Turn the mode switch: 1 manual, 2 teach check, 3 automatic; a motion is stopped and the motor goes off.
@@ -265,8 +265,7 @@ class State:
                 return
             self.switches.mode = wanted
             self._halt_all(hresult.EMERGENCY_STOP_OR_MODE_CHANGE)
-            en, ja = _MODE_NAMES[wanted]
-            text = self.say(f"Mode: {en}", f"モード: {ja}")
+            text = self.say("Mode: {mode}", mode=self.say(_MODE_NAMES[wanted]))
             self.log(Operation.MODE, text)
             self.events.publish(EventKind.MODE, wanted, text, self.calendar.now())
 
@@ -275,7 +274,7 @@ class State:
         with self.cycles:
             if token != self.switches.token:
                 self.switches.token = token
-                self.log(Operation.TOKEN, self.say(f"Executable token: {token}", f"起動権: {token}"))
+                self.log(Operation.TOKEN, self.say("Executable token: {token}", token=token))
 
     def emergency_stop(self, on: bool) -> None:
         """Press or release the emergency stop; pressed, it brings the arm to rest and the motor goes off."""
@@ -286,11 +285,7 @@ class State:
             self.switches.emergency_stop = on
             if on:
                 self._halt_all(hresult.EMERGENCY_STOP_ON)
-            text = (
-                self.say("Emergency stop pressed", "非常停止 ON")
-                if on
-                else self.say("Emergency stop released", "非常停止 OFF")
-            )
+            text = self.say("Emergency stop pressed") if on else self.say("Emergency stop released")
             self.log(Operation.EMERGENCY_STOP, text)
             self.events.publish(EventKind.EMERGENCY_STOP, int(on), text, self.calendar.now())
 
@@ -302,9 +297,7 @@ class State:
             self.switches.protective_stop = bool(on)
             if on:
                 self._halt_all(hresult.PROTECTIVE_STOP_ON)
-            text = (
-                self.say("Protective stop on", "防護停止 ON") if on else self.say("Protective stop off", "防護停止 OFF")
-            )
+            text = self.say("Protective stop on") if on else self.say("Protective stop off")
             self.log(Operation.PROTECTIVE_STOP, text)
 
     def auto_enable(self, on: bool) -> None:
@@ -313,11 +306,7 @@ class State:
             if bool(on) is self.switches.auto_enable:
                 return
             self.switches.auto_enable = bool(on)
-            text = (
-                self.say("Auto enable on", "自動イネーブル ON")
-                if on
-                else self.say("Auto enable off", "自動イネーブル OFF")
-            )
+            text = self.say("Auto enable on") if on else self.say("Auto enable off")
             self.log(Operation.AUTO_ENABLE, text)
             if not on:
                 self.raise_error(hresult.AUTO_ENABLE_WENT_OFF)
@@ -335,11 +324,7 @@ class State:
             if self.arm.motor.state is not MotorState.OFF:
                 raise error_for(hresult.MOTOR_IS_ON)
             self.arm.lock(bool(on))
-            text = (
-                self.say("Machine lock on", "マシンロック ON")
-                if on
-                else self.say("Machine lock off", "マシンロック OFF")
-            )
+            text = self.say("Machine lock on") if on else self.say("Machine lock off")
             self.log(Operation.MACHINE_LOCK, text, origin)
 
     def _halt_all(self, code: int) -> None:
@@ -408,9 +393,4 @@ def read_mode(mode: int) -> Mode:
     try:
         return Mode(mode)
     except ValueError:
-        raise ValueError(
-            pick(
-                f"the mode is 1 manual, 2 teach check or 3 automatic, not {mode!r}",
-                f"モードは 1 手動、2 ティーチチェック、3 自動のいずれかです: {mode!r}",
-            )
-        ) from None
+        raise ValueError(tr("the mode is 1 manual, 2 teach check or 3 automatic, not {mode!r}", mode=mode)) from None

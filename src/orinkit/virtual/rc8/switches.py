@@ -6,8 +6,8 @@ import ipaddress
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from orinkit import hresult
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.i18n import tr
 
 
 class Mode(IntEnum):
@@ -37,9 +37,10 @@ class SlaveLimit(IntEnum):
             return cls(number)
         except ValueError:
             raise ValueError(
-                pick(
-                    f"the slave limit is 0 servo, 1 servo x external speed, 2 command or 3 command x external speed, not {number!r}",
-                    f"スレーブモードの限界値は 0 サーボ限界、1 サーボ限界 (外部速度連動)、2 指令限界、3 指令限界 (外部速度連動) のいずれかです: {number!r}",
+                tr(
+                    "the slave limit is 0 servo, 1 servo x external speed, 2 command or 3 command x external "
+                    "speed, not {number!r}",
+                    number=number,
                 )
             ) from None
 
@@ -81,10 +82,7 @@ class Token:
                 raise ValueError(address)
         except ValueError:
             raise ValueError(
-                pick(
-                    f"unknown token {text!r}; use any, tp, io, ethernet or ethernet:ADDRESS",
-                    f"{text!r} は起動権として使えません (any、tp、io、ethernet、ethernet:アドレス のいずれか)",
-                )
+                tr("unknown token {text!r}; use any, tp, io, ethernet or ethernet:ADDRESS", text=text)
             ) from None
         return cls(kind, address)
 

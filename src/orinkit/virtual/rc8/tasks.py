@@ -6,19 +6,19 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
-from orinkit import hresult
 from orinkit.cao.provider import not_found
-from orinkit.cao.task_modes import StopMode, TaskMode, TaskStatus
-from orinkit.errors import CallError, error_for
-from orinkit.virtual.rc8.cycle import Cycles
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
+from orinkit.virtual.engine.control_loop import Cycles
 from orinkit.virtual.rc8.files import FileStore
-from orinkit.virtual.rc8.memory import Variables
 from orinkit.virtual.rc8.pacscript.errors import PacScriptError, ProgramFault
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
 from orinkit.virtual.rc8.program import ProgramWorld
 from orinkit.virtual.rc8.robot.arm import Arm
 from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.switches import Switches
+from orinkit.virtual.rc8.variables.table import Variables
 
 STATEMENTS: Final = 200
 """Statements that a task executes in a cycle at most: 25,000 in a second."""

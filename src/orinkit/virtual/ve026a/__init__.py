@@ -6,9 +6,10 @@ moves, ``codes`` the return codes of its own. Cycle, command, brake, encoders an
 Needs the extra ``virtual`` (numpy, lark).
 """
 
-from orinkit.extra import require
+from orinkit.core.i18n import tr
+from orinkit.core.optional_deps import require
 
-require(("the virtual VE026A", "仮想 VE026A "), "virtual", "numpy", "lark")
+require(tr("the virtual VE026A"), "virtual", "numpy", "lark")
 
 from orinkit.virtual.ve026a.provider import VirtualVE026A  # noqa: E402 - what is missing is to be told first
 

@@ -10,18 +10,18 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from orinkit import hresult
 from orinkit.arms import Model
+from orinkit.arms.kinematics import Kinematics
 from orinkit.cao.provider import Later
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.variant import ARRAY, Value, Variant, VarType
-from orinkit.virtual.rc8.cycle import PERIOD, Cycles
-from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.motion.path import Joints
-from orinkit.virtual.rc8.motion.queue import MotionQueue
-from orinkit.virtual.rc8.robot.servo import Servo
-from orinkit.virtual.rc8.slave.pace import Look
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import ARRAY, Value, Variant, VarType
+from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.motion.joint_path import Joints
+from orinkit.virtual.engine.motion.queue import MotionQueue
+from orinkit.virtual.engine.servo import Servo
+from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import EMERGENCY_STOP, OUT_OF_RANGE_AXIS1, ROBOT_RUNNING, refusal
 from orinkit.virtual.ve026a.parameters import OFF, VALUES
 from orinkit.virtual.ve026a.slave import Slave
@@ -34,22 +34,6 @@ LONGEST_WAIT: Final = 0.5
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 _R4: Final = struct.Struct(f"<{VALUES}f")
 _SINGLE: Final = struct.Struct("<f")
-
-
-class Operator:
-    """A client.
-
-    Args:
-        look: of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
-
-    Attributes:
-        look: as given.
-        robots: how many Robot objects it has; without one it has gone.
-    """
-
-    def __init__(self, look: Look | None) -> None:
-        self.look = look
-        self.robots = 0
 
 
 class Work(Enum):
@@ -168,7 +152,7 @@ class Arm:
         """
         self._require(operator)
         if self.slave.on or self._change is not None:
-            raise _busy(pick("slave mode is on", "スレーブモード中です"))
+            raise _busy(tr("slave mode is on"))
         return self._begin(Work.CLEAR_ERROR)
 
     def change_mode(self, operator: Operator, mode: int) -> Later[None] | None:
@@ -187,7 +171,7 @@ class Arm:
         if self._change is not None:
             raise _busy()
         if mode != OFF and not self.motor_on:
-            raise error_for(hresult.E_FAIL, pick("the motor is off (Motor 1)", "モータが OFF です (Motor 1)"))
+            raise error_for(hresult.E_FAIL, tr("the motor is off (Motor 1)"))
         self._leave()
         change = _Change(operator, mode)
         if self.standing and not self.slave.on:
@@ -214,14 +198,14 @@ class Arm:
         if not self.slave.on:
             raise error_for(
                 hresult.E_FAIL,
-                pick("slave mode is off (slvChangeMode)", "スレーブモードではありません (slvChangeMode)"),
+                tr("slave mode is off (slvChangeMode)"),
             )
         joints = read()
         index = self._beyond(joints)
         if index is not None:
             axis = self.model.axes[index]
             given, lower, upper = f"{joints[index]:.6g}", f"{axis.lower:g}", f"{axis.upper:g}"
-            detail = pick(f"{given} deg; {lower} to {upper}", f"{given} 度 ({lower}～{upper})")
+            detail = tr("{given} deg; {lower} to {upper}", given=given, lower=lower, upper=upper)
             self.fail(OUT_OF_RANGE_AXIS1 + index, detail)
             raise refusal(OUT_OF_RANGE_AXIS1 + index, detail)
         return self.slave.put(joints)
@@ -307,7 +291,7 @@ class Arm:
         self._job = None
         if job.work is Work.CLEAR_ERROR and self.emergency:
             self.error = EMERGENCY_STOP
-            job.done.fail(refusal(EMERGENCY_STOP, pick("release it first", "先に解除してください")))
+            job.done.fail(refusal(EMERGENCY_STOP, tr("release it first")))
             return
         if job.work is Work.CLEAR_ERROR:
             self.error = hresult.S_OK
@@ -352,12 +336,12 @@ class Arm:
         if not stops and self._owner not in (None, operator):
             raise error_for(
                 hresult.E_ACCESSDENIED,
-                pick("another client is in slave mode", "他のクライアントがスレーブモード中です"),
+                tr("another client is in slave mode"),
             )
         if self._job is not None:
-            raise _busy(pick("Motor or ClearError is at work", "Motor または ClearError の実行中です"))
+            raise _busy(tr("Motor or ClearError is at work"))
         if no_error and self.error != hresult.S_OK:
-            raise refusal(self.error, pick("clear it first (ClearError)", "先に ClearError でクリアしてください"))
+            raise refusal(self.error, tr("clear it first (ClearError)"))
 
     @property
     def _owner(self) -> Operator | None:

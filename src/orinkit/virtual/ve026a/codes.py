@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import N_, tr
 
 AXES: Final = 7
 
@@ -28,31 +28,30 @@ class Code:
     Attributes:
         value: the code.
         name: its symbol.
-        en: short text.
-        ja: the same in Japanese.
+        message: its short text, in English.
+        axis: that it is about, from 1; 0 where it is about none.
     """
 
     value: int
     name: str
-    en: str
-    ja: str
+    message: str
+    axis: int = 0
 
     @property
     def text(self) -> str:
         """The text in the language in force."""
-        return pick(self.en, self.ja)
+        return tr(self.message, axis=self.axis)
 
 
 # fmt: off
 _ROWS: Final = (
-    Code(ROBOT_RUNNING, "ROBOT_RUNNING", "600B: the robot is running", "600B: ロボットが動作中"),
-    Code(SET_POINT_MISSED, "SET_POINT_MISSED", "synchronous slave mode: no slvMove came in time for a cycle of 8 ms",
-         "同期スレーブモードで、8 ms 周期に slvMove が間に合わなかった"),
-    Code(EMERGENCY_STOP, "EMERGENCY_STOP", "emergency stop", "非常停止"),
-    *(Code(OUT_OF_RANGE_AXIS1 + n - 1, f"OUT_OF_RANGE_AXIS{n}", f"axis {n}: the set-point is outside the range",
-           f"第{n}軸: 位置指令が動作範囲外") for n in range(1, AXES + 1)),
-    *(Code(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", f"axis {n}: faster than the axis can",
-           f"第{n}軸: 指令速度が過大") for n in range(1, AXES + 1)),
+    Code(ROBOT_RUNNING, "ROBOT_RUNNING", N_("600B: the robot is running")),
+    Code(SET_POINT_MISSED, "SET_POINT_MISSED", N_("synchronous slave mode: no slvMove came in time for a cycle of 8 ms")),
+    Code(EMERGENCY_STOP, "EMERGENCY_STOP", N_("emergency stop")),
+    *(Code(OUT_OF_RANGE_AXIS1 + n - 1, f"OUT_OF_RANGE_AXIS{n}", N_("axis {axis}: the set-point is outside the range"), n)
+      for n in range(1, AXES + 1)),
+    *(Code(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", N_("axis {axis}: faster than the axis can"), n)
+      for n in range(1, AXES + 1)),
 )
 # fmt: on
 

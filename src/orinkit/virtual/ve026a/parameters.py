@@ -11,11 +11,11 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from orinkit import hresult
 from orinkit.cao import coerce
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.ve026a.codes import AXES
 
 OFF: Final = 0x000
@@ -42,7 +42,7 @@ def motor(parameter: Variant) -> bool:
     """
     number = coerce.to_integer(parameter)
     if number not in _OFF_OR_ON:
-        raise error_for(hresult.E_INVALIDARG, pick(f"Motor {number}; 0 or 1", f"Motor {number} (0 か 1)"))
+        raise error_for(hresult.E_INVALIDARG, tr("Motor {number}; 0 or 1", number=number))
     return _OFF_OR_ON[number]
 
 
@@ -58,9 +58,7 @@ def mode(parameter: Variant) -> int:
     if number not in MODES:
         raise error_for(
             hresult.E_INVALIDARG,
-            pick(
-                f"slvChangeMode {number:#x}; 0, 0x2 or 0x102", f"slvChangeMode {number:#x} (0、0x2、0x102 のいずれか)"
-            ),
+            tr("slvChangeMode {number:#x}; 0, 0x2 or 0x102", number=number),
         )
     return number
 
@@ -86,7 +84,7 @@ def error_code(parameter: Variant) -> int:
         return 0
     number = coerce.to_real(parameter)
     if number != int(number) or not -(2**31) <= number < 2**32:
-        raise error_for(hresult.E_INVALIDARG, pick(f"{number} is no code", f"{number} はエラーコードではありません"))
+        raise error_for(hresult.E_INVALIDARG, tr("{number} is no code", number=number))
     return hresult.unsigned(int(number))
 
 
@@ -98,7 +96,7 @@ def joints(parameter: Variant) -> tuple[float, ...]:
     """
     values = _numbers(parameter)
     if not all(map(math.isfinite, values)):
-        raise error_for(hresult.E_INVALIDARG, pick("a joint is no finite number", "関節角に有限でない値があります"))
+        raise error_for(hresult.E_INVALIDARG, tr("a joint is no finite number"))
     return tuple(values[:AXES])
 
 
@@ -125,8 +123,5 @@ def _require_pose(count: int) -> None:
 def _count(count: int) -> CallError:
     return error_for(
         hresult.E_INVALIDARG,
-        pick(
-            f"{count} values; a pose has {AXES} or {VALUES}",
-            f"値が {count} 個あります (ポーズは {AXES} か {VALUES} 個)",
-        ),
+        tr("{given} values; a pose has {axes} or {most}", given=count, axes=AXES, most=VALUES),
     )

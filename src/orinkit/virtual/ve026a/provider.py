@@ -6,19 +6,19 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from orinkit import hresult
-from orinkit.arms import Model, load_model
+from orinkit.arms import Model, frames, load_model
 from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.cao.provider import ClientInfo, Provider
-from orinkit.cao.slave_lateness import Lateness
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.i18n import tr
+from orinkit.rc8.slave_lateness import Lateness
 from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8 import frames
-from orinkit.virtual.rc8.cycle import Cycles
-from orinkit.virtual.rc8.motion.path import Joints
-from orinkit.virtual.ve026a.arm import Arm, Operator
+from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.motion.joint_path import Joints
+from orinkit.virtual.ve026a.arm import Arm
+from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import AXES, CODES
-from orinkit.virtual.ve026a.served import HANDLES, VE026AController, plain_name
+from orinkit.virtual.ve026a.objects import HANDLES, VE026AController, plain_name
 
 _LONGEST: Final = 3600.0
 
@@ -59,12 +59,11 @@ class VirtualVE026A(Provider):
         arm = model or load_model("VE026A")
         if len(arm.axes) != AXES:
             raise ValueError(
-                pick(f"a VE026A has {AXES} axes, {arm.name} has {len(arm.axes)}",
-                     f"VE026A の軸数は {AXES} です ({arm.name} は {len(arm.axes)})")
+                tr("a VE026A has {axes} axes, {name} has {count}", axes=AXES, name=arm.name, count=len(arm.axes))
             )  # fmt: skip
         for seconds in (motor_seconds, clear_seconds):
             if not 0.0 <= seconds <= _LONGEST:
-                raise ValueError(pick(f"0 to {_LONGEST:g} s, not {seconds}", f"秒数は 0～{_LONGEST:g} です: {seconds}"))
+                raise ValueError(tr("0 to {longest:g} s, not {seconds}", longest=_LONGEST, seconds=seconds))
         self._cycles = Cycles(clock or Clock())
         self._arm = Arm(arm, self._cycles, arm.home, motor_seconds, clear_seconds, strict_time=strict_time)
         if joints is not None:
@@ -152,7 +151,5 @@ def _checked(arm: Arm, joints: Sequence[float]) -> Joints:
     wanted = (*map(float, joints), *arm.model.home[len(joints) :])
     if len(joints) < AXES - 1 or len(wanted) != AXES or not all(map(math.isfinite, wanted)) or arm.exceeded(wanted):
         given = ", ".join(f"{value:g}" for value in joints)
-        raise ValueError(
-            pick(f"{arm.model.name} cannot stand at {given}", f"{arm.model.name} はこの姿勢を取れません: {given}")
-        )
+        raise ValueError(tr("{name} cannot stand at {given}", name=arm.model.name, given=given))
     return wanted

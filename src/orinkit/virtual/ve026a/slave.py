@@ -9,7 +9,7 @@ mode differ in two things, the style of the answer and the time-out detector (2.
 * asynchronous: slvMove is answered at once and its set-point takes the place of one that no cycle has taken; without a new
   one the arm stays at the last one.
 
-A set-point may be as far away as an axis gets in a cycle, :data:`~orinkit.virtual.rc8.slave.limits.SERVO_LIMIT` times. Its
+A set-point may be as far away as an axis gets in a cycle, :data:`~orinkit.virtual.rc8.robot.slave_mode.limits.SERVO_LIMIT` times. Its
 acceleration is not looked at: over a serial line set-points come a few cycles apart, and the arm stands between them.
 """
 
@@ -18,27 +18,44 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
+from orinkit.arms import Model
 from orinkit.cao.provider import Later
-from orinkit.cao.slave_lateness import Lateness
-from orinkit.language import pick
-from orinkit.variant import Value
-from orinkit.virtual.rc8.cycle import PERIOD, Cycles
-from orinkit.virtual.rc8.motion.path import Joints
-from orinkit.virtual.rc8.motion.queue import QueueState
-from orinkit.virtual.rc8.slave.bridge import gentlest
-from orinkit.virtual.rc8.slave.limits import LENIENCY, SERVO_LIMIT, Fault
-from orinkit.virtual.rc8.slave.pace import Look, Pace, left_late, waited_in_vain
+from orinkit.core.i18n import tr
+from orinkit.rc8.slave_lateness import Lateness
+from orinkit.values.variant import Value, Variant
+from orinkit.virtual.engine.catch_up import gentlest
+from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.elastic_time import Look, Pace, left_late, waited_in_vain
+from orinkit.virtual.engine.motion.joint_path import Joints
+from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
+from orinkit.virtual.rc8.robot.slave_mode.limits import LENIENCY, SERVO_LIMIT, Fault
+from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import SET_POINT_MISSED, TOO_FAST_AXIS1, refusal
 from orinkit.virtual.ve026a.parameters import ASYNCHRONOUS, OFF, SYNCHRONOUS
-
-if TYPE_CHECKING:
-    from orinkit.virtual.ve026a.arm import Arm, Operator
 
 logger = logging.getLogger("orinkit.ve026a")
 
 _ROUNDING: Final = 1e-4  # deg: a client's set-points are R4 numbers
+
+
+class StreamedArm(Protocol):
+    """The arm that slave mode moves."""
+
+    @property
+    def model(self) -> Model:
+        """The arm's model."""
+
+    @property
+    def queue(self) -> MotionQueue:
+        """The motion queue, which follows the set-points."""
+
+    def angles(self) -> Variant:
+        """Return the answer of slvMove: where the arm is."""
+
+    def fail(self, code: int, detail: str = "") -> None:
+        """Enter an error state: decelerate, leave slave mode."""
 
 
 class Slave:
@@ -56,7 +73,7 @@ class Slave:
         lenient: for how many cycles the limits are larger, because set-points were lost while the server was late.
     """
 
-    def __init__(self, arm: Arm, cycles: Cycles, *, strict_time: bool) -> None:
+    def __init__(self, arm: StreamedArm, cycles: Cycles, *, strict_time: bool) -> None:
         self.mode = OFF
         self.owner: Operator | None = None
         self.lenient = 0
@@ -118,7 +135,7 @@ class Slave:
         Args:
             owner: who does.
             mode: 0x002 or 0x102.
-            look: of its client, see :class:`~orinkit.virtual.rc8.slave.pace.Pace`.
+            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.Pace`.
         """
         self.mode, self.owner = mode, owner
         self.lenient, self._started = 0, False
@@ -205,6 +222,6 @@ class Slave:
                 wanted = abs(c - b) / PERIOD
                 return Fault(
                     TOO_FAST_AXIS1 + number,
-                    pick(f"{wanted:.6g} deg/s; the limit is {most:.6g}", f"{wanted:.6g} deg/s (限界値 {most:.6g})"),
+                    tr("{wanted:.6g} deg/s; the limit is {most:.6g}", wanted=wanted, most=most),
                 )
         return None

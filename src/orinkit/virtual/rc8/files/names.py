@@ -12,9 +12,9 @@ import unicodedata
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit import hresult
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
 
 SEPARATOR: Final = "\\"
 """Between the parts of a name that the controller tells; it takes ``/`` as well."""
@@ -70,28 +70,26 @@ def read_name(name: str) -> FileName:
         CallError: E_INVALIDARG; the detail says what is wrong with it.
     """
     if len(name) > MOST_CHARACTERS:
-        raise _refused(name, f"longer than {MOST_CHARACTERS} characters", f"{MOST_CHARACTERS} 文字を超えています")
+        raise _refused(name, tr("longer than {most} characters", most=MOST_CHARACTERS))
     if name in ("", "\\", "/"):
         return FileName((), folder=True)
     try:
         written = unicodedata.normalize("NFC", name)
         written.encode("utf-8")
     except UnicodeEncodeError:
-        raise _refused(name, "a lone surrogate is no character", "不正なサロゲートが含まれています") from None
+        raise _refused(name, tr("a lone surrogate is no character")) from None
     parts = _SEPARATORS.split(written)
     if not parts[0]:
-        raise _refused(
-            name, "names begin at the root folder, without a separator", "名前の先頭に区切り文字は付けません"
-        )
+        raise _refused(name, tr("names begin at the root folder, without a separator"))
     folder = not parts[-1]
     if folder:
         parts.pop()
     if len(parts) > MOST_PARTS:
-        raise _refused(name, f"more than {MOST_PARTS} parts", f"階層が {MOST_PARTS} を超えています")
+        raise _refused(name, tr("more than {most} parts", most=MOST_PARTS))
     for part in parts:
         fault = _fault(part)
         if fault is not None:
-            raise _refused(name, *fault)
+            raise _refused(name, fault)
     return FileName(tuple(parts), folder)
 
 
@@ -126,30 +124,27 @@ def extension(name: str) -> str:
     return ending.lower() if stem and dot else ""
 
 
-def _fault(part: str) -> tuple[str, str] | None:
+def _fault(part: str) -> str | None:
     if not part:
-        return "a part of it is empty", "空の部分があります"
+        return tr("a part of it is empty")
     if part in (".", ".."):
-        return f'"{part}" is not allowed', f"「{part}」は使えません"
+        return tr('"{part}" is not allowed', part=part)
     if ":" in part:
-        return "there are no drives, and no ':' in names", "ドライブ指定や「:」は使えません"
+        return tr("there are no drives, and no ':' in names")
     wrong = _REFUSED.search(part)
     if wrong is not None:
-        return f"{wrong[0]!r} is not allowed in it", f"{wrong[0]!r} は使えません"
+        return tr("{sign!r} is not allowed in it", sign=wrong[0])
     if part[-1] in ". ":
-        return "a part of it ends in a dot or a space", "末尾がドットまたは空白の部分があります"
+        return tr("a part of it ends in a dot or a space")
     if part.split(".")[0].rstrip(" ").upper() in _DEVICES:
-        return f"{part[:_SHOWN]!r} is a device", f"{part[:_SHOWN]!r} はデバイス名です"
+        return tr("{part!r} is a device", part=part[:_SHOWN])
     if len(part.encode("utf-8")) > MOST_PART_BYTES:
-        return (
-            f"a part of it has more than {MOST_PART_BYTES} bytes in UTF-8",
-            f"UTF-8 で {MOST_PART_BYTES} バイトを超える部分があります",
-        )
+        return tr("a part of it has more than {most} bytes in UTF-8", most=MOST_PART_BYTES)
     if part_key(part).startswith(part_key(TEMPORARY_PREFIX)):
-        return f"{TEMPORARY_PREFIX} is for half-written files", f"{TEMPORARY_PREFIX} は書き込み途中のファイル用です"
+        return tr("{prefix} is for half-written files", prefix=TEMPORARY_PREFIX)
     return None
 
 
-def _refused(name: str, en: str, ja: str) -> CallError:
+def _refused(name: str, reason: str) -> CallError:
     shown = repr(name if len(name) <= _SHOWN else f"{name[:_SHOWN]}...")
-    return error_for(hresult.E_INVALIDARG, pick(f"file name {shown}: {en}", f"ファイル名 {shown}: {ja}"))
+    return error_for(hresult.E_INVALIDARG, tr("file name {name}: {reason}", name=shown, reason=reason))

@@ -32,8 +32,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from orinkit.language import pick
-from orinkit.virtual.rc8.files import disk, refusals
+from orinkit.core.i18n import tr
+from orinkit.virtual.rc8.files import disk, errors
+from orinkit.virtual.rc8.files.errors import reported
 from orinkit.virtual.rc8.files.names import (
     MOST_CHARACTERS,
     MOST_PARTS,
@@ -44,8 +45,7 @@ from orinkit.virtual.rc8.files.names import (
     name_on_disk,
     read_name,
 )
-from orinkit.virtual.rc8.files.refusals import reported
-from orinkit.virtual.rc8.store import StateError
+from orinkit.virtual.rc8.variables.database import StateError
 
 logger = logging.getLogger("orinkit.virtual.rc8")
 
@@ -128,9 +128,10 @@ class FileStore:
             self._entries = disk.survey(self.root, clean=True)
         except OSError as error:
             raise StateError(
-                pick(
-                    f"{root} cannot be used for the files: {error}. Give a directory that can be read and written",
-                    f"{root} をファイルの保存に使えません: {error}。読み書きできるディレクトリを指定してください",
+                tr(
+                    "{root} cannot be used for the files: {error}. Give a directory that can be read and written",
+                    root=root,
+                    error=error,
                 )
             ) from error
 
@@ -173,7 +174,7 @@ class FileStore:
         wanted = read_name(folder)
         place = self._existing(wanted)
         if not place.is_folder:
-            raise refusals.not_found(wanted)
+            raise errors.not_found(wanted)
         with reported(wanted):
             found = disk.listing(place.path)
         return [name + SEPARATOR if is_folder else name for name, is_folder, _ in found]
@@ -233,7 +234,7 @@ class FileStore:
         """
         wanted = read_name(name)
         if len(data) > MOST_BYTES:
-            raise refusals.too_large(wanted, MOST_BYTES)
+            raise errors.too_large(wanted, MOST_BYTES)
         with reported(wanted):
             return Staged(disk.write_temporary(self.root, data))
 
@@ -253,7 +254,7 @@ class FileStore:
             with reported(wanted):
                 place = self._locate(wanted, change=True)
                 if place.is_folder:
-                    raise refusals.no_content(wanted)
+                    raise errors.no_content(wanted)
                 self._put(_for_file(place), data)
         self._tell([str(place.name)])
 
@@ -363,19 +364,19 @@ class FileStore:
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):
                 if change:
-                    raise refusals.not_found(FileName(tuple(parts)))
+                    raise errors.not_found(FileName(tuple(parts)))
                 return _Place(wanted, path, None)
             path /= disk.spelling(path, part)
             parts.append(name_on_disk(path.name) or part)
             status = disk.status_of(path)
             if status is not None and not (disk.is_folder(status) or disk.is_file(status)):
                 if change:
-                    raise refusals.in_the_way(FileName(tuple(parts)))
+                    raise errors.in_the_way(FileName(tuple(parts)))
                 status = None
         name = FileName(tuple(parts), wanted.folder)
         if wanted.folder and status is not None and not disk.is_folder(status):
             if change:
-                raise refusals.taken(name)
+                raise errors.taken(name)
             status = None
         return _Place(name, path, status)
 
@@ -383,41 +384,41 @@ class FileStore:
         with reported(wanted):
             place = self._locate(wanted)
         if place.status is None:
-            raise refusals.not_found(wanted)
+            raise errors.not_found(wanted)
         return place
 
     def _content(self, wanted: FileName) -> _Place:
         place = self._existing(wanted)
         if place.is_folder:
-            raise refusals.no_content(wanted)
+            raise errors.no_content(wanted)
         return place
 
     def _free(self, wanted: FileName) -> _Place:
         with reported(wanted):
             place = self._locate(wanted, change=True)
         if place.status is not None:
-            raise refusals.taken(wanted)
+            raise errors.taken(wanted)
         return place
 
     def _goal(self, place: _Place, target: FileName) -> _Place:
         """Where something moves to: a free place, or its own in another spelling."""
         if target.key != place.name.key:
             if place.is_folder and _within(target.key, place.name.key):
-                raise refusals.into_itself(place.name)
+                raise errors.into_itself(place.name)
             return self._free(target)
         last = target.parts[-1]
         goal = _Place(FileName((*place.name.parts[:-1], last), target.folder), place.path.with_name(last), None)
         with reported(target):
             there = disk.status_of(goal.path)
         if there is not None and place.status is not None and not os.path.samestat(there, place.status):
-            raise refusals.taken(target)
+            raise errors.taken(target)
         return goal
 
     # --- changing -------------------------------------------------------------------------------------------------
 
     def _put(self, place: _Place, data: bytes | Staged) -> None:
         if isinstance(data, bytes) and len(data) > MOST_BYTES:
-            raise refusals.too_large(place.name, MOST_BYTES)
+            raise errors.too_large(place.name, MOST_BYTES)
         if place.status is None:
             self._check_room()
         else:
@@ -461,7 +462,7 @@ class FileStore:
         if self._entries >= MOST_ENTRIES:
             self._entries = disk.survey(self.root)  # somebody may have deleted some on the disk
         if self._entries >= MOST_ENTRIES:
-            raise refusals.too_many(self._entries, MOST_ENTRIES)
+            raise errors.too_many(self._entries, MOST_ENTRIES)
 
     def _tell(self, names: Iterable[str]) -> None:
         for name in names:
@@ -501,14 +502,14 @@ def _read(place: _Place) -> bytes:
     with reported(place.name):
         data = disk.read_file(place.path, MOST_BYTES)
     if len(data) > MOST_BYTES:
-        raise refusals.too_large(place.name, MOST_BYTES)
+        raise errors.too_large(place.name, MOST_BYTES)
     return data
 
 
 def _delete_empty(place: _Place) -> None:
     with os.scandir(place.path) as entries:
         if next(entries, None) is not None:
-            raise refusals.not_empty(place.name)
+            raise errors.not_empty(place.name)
     place.path.rmdir()
 
 
@@ -518,10 +519,10 @@ def _within(key: _Parts, folder: _Parts) -> bool:
 
 def _for_file(place: _Place) -> _Place:
     if place.name.folder:
-        raise refusals.only_a_folder(place.name)
+        raise errors.only_a_folder(place.name)
     return place
 
 
 def _check_not_root(place: _Place) -> None:
     if not place.name.parts:
-        raise refusals.root_stays()
+        raise errors.root_stays()

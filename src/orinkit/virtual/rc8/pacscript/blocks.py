@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from orinkit.virtual.rc8.pacscript import tree
 from orinkit.virtual.rc8.pacscript.code import Evaluate, Spot
-from orinkit.virtual.rc8.pacscript.targets import Store
+from orinkit.virtual.rc8.pacscript.lvalues import Store
 from orinkit.virtual.rc8.pacscript.tree import Place
 
 

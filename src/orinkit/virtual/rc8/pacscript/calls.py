@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Frame, Op
 from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.expression_compiler import ExpressionCompiler
+from orinkit.virtual.rc8.pacscript.lvalues import reference
 from orinkit.virtual.rc8.pacscript.scope import Routine, Variable, check_count
-from orinkit.virtual.rc8.pacscript.targets import reference
 from orinkit.virtual.rc8.pacscript.tree import Expression, Name, Place
-
-if TYPE_CHECKING:
-    from orinkit.virtual.rc8.pacscript.expressions import Expressions
 
 _Bind: TypeAlias = Callable[[Frame], Any]
 NO_RESULT: Final = -1
@@ -21,7 +19,7 @@ NO_RESULT: Final = -1
 
 
 def emit_call(
-    expressions: Expressions, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool
+    expressions: ExpressionCompiler, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool
 ) -> int:
     """Emit a call.
 
@@ -64,7 +62,7 @@ def emit_call(
     return slot
 
 
-def _bind(expressions: Expressions, routine: Routine, parameter: Variable, argument: Expression) -> _Bind:
+def _bind(expressions: ExpressionCompiler, routine: Routine, parameter: Variable, argument: Expression) -> _Bind:
     convert = parameter.type.convert
     referred = reference(expressions, argument) if parameter.by_ref else None
     if referred is None:
@@ -88,9 +86,11 @@ def _bind(expressions: Expressions, routine: Routine, parameter: Variable, argum
 def _wrong_type(routine: Routine, parameter: Variable, argument: Expression) -> Refusal:
     kind = parameter.type.name.capitalize()
     return Refusal(
-        pick(
-            f"{parameter.name} of {routine.name.text} is ByRef and takes a variable of type {kind}",
-            f"{routine.name.text} の引数 {parameter.name} は ByRef なので {kind} 型の変数が必要です",
+        tr(
+            "{name} of {routine} is ByRef and takes a variable of type {kind}",
+            name=parameter.name,
+            routine=routine.name.text,
+            kind=kind,
         ),
         argument.at,
     )

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeAlias
 
-from orinkit.cao.motion_options import MAX_PERCENT
-from orinkit.language import pick
+from orinkit.core.i18n import tr
+from orinkit.rc8.motion_options import MAX_PERCENT
 from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Evaluate, Frame, Op
 from orinkit.virtual.rc8.pacscript.errors import Refusal, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import Expressions
+from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
+from orinkit.virtual.rc8.pacscript.lvalues import as_target, store
 from orinkit.virtual.rc8.pacscript.scope import check_count
-from orinkit.virtual.rc8.pacscript.targets import as_target, store
 from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetPoint, TakeArm
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, truth, whole
-from orinkit.virtual.rc8.pacscript.words import CONSTANTS
 
 _TRUE: Final = CONSTANTS["true"]
 _FALSE: Final = CONSTANTS["false"]
@@ -60,9 +60,7 @@ def compile_set_point(expressions: Expressions, node: SetPoint) -> None:
     name = node.target if isinstance(node.target, Name) else node.target.name
     if isinstance(node.target, Apply) or not name.key.startswith("io"):
         raise Refusal(
-            pick(
-                f"an I/O point like IO[128] is wanted, not {name.text}", f"IO[128] のような I/O が必要です: {name.text}"
-            ),
+            tr("an I/O point like IO[128] is wanted, not {name}", name=name.text),
             name.at,
         )
     put = store(expressions, node.target)
@@ -118,9 +116,7 @@ def percent(value: AnyValue) -> float:
     share = float(number(value))
     if 0 < share <= MAX_PERCENT:
         return share
-    raise out_of_range(
-        f"{share:g} % is not above 0 and up to 100", f"{share:g} % は 0 より大きく 100 以下ではありません"
-    )
+    raise out_of_range(tr("a percentage is above 0 and at most 100, not {share:g}", share=share))
 
 
 def milliseconds(value: AnyValue) -> float:
@@ -132,7 +128,7 @@ def milliseconds(value: AnyValue) -> float:
     time = whole(value)
     if time >= 0:
         return time / 1000
-    raise out_of_range(f"a time of {time} ms", f"時間 {time} ms は指定できません")
+    raise out_of_range(tr("a time of {time} ms", time=time))
 
 
 def _optional(expressions: Expressions, node: Expression | None, default: int) -> Evaluate:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit.errors import CallError
-from orinkit.language import pick
+from orinkit.core.errors import CallError
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree
 from orinkit.virtual.rc8.pacscript.blocks import SelectBlock
 from orinkit.virtual.rc8.pacscript.code import DONE, Code, Frame, Linked, Op
@@ -20,10 +20,10 @@ from orinkit.virtual.rc8.pacscript.commands import (
 from orinkit.virtual.rc8.pacscript.errors import PacScriptError, Refusal
 from orinkit.virtual.rc8.pacscript.expressions import Expressions, whole_at
 from orinkit.virtual.rc8.pacscript.flow import Flow
+from orinkit.virtual.rc8.pacscript.lvalues import store
 from orinkit.virtual.rc8.pacscript.motions import compile_motion
 from orinkit.virtual.rc8.pacscript.parser import parse
 from orinkit.virtual.rc8.pacscript.scope import MAX_DIMENSIONS, MAX_ELEMENTS, Routine, Scope, find_type, unknown_routine
-from orinkit.virtual.rc8.pacscript.targets import store
 from orinkit.virtual.rc8.pacscript.tree import Place, Statement
 
 _MAIN: Final = "main"
@@ -87,18 +87,16 @@ class _Compiler:
             self._statement(statement)
         if self.flow.blocks:
             block = self.flow.blocks[-1]
-            raise Refusal(
-                pick(f"{block.word} has no {block.closing}", f"{block.word} に {block.closing} がありません"), block.at
-            )
+            raise Refusal(tr("{word} has no {closing}", word=block.word, closing=block.closing), block.at)
         return self.code.link()
 
     def main(self) -> Routine:
         """Return Sub Main."""
         main = self.scope.routines.get(_MAIN)
         if main is None or main.word != "Sub":
-            raise Refusal(pick("there is no Sub Main", "Sub Main がありません"), Place(1, 1))
+            raise Refusal(tr("there is no Sub Main"), Place(1, 1))
         if main.parameters:
-            raise Refusal(pick("Sub Main has no parameters", "Sub Main に引数は書けません"), main.name.at)
+            raise Refusal(tr("Sub Main has no parameters"), main.name.at)
         return main
 
     # --- what is known before anything is compiled
@@ -134,7 +132,7 @@ class _Compiler:
 
     def _statement(self, node: Statement) -> None:
         if self.scope.routine is None and not isinstance(node, tree.Routine | tree.Constants):
-            raise Refusal(pick("this has to be in a Sub", "Sub の中に書く必要があります"), node.at)
+            raise Refusal(tr("this has to be in a Sub"), node.at)
         self.code.statement(node.at.line)
         self._refuse_before_case(node)
         match node:
@@ -225,10 +223,7 @@ class _Compiler:
         if isinstance(node, tree.Marker) and node.word in ("Case Else", "End Select"):
             return
         raise Refusal(
-            pick(
-                f"a Case has to come first in the Select Case of line {block.at.line}",
-                f"{block.at.line} 行目の Select Case の先頭には Case が必要です",
-            ),
+            tr("a Case has to come first in the Select Case of line {line}", line=block.at.line),
             node.at,
         )
 
@@ -237,15 +232,16 @@ class _Compiler:
             sizes = tuple(self._size(size) for size in item.sizes)
             if len(sizes) > MAX_DIMENSIONS:
                 raise Refusal(
-                    pick(
-                        f"{item.name.text}: an array has at most {MAX_DIMENSIONS} dimensions",
-                        f"{item.name.text}: 配列は {MAX_DIMENSIONS} 次元までです",
+                    tr(
+                        "{name}: an array has at most {most} dimensions",
+                        name=item.name.text,
+                        most=MAX_DIMENSIONS,
                     ),
                     item.name.at,
                 )
             if sizes and item.value is not None:
                 raise Refusal(
-                    pick("an array cannot be given a value in Dim", "配列には Dim で初期値を指定できません"),
+                    tr("an array cannot be given a value in Dim"),
                     item.value.at,
                 )
             self.scope.add_variable(self.scope.inside, item.name, find_type(item.type), sizes)
@@ -257,10 +253,7 @@ class _Compiler:
         if 0 <= highest < MAX_ELEMENTS:
             return highest + 1
         raise Refusal(
-            pick(
-                f"the highest index of an array is 0 to {MAX_ELEMENTS - 1}",
-                f"配列の添字の最大値は 0～{MAX_ELEMENTS - 1} です",
-            ),
+            tr("the highest index of an array is 0 to {highest}", highest=MAX_ELEMENTS - 1),
             node.at,
         )
 
@@ -289,7 +282,7 @@ class _Compiler:
     def _call(self, node: tree.Call) -> None:
         name = node.target
         if not isinstance(name, tree.Name):
-            raise Refusal(pick("a Sub is wanted here", "ここには Sub の名前が必要です"), node.at)
+            raise Refusal(tr("a Sub is wanted here"), node.at)
         routine = self.scope.routines.get(name.key)
         if routine is None:
             raise unknown_routine(name)

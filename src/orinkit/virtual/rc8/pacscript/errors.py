@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from orinkit import hresult
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
 
 
 class PacScriptError(ValueError):
@@ -68,14 +68,14 @@ class Refusal(Exception):
 
 def not_supported(word: str, at: tuple[int, int]) -> Refusal:
     """Return the refusal of something that PacScript has and this interpreter has not."""
-    return Refusal(pick(f"{word} is not supported here", f"{word} には対応していません"), at)
+    return Refusal(tr("{word} is not supported here", word=word), at)
 
 
-def mismatch(en: str, ja: str) -> CallError:
+def mismatch(text: str) -> CallError:
     """Return the error of a value of the wrong type."""
-    return error_for(hresult.VARIABLE_CHANGE_FAILED, pick(en, ja))
+    return error_for(hresult.VARIABLE_CHANGE_FAILED, text)
 
 
-def out_of_range(en: str, ja: str) -> CallError:
+def out_of_range(text: str) -> CallError:
     """Return the error of a value that is too large, too small or not defined."""
-    return error_for(hresult.VALUE_OUT_OF_RANGE, pick(en, ja))
+    return error_for(hresult.VALUE_OUT_OF_RANGE, text)

@@ -11,14 +11,15 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Final
 
-from orinkit import hresult
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.calls import emit_call
 from orinkit.virtual.rc8.pacscript.code import Code, Evaluate, Frame
 from orinkit.virtual.rc8.pacscript.errors import Refusal
 from orinkit.virtual.rc8.pacscript.functions import Function
+from orinkit.virtual.rc8.pacscript.keywords import POINT_KINDS
 from orinkit.virtual.rc8.pacscript.scope import (
     Routine,
     Scope,
@@ -28,19 +29,8 @@ from orinkit.virtual.rc8.pacscript.scope import (
     split_number,
     unknown,
 )
-from orinkit.virtual.rc8.pacscript.tree import (
-    Apply,
-    Binary,
-    Expression,
-    Index,
-    Listed,
-    Literal,
-    Name,
-    Place,
-    Unary,
-)
+from orinkit.virtual.rc8.pacscript.tree import Apply, Binary, Expression, Index, Listed, Literal, Name, Place, Unary
 from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
-from orinkit.virtual.rc8.pacscript.words import POINT_KINDS
 
 _OPERATORS: Final[Mapping[str, Callable[[AnyValue, AnyValue], AnyValue]]] = {
     "PLUS": values.add,
@@ -121,9 +111,7 @@ class Expressions:
             case Binary():
                 return self._binary(node)
             case Listed():
-                raise Refusal(
-                    pick("a list in parentheses cannot stand here", "ここに括弧付きのリストは書けません"), node.at
-                )
+                raise Refusal(tr("a list in parentheses cannot stand here"), node.at)
 
     def value(self, node: Expression) -> Evaluate:
         """Return what gives the value of an expression."""
@@ -145,7 +133,7 @@ class Expressions:
         """
         compiled = self.compile(node)
         if compiled.constant is None:
-            raise Refusal(pick("a constant is wanted here", "ここには定数が必要です"), node.at)
+            raise Refusal(tr("a constant is wanted here"), node.at)
         return compiled.constant
 
     def call(self, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool) -> int:
@@ -156,10 +144,7 @@ class Expressions:
         """
         if self.polled:
             raise Refusal(
-                pick(
-                    f"{routine.name.text} cannot be called in a condition that is waited for",
-                    f"待ち条件の中では {routine.name.text} を呼び出せません",
-                ),
+                tr("{name} cannot be called in a condition that is waited for", name=routine.name.text),
                 at,
             )
         return emit_call(self, routine, at, arguments, result=result)
@@ -210,10 +195,7 @@ class Expressions:
         slot = variable.slot
         if variable.sizes:
             raise Refusal(
-                pick(
-                    f"{node.text} is an array; an element is {node.text}(0)",
-                    f"{node.text} は配列です。要素は {node.text}(0) のように書きます",
-                ),
+                tr("{name} is an array; an element is {name}(0)", name=node.text),
                 node.at,
             )
         if not variable.by_ref:
@@ -262,9 +244,7 @@ class Expressions:
 
     def _routine(self, routine: Routine, name: Name, arguments: tuple[Expression, ...]) -> Compiled:
         if routine.result is None:
-            raise Refusal(
-                pick(f"{name.text} is a Sub and has no value", f"{name.text} は Sub なので値がありません"), name.at
-            )
+            raise Refusal(tr("{name} is a Sub and has no value", name=name.text), name.at)
         return Compiled(itemgetter(self.call(routine, name.at, arguments, result=True)))
 
     # --- operators
@@ -363,5 +343,5 @@ def bad_index(variable: Variable, index: int) -> int:
     sizes = ", ".join(f"0..{size - 1}" for size in variable.sizes)
     raise error_for(
         hresult.DISP_E_BADINDEX,
-        pick(f"index {index} of {variable.name}; there are {sizes}", f"{variable.name} の添字 {index} (範囲: {sizes})"),
+        tr("index {index} of {name}; there are {sizes}", index=index, name=variable.name, sizes=sizes),
     )

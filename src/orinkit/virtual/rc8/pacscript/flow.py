@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree, values
 from orinkit.virtual.rc8.pacscript.blocks import Block, ForBlock, IfBlock, LoopBlock, RoutineBlock, SelectBlock
 from orinkit.virtual.rc8.pacscript.code import MACHINE, RETURNS, Evaluate, Frame, Make, Op, Spot
 from orinkit.virtual.rc8.pacscript.errors import Refusal, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import RELATIONS
+from orinkit.virtual.rc8.pacscript.lvalues import Store, store
 from orinkit.virtual.rc8.pacscript.scope import Routine
-from orinkit.virtual.rc8.pacscript.targets import Store, store
 from orinkit.virtual.rc8.pacscript.tree import Place
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number
 
@@ -157,9 +157,11 @@ class Flow:
         block = self._close(ForBlock, "For", "Next", node.at)
         if node.target is not None and block.target is not None and _written(node.target) != _written(block.target):
             raise Refusal(
-                pick(
-                    f"Next {_written(node.target)} cannot close For {_written(block.target)} of line {block.at.line}",
-                    f"Next {_written(node.target)} は {block.at.line} 行目の For {_written(block.target)} に対応しません",
+                tr(
+                    "Next {name} cannot close For {opened} of line {line}",
+                    name=_written(node.target),
+                    opened=_written(block.target),
+                    line=block.at.line,
                 ),
                 node.at,
             )
@@ -183,10 +185,7 @@ class Flow:
         block = self._close(LoopBlock, "Do" if word == "Loop" else "While", word, at)
         if test is not None and block.tested:
             raise Refusal(
-                pick(
-                    f"the condition is at the Do of line {block.at.line} already",
-                    f"条件は {block.at.line} 行目の Do にすでにあります",
-                ),
+                tr("the condition is at the Do of line {line} already", line=block.at.line),
                 at,
             )
         if test is not None:
@@ -260,7 +259,7 @@ class Flow:
         known = self._labels.setdefault(node.name.key, _Label(Spot()))
         if known.path is not None:
             text = node.name.text
-            raise Refusal(pick(f"label {text} is there twice", f"ラベル {text} が二重に定義されています"), node.at)
+            raise Refusal(tr("label {label} is there twice", label=text), node.at)
         known.path = tuple(self.blocks)
         self._code.put(known.spot)
 
@@ -300,10 +299,7 @@ class Flow:
         block = self._innermost(IfBlock, "If", word, at)
         if block.otherwise is None:
             raise Refusal(
-                pick(
-                    f"{word} after the Else of the If of line {block.at.line}",
-                    f"{block.at.line} 行目の If の Else より後に {word} があります",
-                ),
+                tr("{word} after the Else of the If of line {line}", word=word, line=block.at.line),
                 at,
             )
         self._code.jump(block.end)
@@ -314,10 +310,7 @@ class Flow:
         block = self._innermost(SelectBlock, "Select Case", word, at)
         if block.begun and block.following is None:
             raise Refusal(
-                pick(
-                    f"{word} after the Case Else of the Select Case of line {block.at.line}",
-                    f"{block.at.line} 行目の Select Case の Case Else より後に {word} があります",
-                ),
+                tr("{word} after the Case Else of the Select Case of line {line}", word=word, line=block.at.line),
                 at,
             )
         if block.following is not None:
@@ -355,15 +348,17 @@ class Flow:
             there = self._labels[name.key].path
             if there is None:
                 raise Refusal(
-                    pick(f"there is no label {name.text} in this Sub", f"この Sub にラベル {name.text} はありません"),
+                    tr("there is no label {label} in this Sub", label=name.text),
                     name.at,
                 )
             if there != path[: len(there)]:
                 block = next(one for one in reversed(there) if one not in path)
                 raise Refusal(
-                    pick(
-                        f"label {name.text} is inside the {block.word} of line {block.at.line}, which cannot be jumped into",
-                        f"ラベル {name.text} は {block.at.line} 行目の {block.word} の中にあるため、外からジャンプできません",
+                    tr(
+                        "label {label} is inside the {word} of line {line}, which cannot be jumped into",
+                        label=name.text,
+                        word=block.word,
+                        line=block.at.line,
                     ),
                     name.at,
                 )
@@ -410,7 +405,7 @@ def _gosub(spot: Spot) -> Make:
         def run(f: Frame) -> int:
             returns = f[RETURNS] = f[RETURNS] or []
             if len(returns) >= MAX_GOSUB:
-                raise out_of_range(f"Gosub deeper than {MAX_GOSUB}", f"Gosub の入れ子が {MAX_GOSUB} を超えています")
+                raise out_of_range(tr("Gosub deeper than {most}", most=MAX_GOSUB))
             returns.append(following)
             return there
 
@@ -422,18 +417,21 @@ def _gosub(spot: Spot) -> Make:
 def _return_from_gosub(f: Frame) -> int:
     if f[RETURNS]:
         return int(f[RETURNS].pop())
-    raise out_of_range("Return without Gosub", "Gosub で呼ばれていないのに Return があります")
+    raise out_of_range(tr("Return without Gosub"))
 
 
 def _misplaced(word: str, at: Place, opening: str) -> Refusal:
-    return Refusal(pick(f"{word} without {opening}", f"{word} に対応する {opening} がありません"), at)
+    return Refusal(tr("{word} without {opening}", word=word, opening=opening), at)
 
 
 def _not_closed(block: Block, at: Place, word: str) -> Refusal:
     return Refusal(
-        pick(
-            f"{word} cannot stand here: the {block.word} of line {block.at.line} has no {block.closing}",
-            f"ここに {word} は書けません: {block.at.line} 行目の {block.word} に {block.closing} がありません",
+        tr(
+            "{word} cannot stand here: the {opening} of line {line} has no {closing}",
+            word=word,
+            opening=block.word,
+            line=block.at.line,
+            closing=block.closing,
         ),
         at,
     )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import values
 from orinkit.virtual.rc8.pacscript.errors import out_of_range
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, string, whole
@@ -68,7 +69,7 @@ def _real(calculate: Callable[..., float]) -> Callable[..., float]:
             return values.finite(calculate(*(float(number(value)) for value in arguments)))
         except (ValueError, OverflowError):
             shown = ", ".join(map(values.text, arguments))
-            raise out_of_range(f"not defined for {shown}", f"{shown} に対する値がありません") from None
+            raise out_of_range(tr("not defined for {shown}", shown=shown)) from None
 
     return run
 
@@ -96,14 +97,14 @@ def _count(value: AnyValue) -> int:
     count = whole(value)
     if count >= 0:
         return count
-    raise out_of_range(f"{count} characters", f"文字数 {count} は指定できません")
+    raise out_of_range(tr("{count} characters", count=count))
 
 
 def _position(value: AnyValue) -> int:
     position = whole(value)
     if position >= 1:
         return position - 1
-    raise out_of_range(f"position {position}; the first is 1", f"位置 {position} は指定できません (先頭は 1)")
+    raise out_of_range(tr("position {position}; the first is 1", position=position))
 
 
 def _left(text: AnyValue, count: AnyValue) -> str:
@@ -135,7 +136,7 @@ def _character(code: AnyValue) -> str:
     try:
         return bytes([code]).decode("cp932")
     except (ValueError, UnicodeDecodeError):
-        raise out_of_range(f"{code} is no character", f"{code} に対応する文字はありません") from None
+        raise out_of_range(tr("{code} is no character", code=code)) from None
 
 
 def _code(text: AnyValue) -> int:
@@ -143,11 +144,11 @@ def _code(text: AnyValue) -> int:
     try:
         return int.from_bytes(text[:1].encode("cp932"), "big") if text else _no_text()
     except UnicodeEncodeError:
-        raise out_of_range("the character has no code", "この文字のコードはありません") from None
+        raise out_of_range(tr("the character has no code")) from None
 
 
 def _no_text() -> int:
-    raise out_of_range("the text is empty", "文字列が空です")
+    raise out_of_range(tr("the text is empty"))
 
 
 def _find(*arguments: AnyValue) -> int:
@@ -192,7 +193,7 @@ def joint_index(value: AnyValue) -> int:
     joint = whole(value)
     if 1 <= joint <= values.J_LENGTH:
         return joint - 1
-    raise out_of_range(f"joint {joint}; there are 1 to 8", f"{joint} 軸は指定できません (1～8)")
+    raise out_of_range(tr("joint {joint}; there are 1 to 8", joint=joint))
 
 
 def _joint(joint: AnyValue, value: AnyValue) -> float:

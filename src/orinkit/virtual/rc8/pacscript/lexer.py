@@ -13,9 +13,9 @@ from typing import Any, Final
 from lark import Token
 from lark.lexer import Lexer, LexerState
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported
-from orinkit.virtual.rc8.pacscript.words import DIRECTIVES, KEYWORDS, PAIRS, REFUSED, STARTERS, canonical
+from orinkit.virtual.rc8.pacscript.keywords import DIRECTIVES, KEYWORDS, PAIRS, REFUSED, STARTERS, canonical
 
 MAX_SOURCE: Final = 256 * 1024
 """How many characters a program may have."""
@@ -144,16 +144,13 @@ class _Scan:
     def _number(self, text: str) -> Token:
         end = self.at + len(text)
         if end < len(self.text) and (self.text[end].isalnum() or self.text[end] == "_"):
-            raise Refusal(
-                pick(f"{text}{self.text[end]} is not a number", f"{text}{self.text[end]} は数値ではありません"),
-                self.place,
-            )
+            raise Refusal(tr("{text} is not a number", text=self.text[self.at : end + 1]), self.place)
         return self._token("NUMBER", text)
 
     def _label(self, defines: bool) -> Token:
         found = _LABEL.match(self.text, self.at)
         if found is None:
-            raise Refusal(pick("a label needs a name behind *", "* の後にラベル名が必要です"), self.place)
+            raise Refusal(tr("a label needs a name behind *"), self.place)
         end = found.end() if defines else found.end(1)
         return self._token("LABEL" if defines else "NAME", found.group(1), end - self.at)
 
@@ -167,9 +164,7 @@ class _Scan:
         pragma = _PRAGMA.match(self.text, found.end())
         if pragma is None:
             raise Refusal(
-                pick(
-                    'only #Pragma Encoding("...") is supported here', '#Pragma は Encoding("...") のみに対応しています'
-                ),
+                tr('only #Pragma Encoding("...") is supported here'),
                 self.place,
             )
         self.at = pragma.end()
@@ -202,21 +197,19 @@ class _Scan:
     def _stray(self) -> Refusal:
         sign = self.text[self.at]
         if sign == '"':
-            return Refusal(pick("the text has no closing quotation mark", "文字列が閉じられていません"), self.place)
+            return Refusal(tr("the text has no closing quotation mark"), self.place)
         shown = sign if sign.isprintable() else f"U+{ord(sign):04X}"
-        return Refusal(pick(f"{shown} cannot be used here", f"ここに {shown} は使えません"), self.place)
+        return Refusal(tr("{shown} cannot be used here", shown=shown), self.place)
 
 
 def _normal(source: str) -> str:
     if len(source) > MAX_SOURCE:
         raise Refusal(
-            pick(f"the program has more than {MAX_SOURCE} characters", f"プログラムが {MAX_SOURCE} 文字を超えています"),
+            tr("the program has more than {most} characters", most=MAX_SOURCE),
             (1, 1),
         )
     text = source.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > MAX_LINE or len(line.encode("utf-8", "replace")) > MAX_LINE:
-            raise Refusal(
-                pick(f"the line has more than {MAX_LINE} bytes", f"1 行が {MAX_LINE} バイトを超えています"), (number, 1)
-            )
+            raise Refusal(tr("the line has more than {most} bytes", most=MAX_LINE), (number, 1))
     return text + "\n"

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
-from orinkit import hresult
-from orinkit.errors import CallError, InvalidValue, error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue, error_for
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.code import DONE, WAIT, Frame
 from orinkit.virtual.rc8.pacscript.compiler import Program, compile_program
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, out_of_range
+from orinkit.virtual.rc8.pacscript.host_interface import Wait, World
 from orinkit.virtual.rc8.pacscript.scope import MAX_ELEMENTS
-from orinkit.virtual.rc8.pacscript.world import Wait, World
 
 __all__ = ["MAX_CALLS", "Machine", "MachineState", "Program", "compile_program"]
 
@@ -131,16 +131,11 @@ class Machine:
             CallError: VALUE_OUT_OF_RANGE, MAX_CALLS are running; E_OUTOFMEMORY, their arrays are too large together.
         """
         if len(self._stack) >= MAX_CALLS:
-            raise out_of_range(
-                f"calls nested deeper than {MAX_CALLS}", f"呼び出しの入れ子が {MAX_CALLS} を超えています"
-            )
+            raise out_of_range(tr("calls nested deeper than {most}", most=MAX_CALLS))
         if self._elements + elements > MAX_ELEMENTS:
             raise error_for(
                 hresult.E_OUTOFMEMORY,
-                pick(
-                    f"the arrays of the running Subs have more than {MAX_ELEMENTS} elements",
-                    f"実行中の Sub の配列の要素が合計 {MAX_ELEMENTS} 個を超えています",
-                ),
+                tr("the arrays of the running Subs have more than {most} elements", most=MAX_ELEMENTS),
             )
         self._elements += elements
         self._stack.append((self.frame, following, slot, elements))

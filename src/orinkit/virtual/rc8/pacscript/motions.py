@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from orinkit.cao.motion_options import MAX_TIME, MotionOptions
-from orinkit.language import pick
-from orinkit.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target
+from orinkit.core.i18n import tr
+from orinkit.rc8.motion_options import MAX_TIME, MotionOptions
+from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target
 from orinkit.virtual.rc8.pacscript import values
 from orinkit.virtual.rc8.pacscript.code import WORLD, Evaluate, Frame
 from orinkit.virtual.rc8.pacscript.commands import percent, waiting
@@ -82,7 +82,7 @@ def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options
         elif isinstance(value, Binary) and value.operator == "EQUAL" and isinstance(value.left, Name):
             _add_option(expressions, node, value.left, value, options)
         elif options.next or options.fields:
-            raise Refusal(pick("a pose cannot stand behind an option", "オプションの後にポーズは書けません"), item.at)
+            raise Refusal(tr("a pose cannot stand behind an option"), item.at)
         else:
             items.append(item)
     return items, options
@@ -94,7 +94,7 @@ def _add_option(expressions: Expressions, node: Motion, name: Name, value: Binar
         raise not_supported(f"{node.word} {_REFUSED_OPTIONS[name.key]} =", name.at)
     if where is None or (where == "pose" and node.word != "Rotate"):
         raise Refusal(
-            pick(f"{name.text} is no option of {node.word}", f"{name.text} は {node.word} のオプションではありません"),
+            tr("{option} is no option of {word}", option=name.text, word=node.word),
             name.at,
         )
     options.fields[where] = expressions.value(value.right)
@@ -107,10 +107,10 @@ def _straight(expressions: Expressions, node: Motion, items: list[Item], options
     interpolation = _interpolation(node, items)
     parts = items[1:]
     if node.word == "Approach":
-        _require(node, parts, 2, 2, "a pose and a length", "ポーズと距離")
+        _require(node, parts, 2, 2, tr("a pose and a length"))
         _approach(expressions, interpolation, parts, options)
     elif node.word == "Depart":
-        _require(node, parts, 1, 1, "a length", "距離")
+        _require(node, parts, 1, 1, tr("a length"))
         _refuse_extra(parts[0])
         length, mark = _amount(expressions, parts[0])
         waiting(
@@ -118,13 +118,13 @@ def _straight(expressions: Expressions, node: Motion, items: list[Item], options
             lambda f: f[WORLD].depart(interpolation, float(number(length(f))), mark(f), options.build(f)),
         )
     elif interpolation == _INTERPOLATIONS["c"]:
-        _require(node, parts, _POSES_ON_ARC, _POSES_ON_ARC, "a pose on the way and a target", "経由位置と目標位置")
+        _require(node, parts, _POSES_ON_ARC, _POSES_ON_ARC, tr("a pose on the way and a target"))
         _move(expressions, interpolation, parts, options)
     elif interpolation == _INTERPOLATIONS["s"]:
-        _require(node, parts, 1, 1, "the number of a path", "経路番号")
+        _require(node, parts, 1, 1, tr("the number of a path"))
         _move_path(expressions, parts[0], options)
     else:
-        _require(node, parts, 1, len(parts), "a pose", "ポーズ")
+        _require(node, parts, 1, len(parts), tr("a pose"))
         for part in parts:  # each is a motion of its own
             _move(expressions, interpolation, [part], options)
 
@@ -151,7 +151,7 @@ def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
 def _approach(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
     if parts[0].mark is not None:
         raise Refusal(
-            pick("the pass mark of Approach belongs to the length", "Approach のパス指定は距離に付けてください"),
+            tr("the pass mark of Approach belongs to the length"),
             parts[0].at,
         )
     pose, extra = _pose(expressions, parts[0]), _extra(expressions, parts[1].extra or parts[0].extra)
@@ -176,7 +176,7 @@ def _interpolation(node: Motion, items: list[Item]) -> int:
     if number_of is None or number_of not in allowed:
         letters = "P, L, C, S" if node.word == "Move" else "P, L"
         raise Refusal(
-            pick(f"{node.word} wants {letters} first", f"{node.word} の最初には {letters} のいずれかが必要です"),
+            tr("{word} wants {letters} first", word=node.word, letters=letters),
             first.at,
         )
     return number_of
@@ -186,13 +186,13 @@ def _interpolation(node: Motion, items: list[Item]) -> int:
 
 
 def _drive(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    _require(node, items, 1, values.J_LENGTH, "joints and values like (1, 10)", "(1, 10) のような軸と値")
+    _require(node, items, 1, values.J_LENGTH, tr("joints and values like (1, 10)"))
     absolute = node.word == "DriveA"
     mark = _mark(expressions, items[0].mark)
     for item in items:
         _refuse_extra(item)
         if item.mark is not None and item is not items[0]:
-            raise Refusal(pick("a pass mark cannot stand here", "ここにパス指定は書けません"), item.at)
+            raise Refusal(tr("a pass mark cannot stand here"), item.at)
     pairs = _pairs(expressions, items)
     waiting(expressions, lambda f: f[WORLD].drive(pairs(f), absolute, mark(f), options.build(f)))
 
@@ -208,7 +208,7 @@ def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tup
 
 def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame], tuple[int, float]]:
     if not isinstance(node, Listed) or len(node.items) != 2:
-        raise Refusal(pick("a joint and a value are wanted: (1, 10)", "軸と値が必要です: (1, 10)"), at)
+        raise Refusal(tr("a joint and a value are wanted: (1, 10)"), at)
     joint, value = (expressions.value(item) for item in node.items)
 
     def run(f: Frame) -> tuple[int, float]:
@@ -224,27 +224,25 @@ def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame]
 
 
 def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    _require(node, items, 2, 3, "a plane, an angle and perhaps a pivot", "平面、角度 (と回転中心)")
+    _require(node, items, 2, 3, tr("a plane, an angle and perhaps a pivot"))
     plane = items[0].value
     if isinstance(plane, Listed):
-        raise not_supported(pick("Rotate about three points", "3 点で指定する Rotate"), plane.at)
+        raise not_supported(tr("Rotate about three points"), plane.at)
     name = plane.text.upper() if isinstance(plane, Name) else ""
     if name not in _PLANES:
         raise Refusal(
-            pick(f"the plane of Rotate is {', '.join(_PLANES)}", f"Rotate の平面は {', '.join(_PLANES)} です"),
+            tr("the plane of Rotate is {planes}", planes=", ".join(_PLANES)),
             items[0].at,
         )
     for item in items:
         _refuse_extra(item)
     if items[0].mark or (len(items) > 2 and items[2].mark):
-        raise Refusal(
-            pick("the pass mark of Rotate belongs to the angle", "Rotate のパス指定は角度に付けてください"), node.at
-        )
+        raise Refusal(tr("the pass mark of Rotate belongs to the angle"), node.at)
     angle, mark = _amount(expressions, items[1])
     centre = items[2].value if len(items) > 2 else None
     pivot = expressions.value(centre) if centre is not None else None
     if pivot is None and name.endswith("H"):
-        raise Refusal(pick(f"Rotate {name} wants a pivot", f"Rotate {name} には回転中心が必要です"), node.at)
+        raise Refusal(tr("Rotate {name} wants a pivot", name=name), node.at)
 
     def begin(f: Frame) -> Callable[[], bool]:
         turn = float(number(angle(f)))
@@ -257,7 +255,7 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
 
 def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
     """RotateH is a Rotate in the tool's XY plane about the tool's origin, with the orientation."""
-    _require(node, items, 1, 1, "an angle", "角度")
+    _require(node, items, 1, 1, tr("an angle"))
     _refuse_extra(items[0])
     angle, mark = _amount(expressions, items[0])
     waiting(
@@ -302,7 +300,7 @@ def _mark(expressions: Expressions, node: Mark | None) -> Callable[[Frame], Pass
 def _radius(value: AnyValue) -> PassMark:
     radius = float(number(value))
     if radius < 0:
-        raise out_of_range(f"a pass mark of {radius:g} mm", f"パス半径 {radius:g} mm は指定できません")
+        raise out_of_range(tr("a pass mark of {radius:g} mm", radius=radius))
     return PassMark("n", radius) if radius else AT_COMMAND
 
 
@@ -321,9 +319,7 @@ def _extra(expressions: Expressions, node: ExtraJoints | None) -> Callable[[Fram
         given = dict(one(f) for one in runs)
         for joint in given:
             if joint not in _EXTRA_JOINTS:
-                raise out_of_range(
-                    f"joint {joint} is no extra joint, 7 or 8", f"{joint} 軸は付加軸 (7, 8) ではありません"
-                )
+                raise out_of_range(tr("joint {joint} is no extra joint, 7 or 8", joint=joint))
         return Extra(absolute, tuple(given.items()))
 
     return run
@@ -337,23 +333,23 @@ def _time(value: AnyValue) -> float:
     time = float(number(value))
     if 0 < time <= MAX_TIME:
         return time
-    raise out_of_range(f"a motion of {time:g} ms", f"動作時間 {time:g} ms は指定できません")
+    raise out_of_range(tr("a motion of {time:g} ms", time=time))
 
 
 def _pose_option(value: AnyValue) -> int:
     value = whole(value)
     if value in (1, 2):
         return int(value)
-    raise out_of_range(f"Pose = {value}; it is 1 or 2", f"Pose = {value} は指定できません (1 か 2)")
+    raise out_of_range(tr("Pose = {value}; it is 1 or 2", value=value))
 
 
-def _require(node: Motion, items: Sequence[Item], least: int, most: int, en: str, ja: str) -> None:
+def _require(node: Motion, items: Sequence[Item], least: int, most: int, what: str) -> None:
     if least <= len(items) <= most:
         return
     at = items[most].at if len(items) > most else node.at
-    raise Refusal(pick(f"{node.word} wants {en}", f"{node.word} には {ja} が必要です"), at)
+    raise Refusal(tr("{word} wants {what}", word=node.word, what=what), at)
 
 
 def _refuse_extra(item: Item) -> None:
     if item.extra is not None:
-        raise Refusal(pick("Ex and ExA cannot stand here", "ここに Ex、ExA は書けません"), item.extra.at)
+        raise Refusal(tr("Ex and ExA cannot stand here"), item.extra.at)

@@ -9,13 +9,13 @@ from typing import Any, Final, cast
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedToken
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree
 from orinkit.virtual.rc8.pacscript.errors import PacScriptError, Refusal
 from orinkit.virtual.rc8.pacscript.grammar import GRAMMAR
+from orinkit.virtual.rc8.pacscript.keywords import canonical
 from orinkit.virtual.rc8.pacscript.lexer import PacScriptLexer
 from orinkit.virtual.rc8.pacscript.tree import Expression, Place, Statement, depth_over
-from orinkit.virtual.rc8.pacscript.words import canonical
 
 _INTEGER_BITS: Final = 32
 _LONGEST_INTEGER: Final = 10
@@ -60,12 +60,12 @@ def _unexpected(error: UnexpectedToken) -> str:
     possible = error.accepts or ()  # tried out: what is merely expected also holds what fits elsewhere
     missing = next((shown for name, shown in _MISSING if name in possible), "")
     if token.type in ("_LINE", "$END"):
-        en, ja = "the line ends too early", "行が途中で終わっています"
+        problem = tr("the line ends too early")
     else:
-        en, ja = f"{_shorten(token)} cannot stand here", f"ここに {_shorten(token)} は書けません"
+        problem = tr("{word} cannot stand here", word=_shorten(token))
     if missing and token.type != "LABEL":
-        en, ja = f'{en}; perhaps "{missing}" is missing', f"{ja} (「{missing}」の抜けなど)"
-    return pick(en, ja)
+        return tr('{problem}; perhaps "{missing}" is missing', problem=problem, missing=missing)
+    return problem
 
 
 def _shorten(text: str) -> str:
@@ -189,7 +189,7 @@ class _Builder(Transformer[Token, Any]):
     def call_more(self, target: tree.Target, values: tuple[Expression, ...]) -> tree.Call:
         if isinstance(target, tree.Apply) and len(target.arguments) == 1:
             return tree.Call(target.at, target.name, (*target.arguments, *values))
-        raise Refusal(pick("a comma cannot stand here", "ここにコンマは書けません"), target.at)
+        raise Refusal(tr("a comma cannot stand here"), target.at)
 
     def motion(self, word: Token, *items: tree.Item) -> tree.Motion:
         return tree.Motion(_place(word), canonical(word), items)
@@ -210,9 +210,7 @@ class _Builder(Transformer[Token, Any]):
         elif not isinstance(what, tree.Listed):
             return tree.Mark(what.at, "n", what)
         raise Refusal(
-            pick(
-                "a pass mark is @0, @P, @E or @ and a radius in mm", "パス指定は @0、@P、@E、または @ と半径 (mm) です"
-            ),
+            tr("a pass mark is @0, @P, @E or @ and a radius in mm"),
             _place(what) if isinstance(what, Token) else what.at,
         )
 
@@ -294,4 +292,4 @@ def _number(token: Token) -> int | float:
         value = float(text)
         if math.isfinite(value):
             return value
-    raise Refusal(pick(f"{_shorten(token)} is too large", f"{_shorten(token)} は大きすぎます"), _place(token))
+    raise Refusal(tr("{token} is too large", token=_shorten(token)), _place(token))

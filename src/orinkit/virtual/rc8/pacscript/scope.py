@@ -7,13 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, Frame, Spot
 from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported
-from orinkit.virtual.rc8.pacscript.tree import Name
-from orinkit.virtual.rc8.pacscript.values import AnyValue
-from orinkit.virtual.rc8.pacscript.words import (
+from orinkit.virtual.rc8.pacscript.keywords import (
     CONSTANTS,
     GLOBAL_KINDS,
     KEYWORDS,
@@ -23,6 +21,8 @@ from orinkit.virtual.rc8.pacscript.words import (
     STARTERS,
     TYPES,
 )
+from orinkit.virtual.rc8.pacscript.tree import Name
+from orinkit.virtual.rc8.pacscript.values import AnyValue
 
 MAX_DIMENSIONS: Final = 3
 """How many dimensions an array may have."""
@@ -164,9 +164,10 @@ class Scope:
         routine.elements += math.prod(sizes) if sizes else 0
         if routine.elements > MAX_ELEMENTS:
             raise Refusal(
-                pick(
-                    f"{name.text}: the arrays of a Sub have at most {MAX_ELEMENTS} elements",
-                    f"{name.text}: Sub の配列の要素は合計 {MAX_ELEMENTS} 個までです",
+                tr(
+                    "{name}: the arrays of a Sub have at most {most} elements",
+                    name=name.text,
+                    most=MAX_ELEMENTS,
                 ),
                 name.at,
             )
@@ -205,25 +206,19 @@ class Scope:
         key = name.key
         if NUMBERED.fullmatch(key):
             raise Refusal(
-                pick(
-                    f"{name.text} is the name of a global variable and cannot be declared",
-                    f"{name.text} はグローバル変数の名前なので宣言できません",
-                ),
+                tr("{name} is the name of a global variable and cannot be declared", name=name.text),
                 name.at,
             )
         if key in _RESERVED:
             raise Refusal(
-                pick(
-                    f"{name.text} is a word of PacScript and cannot be declared",
-                    f"{name.text} は PacScript の予約語なので宣言できません",
-                ),
+                tr("{name} is a word of PacScript and cannot be declared", name=name.text),
                 name.at,
             )
 
     @staticmethod
     def _refuse_second(name: Name, taken: bool) -> None:
         if taken:
-            raise Refusal(pick(f"{name.text} is declared twice", f"{name.text} が二重に宣言されています"), name.at)
+            raise Refusal(tr("{name} is declared twice", name=name.text), name.at)
 
 
 _RESERVED: Final = (
@@ -247,7 +242,7 @@ def find_type(name: Name | None) -> TypeOf:
         return VARIANT
     kind = _TYPES.get("integer" if name.key == "long" else name.key)
     if kind is None:
-        raise Refusal(pick(f"there is no type {name.text}", f"型 {name.text} はありません"), name.at)
+        raise Refusal(tr("there is no type {name}", name=name.text), name.at)
     return kind
 
 
@@ -269,10 +264,7 @@ def known_class(name: Name) -> str:
     if name.key in REFUSED:
         raise not_supported(REFUSED[name.key], name.at)
     raise Refusal(
-        pick(
-            f"{name.text}[ ] is no global variable; the elements of an array are {name.text}( )",
-            f"{name.text}[ ] というグローバル変数はありません。配列の要素は {name.text}( ) と書きます",
-        ),
+        tr("{name}[ ] is no global variable; the elements of an array are {name}( )", name=name.text),
         name.at,
     )
 
@@ -282,9 +274,7 @@ def unknown_routine(name: Name) -> Refusal:
     if name.key in REFUSED:
         return not_supported(REFUSED[name.key], name.at)
     return Refusal(
-        pick(
-            f"there is no command, Sub or Function {name.text}", f"コマンド・Sub・Function の {name.text} はありません"
-        ),
+        tr("there is no command, Sub or Function {name}", name=name.text),
         name.at,
     )
 
@@ -295,10 +285,10 @@ def unknown(name: Name, *, applied: bool) -> Refusal:
         return not_supported(REFUSED[name.key], name.at)
     if applied:
         return Refusal(
-            pick(f"there is no array or Function {name.text}", f"配列・Function の {name.text} はありません"),
+            tr("there is no array or Function {name}", name=name.text),
             name.at,
         )
-    return Refusal(pick(f"{name.text} is not declared", f"{name.text} は宣言されていません"), name.at)
+    return Refusal(tr("{name} is not declared", name=name.text), name.at)
 
 
 def check_count(name: Name, given: int, least: int, most: int) -> None:
@@ -309,11 +299,13 @@ def check_count(name: Name, given: int, least: int, most: int) -> None:
     """
     if least <= given <= most:
         return
-    wanted = f"{least}" if least == most else pick(f"{least} to {most}", f"{least}～{most}")
+    wanted = f"{least}" if least == most else tr("{least} to {most}", least=least, most=most)
     raise Refusal(
-        pick(
-            f"{name.text} takes {wanted} argument{'' if wanted == '1' else 's'}, not {given}",
-            f"{name.text} の引数は {wanted} 個ですが、{given} 個あります",
+        tr(
+            "the number of arguments of {name} is {wanted}, not {given}",
+            name=name.text,
+            wanted=wanted,
+            given=given,
         ),
         name.at,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
-from orinkit.language import pick
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.errors import Refusal
 
 MAX_DEPTH: Final = 100
@@ -117,7 +117,7 @@ def depth_over(at: Place, *parts: Expression) -> int:
     """
     depth = 1 + max((part.depth for part in parts), default=0)
     if depth > MAX_DEPTH:
-        raise Refusal(pick("the expression is nested too deeply", "式の入れ子が深すぎます"), at)
+        raise Refusal(tr("the expression is nested too deeply"), at)
     return depth
 
 

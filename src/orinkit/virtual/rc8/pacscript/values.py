@@ -11,9 +11,9 @@ import struct
 from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
-from orinkit import hresult
-from orinkit.errors import error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.errors import mismatch, out_of_range
 
 AnyValue: TypeAlias = Any
@@ -49,10 +49,10 @@ _SHORTEST_DIGITS: Final = range(6, 10)
 def describe(value: AnyValue) -> str:
     """Return what a value is, for a message."""
     if isinstance(value, str):
-        return pick("a text", "文字列")
+        return tr("a text")
     if isinstance(value, tuple):
-        return KINDS.get(len(value), pick("a list", "リスト"))
-    return pick("a number", "数値")
+        return KINDS.get(len(value), tr("a list"))
+    return tr("a number")
 
 
 def number(value: AnyValue) -> int | float:
@@ -63,7 +63,7 @@ def number(value: AnyValue) -> int | float:
     """
     if isinstance(value, int | float):
         return value
-    raise mismatch(f"a number is wanted, not {describe(value)}", f"数値が必要です (実際: {describe(value)})")
+    raise mismatch(tr("a number is wanted, not {given}", given=describe(value)))
 
 
 def whole(value: AnyValue) -> int:
@@ -109,7 +109,7 @@ def string(value: AnyValue) -> str:
     """
     if isinstance(value, str):
         return value
-    raise mismatch(f"a text is wanted, not {describe(value)}", f"文字列が必要です (実際: {describe(value)})")
+    raise mismatch(tr("a text is wanted, not {given}", given=describe(value)))
 
 
 def boolean(value: AnyValue) -> int:
@@ -129,7 +129,7 @@ def pose(*kinds: str) -> Callable[[AnyValue], tuple[float, ...]]:
     def take(value: AnyValue) -> tuple[float, ...]:
         if isinstance(value, tuple) and len(value) in lengths:
             return value
-        raise mismatch(f"{wanted} is wanted, not {describe(value)}", f"{wanted} が必要です (実際: {describe(value)})")
+        raise mismatch(tr("{wanted} is wanted, not {given}", wanted=wanted, given=describe(value)))
 
     return take
 
@@ -245,9 +245,7 @@ def power(left: AnyValue, right: AnyValue) -> float:
     try:
         return finite(math.pow(base, exponent))
     except (ValueError, OverflowError):
-        raise out_of_range(
-            f"{base:g} ^ {exponent:g} has no value", f"{base:g} ^ {exponent:g} は計算できません"
-        ) from None
+        raise out_of_range(tr("{base:g} ^ {exponent:g} has no value", base=base, exponent=exponent)) from None
 
 
 def negate(value: AnyValue) -> AnyValue:
@@ -278,7 +276,7 @@ def shift(value: AnyValue, count: AnyValue) -> int:
     """
     bits, by = whole(value), whole(count)
     if not -32 < by < 32:
-        raise out_of_range(f"bits cannot be moved by {by}", f"{by} ビットのシフトはできません")
+        raise out_of_range(tr("bits cannot be moved by {by}", by=by))
     moved = bits << by if by >= 0 else bits >> -by
     return (moved - LEAST) % 2**32 + LEAST
 
@@ -306,7 +304,7 @@ def less(left: AnyValue, right: AnyValue) -> bool:
     if type(left) is not type(right) or type(left) is tuple:
         _comparable(left, right)
     if isinstance(left, tuple):
-        raise mismatch("poses can only be compared with = and <>", "ポーズの比較は = と <> だけです")
+        raise mismatch(tr("poses can only be compared with = and <>"))
     return bool(left < right)
 
 
@@ -332,12 +330,12 @@ def bounded(value: str) -> str:
     """
     if len(value) <= MAX_TEXT:
         return value
-    raise error_for(hresult.STRING_TOO_LONG, pick(f"more than {MAX_TEXT} characters", f"{MAX_TEXT} 文字を超えています"))
+    raise error_for(hresult.STRING_TOO_LONG, tr("more than {most} characters", most=MAX_TEXT))
 
 
 def overflow() -> Exception:
     """Return the error of a number that is too large."""
-    return out_of_range("the number is too large for its type", "数値が型の範囲を超えています")
+    return out_of_range(tr("the number is too large for its type"))
 
 
 def finite(value: float) -> float:
@@ -366,8 +364,7 @@ def _real(value: float) -> str:
 def _by_element(left: tuple[float, ...], right: AnyValue, sign: float) -> tuple[float, ...]:
     if not isinstance(right, tuple) or len(left) != len(right) or len(left) == T_LENGTH:
         raise mismatch(
-            f"{describe(left)} and {describe(right)} cannot be added or subtracted",
-            f"{describe(left)}と{describe(right)}は加減算できません",
+            tr("{left} and {right} cannot be added or subtracted", left=describe(left), right=describe(right)),
         )
     result = tuple(finite(a + sign * b) for a, b in zip(left, right, strict=True))
     return (*result[:-1], left[-1]) if len(left) == P_LENGTH else result
@@ -382,8 +379,7 @@ def _multiply_poses(left: AnyValue, right: AnyValue) -> tuple[float, ...]:
         moved = (left[0] + turned[0], left[1] + turned[1], left[2] + turned[2])
         return tuple(finite(value) for value in (*moved, *turned[3:], right[9]))
     raise mismatch(
-        f"{describe(left)} and {describe(right)} cannot be multiplied",
-        f"{describe(left)}と{describe(right)}は乗算できません",
+        tr("{left} and {right} cannot be multiplied", left=describe(left), right=describe(right)),
     )
 
 
@@ -398,7 +394,7 @@ def _turn(frame: tuple[float, ...], vector: tuple[float, ...]) -> tuple[float, f
 def _divisor(value: float) -> float:
     if value:
         return value
-    raise out_of_range("division by zero", "ゼロ除算です")
+    raise out_of_range(tr("division by zero"))
 
 
 def _comparable(left: AnyValue, right: AnyValue) -> None:
@@ -407,6 +403,5 @@ def _comparable(left: AnyValue, right: AnyValue) -> None:
     if isinstance(left, tuple) and isinstance(right, tuple) and len(left) == len(right):
         return
     raise mismatch(
-        f"{describe(left)} and {describe(right)} cannot be compared",
-        f"{describe(left)}と{describe(right)}は比較できません",
+        tr("{left} and {right} cannot be compared", left=describe(left), right=describe(right)),
     )

@@ -7,23 +7,23 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from orinkit import hresult
 from orinkit.arms import Model
 from orinkit.cao.provider import Later
-from orinkit.errors import error_for
-from orinkit.language import pick
-from orinkit.virtual.rc8.cycle import Cycles
-from orinkit.virtual.rc8.faults import Faults
-from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.motion.plan import Motion
-from orinkit.virtual.rc8.motion.queue import MotionQueue, QueueState, Ticket, TicketState
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.motion.planner import Motion
+from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState, Ticket, TicketState
+from orinkit.virtual.engine.servo import ControlLog, Servo
+from orinkit.virtual.rc8.error_list import Faults
+from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.motor import Motor
-from orinkit.virtual.rc8.robot.operators import Operator
-from orinkit.virtual.rc8.robot.servo import ControlLog, Servo
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Slave
 from orinkit.virtual.rc8.robot.speeds import Speeds
 from orinkit.virtual.rc8.robot.target import Space
-from orinkit.virtual.rc8.slave.slave import Slave
 from orinkit.virtual.rc8.switches import Switches
+from orinkit.virtual.rc8.variables.table import Variables
 
 _PASSED = (TicketState.PASSED, TicketState.DONE)
 
@@ -260,12 +260,7 @@ class Arm:
         wanted = (*map(float, joints), *self.model.home[len(joints) :])
         finite = len(wanted) == len(self.model.axes) and all(map(math.isfinite, wanted))
         if not finite or self.space.kinematics.limits_exceeded(wanted):
-            raise ValueError(
-                pick(
-                    f"{self.model.name} cannot stand at {tuple(joints)}",
-                    f"{self.model.name} はこの姿勢を取れません: {tuple(joints)}",
-                )
-            )
+            raise ValueError(tr("{name} cannot stand at {joints}", name=self.model.name, joints=tuple(joints)))
         self.queue.place(wanted)
         self.servo.place(wanted)
 

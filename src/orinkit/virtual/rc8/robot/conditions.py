@@ -10,10 +10,10 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final, TypeAlias
 
-from orinkit import hresult
-from orinkit.errors import error_for
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
 from orinkit.virtual.rc8.robot.arm import Arm
-from orinkit.virtual.rc8.robot.operators import Operator
+from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.switches import Mode
 
 

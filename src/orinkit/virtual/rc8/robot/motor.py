@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final
 
-from orinkit import hresult
 from orinkit.cao.provider import Later
-from orinkit.errors import error_for
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
 
 ON_CYCLES: Final = 125
 """Cycles that switching on takes: 1 s, as long as controllers of this kind take at least (1 to 3 s)."""

@@ -8,20 +8,20 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from orinkit import hresult
-from orinkit.cao.motion_options import MotionOptions, VariableRef, resolve
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick, quoted
-from orinkit.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
-from orinkit.virtual.rc8.classes import CLASSES
-from orinkit.virtual.rc8.memory import Variables
-from orinkit.virtual.rc8.motion import plan
-from orinkit.virtual.rc8.motion.plan import Motion, Rates
-from orinkit.virtual.rc8.motion.queue import ROOM, Ticket
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.rc8.motion_options import MotionOptions, VariableRef, resolve
+from orinkit.values.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
+from orinkit.virtual.engine.motion import planner
+from orinkit.virtual.engine.motion.planner import Motion, Rates
+from orinkit.virtual.engine.motion.queue import ROOM, Ticket
 from orinkit.virtual.rc8.robot.arm import Arm
 from orinkit.virtual.rc8.robot.speeds import FULL, Trio
 from orinkit.virtual.rc8.robot.target import ROBOT_AXES, Goal, Joints, Space, check_distance
 from orinkit.virtual.rc8.robot.tools import IDENTITY, Matrix
+from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.types import CLASSES
 
 PTP: Final = 1
 LINE: Final = 2
@@ -76,8 +76,7 @@ class Moves:
             if len(targets) != 2:
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    pick("an arc needs two poses: the one it passes and the one where it ends",
-                         "円弧補間には 2 つのポーズ (経由点と終点) が必要です"),
+                    tr("an arc needs two poses: the one it passes and the one where it ends"),
                 )  # fmt: skip
             return self._begin(partial(self._arc, targets[0], targets[1], options))
         if interpolation == CURVE:
@@ -85,8 +84,7 @@ class Moves:
         raise self._told(
             error_for(
                 hresult.INTERPOLATION_NOT_SUPPORTED,
-                pick(f"{interpolation}; 1 PTP, 2 line, 3 arc, 4 free curve",
-                     f"{interpolation} (1 PTP、2 直線、3 円弧、4 自由曲線)"),
+                tr("{interpolation}; 1 PTP, 2 line, 3 arc, 4 free curve", interpolation=interpolation),
             )
         )  # fmt: skip
 
@@ -133,7 +131,7 @@ class Moves:
             if not 1 <= axis <= len(joints):
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    pick(f"no axis {axis}; there are 1 to {len(joints)}", f"軸 {axis} はありません (1～{len(joints)})"),
+                    tr("no axis {axis}; there are 1 to {count}", axis=axis, count=len(joints)),
                 )
             joints[axis - 1] = value if absolute else joints[axis - 1] + value
         return self._begin(partial(self._ptp, tuple(joints), mark or options.mark, options))
@@ -142,7 +140,7 @@ class Moves:
         """Rotate by degrees about an axis (3) through a point (3, mm), both in the base frame (RC8 provider Rotate)."""
 
         def make(start: Joints) -> Motion:
-            return plan.plan_rotation(
+            return planner.plan_rotation(
                 self._space.kinematics, start, axis, point, angle, self._tool, self._path_rates(options),
                 options.mark or AT_COMMAND, keep_orientation=options.pose == _KEEP_ORIENTATION,
             )  # fmt: skip
@@ -171,7 +169,7 @@ class Moves:
         if normal is None:
             raise error_for(
                 hresult.E_INVALIDARG,
-                pick(f"no plane {quoted(name)}; XY, YZ, ZX", f"平面 {quoted(name)} はありません (XY、YZ、ZX)"),
+                tr("no plane {name}; XY, YZ, ZX", name=quoted(name)),
             )
         return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
 
@@ -202,9 +200,7 @@ class Moves:
         """
         path = self._paths.setdefault(_path(number), [])
         if len(path) >= _LONGEST_PATH:
-            raise error_for(
-                hresult.E_OUTOFMEMORY, pick(f"{_LONGEST_PATH} points per path", f"1 経路 {_LONGEST_PATH} 点まで")
-            )
+            raise error_for(hresult.E_OUTOFMEMORY, tr("{most} points per path", most=_LONGEST_PATH))
         kind, values = self._space.numbers(target, self._arm.queue.end_joints)
         path.append(Target(kind, values))
 
@@ -231,22 +227,22 @@ class Moves:
 
     def _ptp(self, end: Joints, mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
         rates = self._rates(self._arm.speeds.joint, options)
-        return plan.plan_ptp(self._space.kinematics, start, end, rates, mark or AT_COMMAND, self._tool)
+        return planner.plan_ptp(self._space.kinematics, start, end, rates, mark or AT_COMMAND, self._tool)
 
     def _line(self, end: Matrix, extra: Joints, mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
         rates = self._path_rates(options)
-        return plan.plan_line(self._space.kinematics, start, end, self._tool, rates, mark or AT_COMMAND, extra)
+        return planner.plan_line(self._space.kinematics, start, end, self._tool, rates, mark or AT_COMMAND, extra)
 
     def _arc(self, via: Target, target: Target, options: MotionOptions, start: Joints) -> Motion:
         middle, end = self._space.path_goal(via, start), self._space.path_goal(target, start)
-        return plan.plan_arc(
+        return planner.plan_arc(
             self._space.kinematics, start, middle.tcp, end.tcp, self._tool, self._path_rates(options),
             target.mark or via.mark or options.mark or AT_COMMAND, end.extra,
         )  # fmt: skip
 
     def _curve(self, targets: Sequence[Target], mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
         goals = [self._space.path_goal(target, start) for target in targets]
-        return plan.plan_curve(
+        return planner.plan_curve(
             self._space.kinematics, start, [goal.tcp for goal in goals], self._tool, self._path_rates(options),
             mark or options.mark or AT_COMMAND, goals[-1].extra,
         )  # fmt: skip
@@ -256,8 +252,7 @@ class Moves:
         if not points:
             raise error_for(
                 hresult.E_INVALIDARG,
-                pick(f"path {number} has no points; add them with AddPathPoint",
-                     f"経路 {number} に点がありません (AddPathPoint で追加してください)"),
+                tr("path {number} has no points; add them with AddPathPoint", number=number),
             )  # fmt: skip
         return points
 
@@ -274,7 +269,7 @@ class Moves:
             return self._ptp((*solved, *goal.extra), mark or options.mark, options, start)
         if interpolation != LINE:
             raise error_for(
-                hresult.INTERPOLATION_NOT_SUPPORTED, pick(f"{interpolation}; 1 or 2", f"{interpolation} (1 か 2)")
+                hresult.INTERPOLATION_NOT_SUPPORTED, tr("{interpolation}; 1 or 2", interpolation=interpolation)
             )
         self._space.check_path(goal, start)
         return self._line(end, goal.extra, mark or options.mark, options, start)
@@ -285,7 +280,7 @@ class Moves:
         if len(queue.tickets) + len(plans) > ROOM:
             raise error_for(
                 hresult.ROBOT_MOVING,
-                pick("as many motions as there is room for are waiting", "待機中の動作が上限に達しています"),
+                tr("as many motions as there is room for are waiting"),
             )
         motions: list[Motion] = []
         try:
@@ -332,7 +327,5 @@ class Moves:
 
 def _path(number: int) -> int:
     if not 1 <= number <= _PATHS:
-        raise error_for(
-            hresult.E_INVALIDARG, pick(f"no path {number}; 1 to {_PATHS}", f"経路 {number} はありません (1～{_PATHS})")
-        )
+        raise error_for(hresult.E_INVALIDARG, tr("no path {number}; 1 to {most}", number=number, most=_PATHS))
     return number

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from orinkit import hresult
-from orinkit.cao.pose_arguments import read_targets
-from orinkit.errors import InvalidValue, NotationError, error_for
-from orinkit.language import pick, quoted
-from orinkit.poses import PassMark, Target
-from orinkit.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
-from orinkit.virtual.rc8 import conversion
+from orinkit.core import hresult
+from orinkit.core.errors import InvalidValue, NotationError, error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.rc8.pose_arguments import read_targets
+from orinkit.values.poses import PassMark, Target
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.virtual.rc8.variables import conversion
 
 _MARK: Final = re.compile(r"@\s*(?:[PE]|[0-9.]+)", re.IGNORECASE)
 _PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
@@ -72,7 +72,7 @@ def whole(value: float) -> int:
         CallError: E_INVALIDARG, it has one.
     """
     if value != int(value):
-        raise error_for(hresult.E_INVALIDARG, pick(f"{value:g} is no whole number", f"{value:g} は整数ではありません"))
+        raise error_for(hresult.E_INVALIDARG, tr("{value:g} is no whole number", value=value))
     return int(value)
 
 
@@ -83,7 +83,7 @@ def flag(value: float) -> bool:
         CallError: VALUE_OUT_OF_RANGE, it is another one.
     """
     if value not in (-1, 0, 1):
-        raise error_for(hresult.VALUE_OUT_OF_RANGE, pick(f"{value:g}; 0 or 1", f"{value:g} (0 か 1)"))
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("{value:g}; 0 or 1", value=value))
     return bool(value)
 
 
@@ -95,7 +95,7 @@ def pose(parameter: Variant) -> Target:
     """
     targets = read_targets(parameter)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, pick("one pose is needed", "ポーズは 1 つだけ指定してください"))
+        raise error_for(hresult.E_INVALIDARG, tr("one pose is needed"))
     return targets[0]
 
 
@@ -205,7 +205,7 @@ def short(text: str) -> str:
     if len(text) > _LONGEST:
         raise error_for(
             hresult.E_INVALIDARG,
-            pick(f"a text of {len(text)} characters; at most {_LONGEST}", f"文字列が {len(text)} 文字です (上限 {_LONGEST} 文字)"),
+            tr("a text of {count} characters; at most {longest}", count=len(text), longest=_LONGEST),
         )  # fmt: skip
     return text
 
@@ -217,10 +217,7 @@ def _pair(axis: Variant, value: Variant) -> tuple[int, float]:
 def _no_pairs(text: str) -> Exception:
     return error_for(
         hresult.E_INVALIDARG,
-        pick(
-            f'{quoted(text)}; "@0 (1,10),(2,20)" is the form',
-            f'{quoted(text)} ("@0 (1,10),(2,20)" の形で指定してください)',
-        ),
+        tr('{text}; "@0 (1,10),(2,20)" is the form', text=quoted(text)),
     )
 
 
@@ -228,7 +225,5 @@ def _count(given: int, least: int, most: int) -> Exception:
     wanted = str(least) if least == most else f"{least}..{most}"
     return error_for(
         hresult.E_INVALIDARG,
-        pick(
-            f"{given} parameters were given, {wanted} are wanted", f"パラメータが {given} 個あります ({wanted} 個必要)"
-        ),
+        tr("{given} parameters were given, {wanted} are wanted", given=given, wanted=wanted),
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from orinkit import hresult
-from orinkit.errors import error_for
-from orinkit.language import pick
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
 
 FULL: Final = 100.0
 KEEP: Final = -1.0
@@ -78,6 +78,6 @@ def percent(value: float) -> float:
     if not _LEAST <= value <= FULL:
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            pick(f"{value:g} %, {_LEAST} to 100 is possible", f"{value:g} % (範囲は {_LEAST}～100 %)"),
+            tr("{value:g} %, {least} to 100 is possible", value=value, least=_LEAST),
         )
     return value

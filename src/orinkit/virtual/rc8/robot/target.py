@@ -7,17 +7,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from orinkit import hresult
-from orinkit.arms import Model
-from orinkit.errors import CallError, error_for
-from orinkit.language import pick
-from orinkit.poses import Extra, Kind, Target
-from orinkit.virtual.rc8 import frames
-from orinkit.virtual.rc8.classes import CLASSES
-from orinkit.virtual.rc8.kinematics import Kinematics
-from orinkit.virtual.rc8.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
-from orinkit.virtual.rc8.memory import Variables
+from orinkit.arms import Model, frames
+from orinkit.arms.kinematics import Kinematics
+from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.poses import Extra, Kind, Target
 from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_frames
+from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.types import CLASSES
 
 ROBOT_AXES: Final = 6
 _LEAST_VALUES: Final = {"P": 6, "T": 9, "J": ROBOT_AXES}
@@ -98,15 +97,12 @@ class Space:
         if not kind:  # an arm that took joints for a position would go anywhere
             raise error_for(
                 hresult.E_INVALIDARG,
-                pick(
-                    f"{target} may be joints or a position; say which: J(...) or P(...)",
-                    f"{target} は関節角とも位置とも取れます。J(...) か P(...) で指定してください",
-                ),
+                tr("{target} may be joints or a position; say which: J(...) or P(...)", target=target),
             )
         if kind not in _LEAST_VALUES:
             raise error_for(
                 hresult.DISP_E_TYPEMISMATCH,
-                pick(f"{target} is no pose; P, T or J is needed", f"{target} はポーズではありません (P、T、J が必要)"),
+                tr("{target} is no pose; P, T or J is needed", target=target),
             )
         if isinstance(values, int):
             values = tuple(self._variables.read(CLASSES[kind], values).value)
@@ -115,9 +111,11 @@ class Space:
         if len(values) < _LEAST_VALUES[kind]:
             raise error_for(
                 hresult.E_INVALIDARG,
-                pick(
-                    f"{target} has {len(values)} values, {_LEAST_VALUES[kind]} are needed",
-                    f"{target} の値は {len(values)} 個です ({_LEAST_VALUES[kind]} 個必要)",
+                tr(
+                    "{target} has {count} values, {least} are needed",
+                    target=target,
+                    count=len(values),
+                    least=_LEAST_VALUES[kind],
                 ),
             )
         if kind != "J":
@@ -182,9 +180,10 @@ class Space:
         if goal.figure >= 0 and goal.figure & kept != present & kept:
             raise error_for(
                 hresult.FIGURE_MISMATCH,
-                pick(
-                    f"the pose has figure {goal.figure}, the arm has {present}; a path keeps the figure",
-                    f"ポーズの形態は {goal.figure}、アームの形態は {present} です (経路動作では形態は変わりません)",
+                tr(
+                    "the pose has figure {figure}, the arm has {present}; a path keeps the figure",
+                    figure=goal.figure,
+                    present=present,
                 ),
             )
 
@@ -220,7 +219,7 @@ class Space:
             if not ROBOT_AXES < number <= len(joints):
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    pick(f"{self.model.name} has no extra axis {number}", f"{self.model.name} に付加軸 {number} はありません"),
+                    tr("{name} has no extra axis {number}", name=self.model.name, number=number),
                 )  # fmt: skip
             joints[number - 1] = value if extra.absolute else start[number - 1] + value
         return tuple(joints)
@@ -246,7 +245,7 @@ def check_distance(*lengths: float) -> None:
         if not abs(length) <= _FARTHEST:
             raise error_for(
                 hresult.TARGET_OUT_OF_RANGE,
-                pick(f"{length:g} mm is farther than any arm reaches", f"{length:g} mm はアームの到達範囲外です"),
+                tr("{length:g} mm is farther than any arm reaches", length=length),
             )
 
 
@@ -262,7 +261,7 @@ def figure_of(kind: str, values: Sequence[float]) -> int:
     if figure != given or not (_FIGURE_LEAST <= figure < 0 or 0 <= figure & ~COBOTTA_BIT <= HIGHEST):
         raise error_for(
             hresult.FIGURE_OUT_OF_RANGE,
-            pick(f"{given:g}; the figure is -3 to {HIGHEST}", f"{given:g} (形態は -3～{HIGHEST})"),
+            tr("{given:g}; the figure is -3 to {highest}", given=given, highest=HIGHEST),
         )
     return figure
 

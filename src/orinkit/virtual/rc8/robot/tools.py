@@ -9,10 +9,10 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from orinkit import hresult
-from orinkit.errors import error_for
-from orinkit.language import pick
-from orinkit.virtual.rc8 import frames
+from orinkit.arms import frames
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
 
 Matrix: TypeAlias = NDArray[np.float64]
 """A frame: 4 x 4, mm."""
@@ -48,9 +48,7 @@ class FrameSet:
         if not first <= number < self.count:
             raise error_for(
                 self.code,
-                pick(
-                    f"{number}; there are {first} to {self.count - 1}", f"{number} (範囲は {first}～{self.count - 1})"
-                ),
+                tr("{number}; there are {first} to {count}", number=number, first=first, count=self.count - 1),
             )
         return number
 
@@ -65,7 +63,7 @@ class FrameSet:
             if not abs(value) <= _MOST:
                 raise error_for(
                     hresult.VALUE_OUT_OF_RANGE,
-                    pick(f"{value:g}; at most {_MOST:g} mm or deg", f"{value:g} (上限は {_MOST:g} mm または度)"),
+                    tr("{value:g}; at most {most:g} mm or deg", value=value, most=_MOST),
                 )
         self._values[number] = tuple(values[:6])
         self._matrices.pop(number, None)

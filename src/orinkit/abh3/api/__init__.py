@@ -1,0 +1,1 @@
+"""Objects for programs that drive ABH3 motor drivers."""

@@ -1,0 +1,1 @@
+"""The asynchronous API of ABH3, written by hand."""

@@ -1,0 +1,36 @@
+"""What becomes of the exceptions of ABH3 drivers where a CAO client is to be told: codes."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from orinkit.core import hresult
+from orinkit.core.errors import (
+    CallError,
+    DriverTimeout,
+    InvalidAddress,
+    InvalidValue,
+    MissingExtra,
+    OrinError,
+    TransportError,
+    error_for,
+)
+
+_CODES: Final[tuple[tuple[tuple[type[OrinError], ...], int], ...]] = (
+    ((InvalidValue, InvalidAddress), hresult.E_INVALIDARG),
+    ((DriverTimeout,), hresult.E_TIMEOUT),
+    ((TransportError, MissingExtra), hresult.E_CAO_REMOTE_PROVIDER),
+)
+
+
+class told:  # noqa: N801 - reads as a statement
+    """What goes wrong with a driver in this block becomes a code, and its text the reason; E_FAIL if nothing else fits."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, CallError) or not isinstance(error, OrinError):
+            return
+        codes = (code for kinds, code in _CODES if isinstance(error, kinds))
+        raise error_for(next(codes, hresult.E_FAIL), str(error)) from error

@@ -1,0 +1,215 @@
+"""The variables of an ABH3 as a CAO provider, made from the table of ABH3: what each is, and how it is read and written."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial, reduce
+from typing import Any, Final, TypeAlias
+
+from orinkit.abh3.aio import AsyncDriver
+from orinkit.abh3.table.records import Feedback, Flags, Record
+from orinkit.abh3.table.signals import Dialect, Field, Word
+from orinkit.core.i18n import tr
+from orinkit.values.variant import ARRAY, Value, Variant, VarType
+
+Motor: TypeAlias = AsyncDriver[Any, Any]
+Get: TypeAlias = Callable[[Motor], Awaitable[Value]]
+Put: TypeAlias = Callable[[Motor, Any], Awaitable[Feedback]]
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A variable.
+
+    Attributes:
+        name: for clients.
+        type: VARIANT type of its value.
+        describe: returns what it is, with its unit, in the language in force.
+        get: reads it.
+        put: writes it; ``None`` where that cannot be.
+        count: of the values of an array.
+    """
+
+    name: str
+    type: int
+    describe: Callable[[], str]
+    get: Get
+    put: Put | None = None
+    count: int = 0
+
+    @property
+    def help(self) -> str:
+        """What it is, in the language in force."""
+        return self.describe()
+
+
+def items_of(dialect: Dialect) -> Mapping[str, Item]:
+    """Return the variables of a driver by their names in upper case."""
+    items = [*_commands(), *_inputs(dialect), *_feedback(dialect), *_broadcasts(dialect), *_SYSTEM]
+    return {item.name: item for item in items}
+
+
+# --- what is commanded ------------------------------------------------------------------------------------------------
+
+
+def _commands() -> list[Item]:
+    return [
+        Item("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1, or in torque mode %"),
+             _of_commands(0), lambda motor, value: motor.command(ay=value)),
+        Item("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1, or in torque mode %"),
+             _of_commands(1), lambda motor, value: motor.command(bx=value)),
+        Item("COMMAND", VarType.R8 | ARRAY,
+             lambda: tr("A/Y and B/X command, min^-1, or in torque mode %"),
+             _both_commands, lambda motor, value: motor.command(*value), count=2),
+    ]  # fmt: skip
+
+
+def _of_commands(axis: int) -> Get:
+    async def get(motor: Motor) -> Value:
+        return motor.commands[axis]
+
+    return get
+
+
+async def _both_commands(motor: Motor) -> Value:
+    return list(motor.commands)
+
+
+def _inputs(dialect: Dialect) -> list[Item]:
+    word = dialect.inputs
+    items = [
+        Item(
+            "INPUTS",
+            VarType.UI4,
+            lambda: tr(word.title),
+            _input_word,
+            lambda motor, value: motor.set_inputs(int(value)),
+        ),
+    ]
+    for name, mask in word.masks.items():
+        describe = partial(_bits_text, word, mask)
+        items.append(Item(name.upper(), VarType.BOOL, describe, _input_bit(name), _put_input(name)))
+    return items
+
+
+def _bits_text(word: Word, mask: int) -> str:
+    return _listed(bit.text for bit in word.bits if mask >> bit.number & 1)
+
+
+async def _input_word(motor: Motor) -> Value:
+    return int(motor.inputs)
+
+
+def _input_bit(name: str) -> Get:
+    async def get(motor: Motor) -> Value:
+        return name in motor.inputs
+
+    return get
+
+
+def _put_input(name: str) -> Put:
+    return lambda motor, value: motor.set_input(name, int(bool(value)))
+
+
+# --- what is measured -------------------------------------------------------------------------------------------------
+
+
+def _feedback(dialect: Dialect) -> list[Item]:
+    """The fields of the feedback (DP0R) that no broadcast has; it is requested, which commands nothing."""
+    known = {field.name for layout in dialect.broadcasts.values() for field in layout.fields}
+    fields = [field for field in dialect.layouts["DP0R"].fields if field.name not in known]
+
+    async def all_of_it(motor: Motor) -> Value:
+        record = await motor.request_single(0)
+        return [float(_value(record, field)) for field in dialect.layouts["DP0R"].fields]
+
+    every = dialect.layouts["DP0R"].fields
+    return [
+        *(
+            Item(field.name.upper(), _type_of(field), partial(_field_text, field), _of_single(field))
+            for field in fields
+        ),
+        Item("FEEDBACK", VarType.R8 | ARRAY, lambda: _listed(map(_field_text, every)), all_of_it, count=len(every)),
+    ]
+
+
+def _of_single(field: Field) -> Get:
+    async def get(motor: Motor) -> Value:
+        value: Value = _value(await motor.request_single(0), field)
+        return value
+
+    return get
+
+
+def _broadcasts(dialect: Dialect) -> list[Item]:
+    items = []
+    for number, layout in sorted(dialect.broadcasts.items()):
+        items += [
+            Item(field.name.upper(), _type_of(field), partial(_field_text, field), _of_broadcast(number, field))
+            for field in layout.fields
+        ]
+        if layout.name == "BR0":
+            items.append(Item("ERROR_TEXTS", VarType.BSTR, lambda: tr("errors and warnings in words"), _error_texts))
+    return items
+
+
+def _of_broadcast(number: int, field: Field) -> Get:
+    async def get(motor: Motor) -> Value:
+        value: Value = _value(await motor.request_broadcast(number), field)
+        return value
+
+    return get
+
+
+async def _error_texts(motor: Motor) -> Value:
+    found = await motor.errors()
+    return ", ".join(dict.fromkeys((*found.errors.texts, *found.warnings.texts)))
+
+
+def _value(record: Record, field: Field) -> Any:
+    value = getattr(record, field.name)
+    return int(value) if isinstance(value, Flags) else value
+
+
+def _type_of(field: Field) -> int:
+    if field.word is not None:
+        return VarType.UI4
+    return VarType.I4 if field.quantity is not None and field.quantity.whole else VarType.R8
+
+
+def _field_text(field: Field) -> str:
+    unit = field.quantity.unit if field.quantity is not None else ""
+    name = tr(field.title)
+    return tr("{name}, {unit}", name=name, unit=unit) if unit else name
+
+
+def _listed(texts: Iterable[str]) -> str:
+    return reduce(lambda first, second: tr("{first}; {second}", first=first, second=second), texts)
+
+
+# --- the driver itself ------------------------------------------------------------------------------------------------
+
+
+async def _maker(_motor: Motor) -> Value:
+    return "Waco Giken"
+
+
+async def _kind(_motor: Motor) -> Value:
+    return "ABH3"
+
+
+async def _version(motor: Motor) -> Value:
+    return (await motor.read_identification()).strip()
+
+
+_SYSTEM: Final = (
+    Item("@MAKER_NAME", VarType.BSTR, lambda: tr("maker"), _maker),
+    Item("@TYPE", VarType.BSTR, lambda: tr("type"), _kind),
+    Item("@VERSION", VarType.BSTR, lambda: tr("version, which many drivers do not tell over CAN"), _version),
+)  # fmt: skip
+
+
+def as_variant(item: Item, value: Value) -> Variant:
+    """Return a value as the variable's type."""
+    return value if isinstance(value, Variant) else Variant(item.type, value)

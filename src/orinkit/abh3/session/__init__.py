@@ -1,0 +1,1 @@
+"""Conversations with an ABH3, without I/O."""

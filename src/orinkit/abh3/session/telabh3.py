@@ -1,0 +1,431 @@
+"""TelABH3: the texts by which parameters and monitors of a driver are read and written.
+
+Over CAN a text is one multi-packet message (:mod:`orinkit.abh3.session.multipacket`). A request is a command of two letters, an
+address of four hexadecimal digits, for writing a value of eight, and a checksum of two: ``CP000095`` reads parameter 0.
+The checksum is such that the sum of all bytes, with those of the header ``FFFF`` before them, is a multiple of 256. Over
+serial lines the header is sent too, and all of it stands between STX and ETX.
+
+What an answer looks like over CAN is documented nowhere. Over serial lines it is STX, a header of four characters, the
+status, the data, the checksum and ETX. Answers made here leave out what requests over CAN leave out: they are status,
+data, checksum. :func:`parse_reply` reads all these forms.
+
+Values are words of 32 bits: a PACK_FLOAT, a whole number, or flags; :data:`MONITORS` and :data:`PARAMETERS` know which.
+SYN at the end of a message only fills it up.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+from orinkit.abh3.table import packfloat
+from orinkit.abh3.table.bits import Values
+from orinkit.abh3.table.checks import whole
+from orinkit.core.errors import DriverRefused, InvalidValue, ProtocolError
+from orinkit.core.i18n import N_, tr, translate
+from orinkit.values.pose_numbers import brief
+
+Kind: TypeAlias = Literal["pack", "int", "bits"]
+
+PARAMETER: Final = "CP"
+"""The command that reads or writes a parameter."""
+MONITOR: Final = "CM"
+"""The command that reads a monitor."""
+IDENTIFICATION: Final = "BI"
+"""The command that reads what the driver is."""
+IDENTIFICATIONS: Final = (0, 2, 4, 5, 8, 0xC)
+"""Numbers of identifications that drivers are asked for."""
+VERSION: Final = 2
+"""Number of the identification that is the driver's version."""
+_NAMES: Final = {
+    PARAMETER: N_("parameter"),
+    MONITOR: N_("monitor"),
+    IDENTIFICATION: N_("identification"),
+}
+OFF: Final = 0x0000
+"""Value of a switched parameter that is off."""
+ON: Final = 0x8000
+"""Value of a switched parameter that is on."""
+ACK: Final = 0x06
+"""Status of an answer made here: carried out. Any status but NAK means that."""
+NAK: Final = 0x15
+"""Status of an answer: refused."""
+
+_HEADER: Final = b"FFFF"
+_STX: Final = b"\x02"
+_ETX: Final = b"\x03"
+_SYN: Final = b"\x16"
+_BLANK: Final = 0x20  # what is less is a status, not a character of a header
+_WORDS: Final = range(1 << 32)
+_ADDRESSES: Final = range(1 << 16)
+_REQUEST: Final = re.compile(rb"([ -~]{4})?(CP|CM|BI)([0-9A-Fa-f]{4})([0-9A-Fa-f]{8})?([0-9A-Fa-f]{2})")
+_HEX_BYTE: Final = re.compile(rb"[0-9A-Fa-f]{2}")
+_HEX_WORD: Final = re.compile(r"[0-9A-Fa-f]{8}")
+_PRINTABLE: Final = re.compile(r"[ -~]*")
+
+
+# --- requests ---------------------------------------------------------------------------------------------------------
+
+
+class Request(NamedTuple):
+    """What a host asks for.
+
+    Attributes:
+        command: ``"CP"``, ``"CM"`` or ``"BI"``.
+        address: 0 to 0xFFFF.
+        value: word that is to be written; ``None`` where something is read.
+    """
+
+    command: str
+    address: int
+    value: int | None = None
+
+    def __str__(self) -> str:
+        """For people: ``parameter 0x4102``, ``parameter 0x4102 = 0x00000001``."""
+        name = tr(_NAMES[self.command])
+        return f"{name} 0x{self.address:04X}" + ("" if self.value is None else f" = 0x{self.value:08X}")
+
+    def __bytes__(self) -> bytes:
+        value = "" if self.value is None else f"{self.value:08X}"
+        text = f"{self.command}{self.address:04X}{value}".encode("ascii")
+        return text + checksum(_HEADER + text)
+
+
+def checksum(data: bytes) -> bytes:
+    """Return the two digits that follow these bytes; of texts over CAN the header ``FFFF`` counts too."""
+    return b"%02X" % (-sum(data) & 0xFF)
+
+
+def read_parameter(address: int) -> bytes:
+    """Return the request that reads a parameter.
+
+    Raises:
+        InvalidValue: the address has more than 16 bits.
+    """
+    return bytes(Request(PARAMETER, _in(_ADDRESSES, address)))
+
+
+def write_parameter(address: int, word: int) -> bytes:
+    """Return the request that writes a parameter.
+
+    Raises:
+        InvalidValue: the address has more than 16 bits, or the word more than 32.
+    """
+    return bytes(Request(PARAMETER, _in(_ADDRESSES, address), _in(_WORDS, word)))
+
+
+def read_monitor(address: int) -> bytes:
+    """Return the request that reads a monitor.
+
+    Raises:
+        InvalidValue: the address has more than 16 bits.
+    """
+    return bytes(Request(MONITOR, _in(_ADDRESSES, address)))
+
+
+def read_identification(number: int) -> bytes:
+    """Return the request that reads an identification, for example :data:`VERSION`.
+
+    Raises:
+        InvalidValue: the number has more than 16 bits.
+    """
+    return bytes(Request(IDENTIFICATION, _in(_ADDRESSES, number)))
+
+
+def parse_request(message: bytes) -> Request:
+    """Return what a message asks for, in the form of CAN or that of serial lines.
+
+    Raises:
+        ProtocolError: it is no request, or its checksum is wrong.
+    """
+    body, _ = _unframed(message)
+    found = _REQUEST.fullmatch(body)
+    if found is None or (found[4] and found[2] != PARAMETER.encode()):
+        raise _unreadable(message)
+    _check(message, (b"" if found[1] else _HEADER) + body)
+    return Request(found[2].decode(), int(found[3], 16), int(found[4], 16) if found[4] else None)
+
+
+# --- answers ----------------------------------------------------------------------------------------------------------
+
+
+class Reply(NamedTuple):
+    """What a driver answers.
+
+    Attributes:
+        refused: the driver did not do what it was asked for.
+        data: text of an identification, or the digits of a value; nothing where a parameter was written.
+        asked: what it was asked for, for people.
+    """
+
+    refused: bool
+    data: str
+    asked: str = ""
+
+    def confirmed(self) -> str:
+        """Return the data.
+
+        Raises:
+            DriverRefused: the driver has refused the request.
+        """
+        if self.refused:
+            code = f" ({self.data})" if self.data else ""
+            asked = f"{self.asked}: " if self.asked else ""
+            raise DriverRefused(
+                tr(
+                    "{asked}the driver refuses it{code}. Try: is there such an address, may it be written, "
+                    "is the value in its range?",
+                    asked=asked,
+                    code=code,
+                )
+            )
+        return self.data
+
+    @property
+    def word(self) -> int:
+        """The value that was read, a word of 32 bits.
+
+        Raises:
+            DriverRefused: the driver has refused the request.
+            ProtocolError: the data is no value.
+        """
+        digits = self.confirmed()[-8:]
+        if _HEX_WORD.fullmatch(digits) is None:
+            raise _unreadable(self.data.encode("ascii", "replace"))
+        return int(digits, 16)
+
+
+def reply(value: int | str = "") -> bytes:
+    """Return the answer to a request that was carried out.
+
+    Args:
+        value: the word that was read, the text of an identification, or nothing where a parameter was written.
+
+    Raises:
+        InvalidValue: the word has more than 32 bits; or the text has other characters than printable ASCII.
+    """
+    text = value if isinstance(value, str) else f"{_in(_WORDS, value):08X}"
+    if _PRINTABLE.fullmatch(text) is None:
+        raise InvalidValue(tr("a text of printable ASCII is needed: {text}", text=brief(text)))
+    return _answer(ACK, text)
+
+
+def refusal() -> bytes:
+    """Return the answer to a request that was not carried out."""
+    return _answer(NAK, "")
+
+
+def parse_reply(message: bytes, asked: str = "") -> Reply:
+    """Return what a driver answers.
+
+    Args:
+        message: its answer.
+        asked: what it was asked for, for people.
+
+    Read are a status, data and a checksum, with or without a header of four characters before them, with or without
+    STX and ETX around them; the header ``FFFF`` may count in the checksum even where it is not there.
+
+    Raises:
+        ProtocolError: it is no answer, or its checksum is wrong.
+    """
+    body, framed = _unframed(message)
+    _check(message, body, _HEADER + body)
+    text = body[:-2]
+    header = 4 if text and _has_header(text, framed) else 0
+    if len(text) <= header:
+        raise _unreadable(message)
+    return Reply(text[header] == NAK, text[header + 1 :].decode("latin-1"), asked)
+
+
+def _has_header(text: bytes, framed: bool) -> bool:
+    return text[0] >= _BLANK and (framed or text.startswith(_HEADER) or (len(text) > 4 and text[4] < _BLANK))
+
+
+def _answer(status: int, text: str) -> bytes:
+    body = bytes((status,)) + text.encode("ascii")
+    return body + checksum(_HEADER + body)
+
+
+def _unframed(message: bytes) -> tuple[bytes, bool]:
+    """Return a text without what stands around it, and whether STX did."""
+    body = bytes(message).rstrip(_SYN)
+    framed = body.startswith(_STX)
+    return (body[1:] if framed else body).partition(_ETX)[0], framed
+
+
+def _check(message: bytes, *counted: bytes) -> None:
+    """Check the two digits at the end: one of the bytes with them has to have a sum of 0."""
+    for text in counted:
+        if _HEX_BYTE.fullmatch(text[-2:]) and (sum(text[:-2]) + int(text[-2:], 16)) & 0xFF == 0:
+            return
+    raise ProtocolError(tr("the checksum of a TelABH3 text is wrong: {message!r:.80}", message=bytes(message)))
+
+
+def _unreadable(message: bytes) -> ProtocolError:
+    return ProtocolError(tr("no TelABH3 text that can be read: {message!r:.80}", message=bytes(message)))
+
+
+def _in(allowed: range, number: object) -> int:
+    found = whole(number)
+    if found is not None and found in allowed:
+        return found
+    raise InvalidValue(
+        tr(
+            "a whole number of 0 to 0x{highest:X} is needed, not {number}",
+            highest=allowed.stop - 1,
+            number=brief(number),
+        )
+    )
+
+
+# --- monitors and parameters ------------------------------------------------------------------------------------------
+
+
+class Item(NamedTuple):
+    """A monitor or a parameter.
+
+    Attributes:
+        address: see :func:`read_monitor`, :func:`read_parameter`.
+        kind: ``"pack"``, a PACK_FLOAT; ``"int"``, a whole number with a sign; ``"bits"``, flags.
+        title: what it is, in English, with placeholders.
+        unit: of the value; of switches the two words that they know.
+        values: those of the placeholders.
+    """
+
+    address: int
+    kind: Kind
+    title: str
+    unit: str = ""
+    values: Values = ()
+
+    @property
+    def text(self) -> str:
+        """What it is, in the language in force."""
+        return tr(self.title, **dict(self.values))
+
+    @property
+    def english(self) -> str:
+        """What it is, in English."""
+        return translate("en", self.title, **dict(self.values))
+
+    def decode(self, word: int) -> float:
+        """Return the value of a word: a ``float`` of a PACK_FLOAT, an ``int`` of others.
+
+        Raises:
+            InvalidValue: it has more than 32 bits, or is negative.
+        """
+        if self.kind == "pack":
+            return packfloat.to_float(word)
+        number = _in(_WORDS, word)
+        return number - (1 << 32) if self.kind == "int" and number >> 31 else number
+
+    def encode(self, value: float) -> int:
+        """Return the word of a value.
+
+        Raises:
+            InvalidValue: it is no number, or no whole one where one is needed, or does not fit into 32 bits.
+        """
+        if self.kind == "pack":
+            word = packfloat.from_float(value)
+            if not math.isfinite(packfloat.to_float(word)):
+                raise InvalidValue(tr("{name}: {value} cannot be written", name=self.text, value=brief(value)))
+            return word
+        low, high = (-(1 << 31), (1 << 31) - 1) if self.kind == "int" else (0, (1 << 32) - 1)
+        number = whole(value)
+        if number is None or not low <= number <= high:
+            raise InvalidValue(
+                tr(
+                    "{name}: a whole number of {low} to {high} is needed, not {value}",
+                    name=self.text,
+                    low=low,
+                    high=high,
+                    value=brief(value),
+                )
+            )
+        return number & 0xFFFFFFFF
+
+
+_SETS: Final = range(8)
+_SWITCH: Final = "0x0000/0x8000"
+
+
+def _monitors() -> Iterator[Item]:
+    yield Item(0x0000, "bits", N_("error flags"))
+    yield Item(0x0001, "bits", N_("warning flags"))
+    yield Item(0x0002, "bits", N_("digital inputs"))
+    yield Item(0x0003, "bits", N_("input control"))
+    yield Item(0x0004, "bits", N_("digital outputs, bits 24 to 31"))
+    yield Item(0x0005, "bits", N_("output control"))
+    yield Item(0x1004, "pack", N_("main voltage"), "V")
+    yield Item(0x1005, "pack", N_("control voltage"), "V")
+    yield Item(0x1012, "pack", N_("A/Y velocity"), "min^-1")
+    yield Item(0x1022, "pack", N_("B/X velocity"), "min^-1")
+    yield Item(0x1031, "pack", N_("A torque"), "%")
+    yield Item(0x103B, "pack", N_("A load"), "%")
+    yield Item(0x1041, "pack", N_("B torque"), "%")
+    yield Item(0x104B, "pack", N_("B load"), "%")
+    yield Item(0x1054, "int", N_("A pulse count"), "pulse")
+    yield Item(0x1064, "int", N_("B pulse count"), "pulse")
+
+
+_OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # first of A/Y, how much further is B/X
+    (0x5000, 0x08, "pack", N_("{axis} velocity #{number}"), "min^-1"),
+    (0x5010, 0x08, "pack", N_("{axis} current #{number}"), "%"),
+    (0x5020, 0x60, "pack", N_("{axis} acceleration time #{number}"), "s"),
+    (0x5030, 0x60, "pack", N_("{axis} acceleration S-curve #{number}"), "%"),
+    (0x5040, 0x60, "pack", N_("{axis} deceleration time #{number}"), "s"),
+    (0x5050, 0x60, "pack", N_("{axis} deceleration S-curve #{number}"), "%"),
+    (0x5060, 0x60, "pack", N_("{axis} P gain #{number}"), ""),
+    (0x5070, 0x60, "pack", N_("{axis} I gain #{number}"), ""),
+    (0x50E0, 0x10, "int", N_("{axis} source of the data (0 the driver, 2 CAN) #{number}"), ""),
+)
+_SWITCHES: Final = (
+    (0x5100, N_("{axis} servo on")),
+    (0x5101, N_("{axis} start")),
+    (0x5107, N_("{axis} data select 0")),
+    (0x5108, N_("{axis} data select 1")),
+    (0x5109, N_("{axis} data select 2")),
+)
+_CAN: Final = (
+    (0x4100, N_("CAN function"), ""),
+    (0x4101, N_("bit rate"), "bit/s"),
+    (0x4102, N_("ABH3 address"), ""),
+    (0x4103, N_("host address, -1 for any"), ""),
+    (0x4105, N_("single packet 0 mode"), "ms"),
+    (0x4107, N_("broadcast group"), ""),
+    (0x4114, N_("single packet priority"), ""),
+    (0x4115, N_("multi-packet priority"), ""),
+    (0x4116, N_("broadcast priority"), ""),
+    (0x4117, N_("zero command time-out, 0 for none"), "ms"),
+    (0x4118, N_("error time-out, 0 for none"), "ms"),
+    (0x4119, N_("multi-packet pause"), "ms"),
+    (0x411A, N_("logic of the control flags"), ""),
+    (0x6180, N_("PDU format of single packets"), ""),
+)
+
+
+def _parameters() -> Iterator[Item]:
+    yield from (Item(address, "int", title, unit) for address, title, unit in _CAN)
+    yield from (Item(0x4108 + n, "int", N_("broadcast {number} mode"), "ms", (("number", n),)) for n in range(8))
+    yield from (Item(0x4110 + n, "int", N_("broadcast reception {number}"), "", (("number", n + 1),)) for n in range(4))
+    for axis, name in enumerate(("A/Y", "B/X")):
+        for first, further, kind, title, unit in _OF_A_SET:
+            base = first + axis * further
+            yield from (Item(base + n, kind, title, unit, (("axis", name), ("number", n))) for n in _SETS)
+        for first, title in _SWITCHES:
+            yield Item(first + axis * 0x20, "int", title, _SWITCH, (("axis", name),))
+    for n in _SETS:
+        yield Item(0x5180 + n, "bits", N_("digital output #{number}"), "0x00000000/0xFFFFFFFF", (("number", n),))
+
+
+def _table(items: Iterator[Item]) -> Mapping[int, Item]:
+    return MappingProxyType({item.address: item for item in sorted(items)})
+
+
+MONITORS: Final = _table(_monitors())
+"""Monitors by their addresses, as far as they are known."""
+PARAMETERS: Final = _table(_parameters())
+"""Parameters by their addresses, as far as they are known."""

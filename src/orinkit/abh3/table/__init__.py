@@ -1,0 +1,1 @@
+"""The protocol of ABH3 as data: identifiers, frames, signals, units."""

@@ -1,0 +1,321 @@
+"""What the frames on a bus of ABH3 drivers say, whoever sends them: for those who only listen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypeAlias
+
+from orinkit.abh3.table import ids
+from orinkit.abh3.table.bits import Values
+from orinkit.abh3.table.frames import Codec
+from orinkit.abh3.table.ids import Id
+from orinkit.abh3.table.records import BUF, Flags, Record
+from orinkit.abh3.table.signals import CURRENT, Dialect, Field, Layout, Quantity, dialect_of
+from orinkit.abh3.table.transfer_fields import KINDS, PARTS, PGN_AT, REASONS
+from orinkit.can.frame import MAX_ID, CanFrame
+from orinkit.core.i18n import N_, tr, translate
+
+DP0S: Final = "DP0S"
+DP0R: Final = "DP0R"
+DP1S: Final = "DP1S"
+DP1R: Final = "DP1R"
+REQUEST: Final = "REQUEST"
+CONTROL: Final = "TP.CM"
+TRANSFER: Final = "TP.DT"
+UNKNOWN: Final = ""
+
+_FULL: Final = 8
+_REQUEST: Final = 3
+_WANTED: Final = N_("wanted")
+
+Content: TypeAlias = int | float | str | Flags
+"""What a value of a frame can be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """One thing that a frame says.
+
+    Attributes:
+        name: for programs.
+        title: what it is, in English.
+        content: in physical units; a flag word; a word.
+        unit: of the content; ``""`` for none.
+        digits: decimal places that the content has; ``None`` of a single float.
+        note: what the content means, in English.
+    """
+
+    name: str
+    title: str
+    content: Content
+    unit: str = ""
+    digits: int | None = 0
+    note: str | None = None
+
+    @property
+    def shown(self) -> str:
+        """The content with its unit, flags by their texts, in the language in force."""
+        content = self.content
+        if isinstance(content, Flags):
+            texts = ", ".join(_flag_texts(content))
+            return f"0x{content.value:08X}" + (f" ({texts})" if texts else "")
+        if isinstance(content, str):
+            return content
+        number = f"{content:.7g}" if self.digits is None else f"{content:.{self.digits}f}"
+        shown = f"{number} {self.unit}" if self.unit else number
+        return f"{shown} ({tr(self.note)})" if self.note else shown
+
+    def __str__(self) -> str:
+        return f"{tr(self.title)} = {self.shown}"
+
+
+class Fault(NamedTuple):
+    """What is wrong or unknown about a frame.
+
+    Attributes:
+        message: in English, with placeholders.
+        values: those of the placeholders.
+    """
+
+    message: str
+    values: Values
+
+    @property
+    def text(self) -> str:
+        """What is wrong, in the language in force."""
+        return tr(self.message, **dict(self.values))
+
+    @property
+    def english(self) -> str:
+        """What is wrong, in English."""
+        return translate("en", self.message, **dict(self.values))
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What a frame says.
+
+    Attributes:
+        frame: as it came.
+        name: ``"DP0S"``, ``"DP0R"``, ``"DP1S"``, ``"DP1R"``, ``"BR0"`` to ``"BR7"``, ``"REQUEST"``, ``"TP.CM"``,
+            ``"TP.DT"``; ``""`` of a frame that is none of these.
+        source: address that it is from.
+        destination: address that it is for; ``None`` where it is for everybody.
+        record: what it says in physical units; ``None`` where there is no record of it, or it is not as it should be.
+        values: what it says, one by one.
+        fault: what is wrong or unknown about it; ``None`` where all is well.
+    """
+
+    frame: CanFrame
+    name: str
+    source: int
+    destination: int | None
+    record: Record | None = None
+    values: tuple[Value, ...] = ()
+    fault: Fault | None = None
+
+    @property
+    def heading(self) -> str:
+        """Name, source and destination: ``"DP0R 1 -> 2"``."""
+        name = self.name or tr("unknown")
+        if self.destination is None:
+            return tr("{name} {source} -> all", name=name, source=self.source)
+        return f"{name} {self.source} -> {self.destination}"
+
+    @property
+    def content(self) -> str:
+        """What it says, without its heading, in the language in force."""
+        parts = [*([self.fault.text] if self.fault else []), *map(str, self.values)]
+        return ", ".join(parts)
+
+    @property
+    def text(self) -> str:
+        """One line for people, in the language in force."""
+        return f"{self.heading}: {self.content}" if self.values or self.fault else self.heading
+
+
+class Decoder:
+    """Tells what frames say. It remembers who has sent what: hosts send requests, drivers send broadcasts.
+
+    Args:
+        dialect: of the drivers, ``"v1"`` or ``"v2"``.
+        hosts: addresses of hosts. What traffic tells otherwise outweighs them.
+        group: of the drivers' broadcasts; those of others are told, but not decoded. ``None`` for any.
+        load_unit: 1 or 0.1 %.
+
+    Raises:
+        InvalidValue: there is no such dialect, address, group or unit.
+    """
+
+    def __init__(
+        self,
+        dialect: str | Dialect = "v1",
+        *,
+        hosts: Iterable[int] = (2,),
+        group: int | None = None,
+        load_unit: float = 1.0,
+    ) -> None:
+        self.dialect = dialect_of(dialect).with_load_unit(load_unit)
+        self.group = None if group is None else ids.check_group(group)
+        self._codec = Codec(self.dialect)
+        self._is_host = {ids.check_address("host", host): True for host in hosts}
+
+    def decode(self, frame: CanFrame) -> Decoded:
+        """Return what a frame says, whatever is in it; its priority does not matter."""
+        parts = Id.parse(frame.id)
+        page = None if parts.reserved or not 0 <= frame.id <= MAX_ID else parts.dp
+        match parts.pf, page:
+            case ids.SINGLE, 0 | 1:
+                return self._single(frame, parts)
+            case ids.REQUEST, 0:
+                return self._request(frame, parts)
+            case ids.BROADCAST, 0:
+                return self._broadcast(frame, parts)
+            case ids.CONTROL, 0:
+                return _control(frame, parts)
+            case ids.TRANSFER, 0:
+                return _transfer(frame, parts)
+        bytes_ = f"{frame.id:08X}#{frame.data.hex().upper()}"
+        fault = Fault(N_("no frame of an ABH3: {frame}"), (("frame", bytes_),))
+        return Decoded(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
+
+    # --- single packets (sections 2.1 and 2.2) ------------------------------------------------------------------------
+
+    def _single(self, frame: CanFrame, parts: Id) -> Decoded:
+        from_host = self._from_host(parts)
+        if from_host is None:
+            data = frame.data.hex(" ").upper() or "-"
+            fault = Fault(N_("single packet, not known which of the two is the host: {data}"), (("data", data),))
+            return Decoded(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
+        if parts.dp and from_host:
+            values = (Value("wanted", _WANTED, DP1R),)
+            return Decoded(frame, DP1S, parts.sa, _destination(parts), values=values, fault=_odd(frame, 0))
+        return self._data(frame, parts, (DP0S if from_host else DP0R) if not parts.dp else DP1R)
+
+    def _from_host(self, parts: Id) -> bool | None:
+        """Return whether a single packet is from a host; ``None`` where nothing tells, or all that tells contradicts."""
+        source, destination = self._is_host.get(parts.sa), self._is_host.get(parts.ps)
+        if source is None:
+            return None if destination is None else not destination
+        return None if destination == source else source
+
+    def _data(self, frame: CanFrame, parts: Id, name: str) -> Decoded:
+        """Return what a frame of the table says."""
+        destination = _destination(parts)
+        if len(frame.data) != _FULL:
+            return Decoded(frame, name, parts.sa, destination, fault=_odd(frame, _FULL))
+        layout = self.dialect.layouts[name]
+        record = self._codec.decode(name, frame.data)
+        values = tuple(self._values(layout, record))
+        return Decoded(frame, name, parts.sa, destination, record, values)
+
+    def _values(self, layout: Layout, record: Record) -> Iterator[Value]:
+        for field in layout.fields:
+            content = getattr(record, field.name)
+            if field.quantity is None:
+                yield Value(field.name, field.title, content)
+            else:
+                quantity = self._quantity(field, field.quantity, record)
+                digits = quantity.digits if quantity.steps else None
+                yield Value(field.name, field.title, content, quantity.unit, digits)
+
+    def _quantity(self, field: Field, quantity: Quantity, record: Record) -> Quantity:
+        """Return what a field holds: a command is a current where the inputs beside it say torque."""
+        is_current = field.torque and int(record.raw.get("inputs", 0)) & self.dialect.inputs.masks[field.torque]
+        return CURRENT if is_current else quantity
+
+    # --- broadcasts (sections 2.3 to 2.9) and requests ----------------------------------------------------------------
+
+    def _broadcast(self, frame: CanFrame, parts: Id) -> Decoded:
+        group, number = divmod(parts.ps, ids.BROADCASTS)
+        name = f"BR{number}"
+        data = frame.data.hex(" ").upper() or "-"
+        if self.group not in (None, group):
+            fault = Fault(N_("{name} of group {group}: {data}"), (("name", name), ("group", group), ("data", data)))
+            return Decoded(frame, UNKNOWN, parts.sa, None, fault=fault)
+        self._learn(parts.sa, is_host=False)
+        if number not in self.dialect.broadcasts:
+            value = Value("data", N_("data"), data)
+            return Decoded(frame, name, parts.sa, None, BUF(data=bytes(frame.data)), (value,))
+        return self._data(frame, parts, name)
+
+    def _request(self, frame: CanFrame, parts: Id) -> Decoded:
+        fault = _odd(frame, _REQUEST)
+        destination = _destination(parts)
+        if len(frame.data) < _REQUEST:
+            return Decoded(frame, REQUEST, parts.sa, destination, fault=fault)
+        ps, pf, page = frame.data[:_REQUEST]
+        wanted, group = f"0x{page:02X}{pf:02X}{ps:02X}", None
+        if (pf, page) == (ids.BROADCAST, 0):
+            group, number = divmod(ps, ids.BROADCASTS)
+            wanted = f"BR{number}"
+        elif pf == ids.SINGLE and page in (0, 1):
+            wanted = (DP0R, DP1R)[page]
+        if group is not None or wanted in (DP0R, DP1R):
+            self._learn(parts.sa, is_host=True)
+            if destination is not None:
+                self._learn(destination, is_host=False)
+        values = [Value("wanted", _WANTED, wanted)]
+        if group is not None:
+            values.append(Value("group", N_("group"), group))
+        return Decoded(frame, REQUEST, parts.sa, destination, values=tuple(values), fault=fault)
+
+    def _learn(self, address: int, *, is_host: bool) -> None:
+        self._is_host[address] = is_host
+
+
+# --- multi-packet messages --------------------------------------------------------------------------------------------
+
+
+def _control(frame: CanFrame, parts: Id) -> Decoded:
+    data, destination = frame.data, _destination(parts)
+    if len(data) != _FULL:
+        return Decoded(frame, CONTROL, parts.sa, destination, fault=_odd(frame, _FULL))
+    kind = data[0]
+    values = [Value("kind", N_("control"), KINDS.get(kind, f"0x{kind:02X}"))]
+    for part in PARTS:
+        if kind in part.kinds:
+            number = int.from_bytes(data[part.start : part.start + part.size], "little")
+            note = REASONS.get(number) if part.name == "reason" else None
+            values.append(Value(part.name, part.title, number, part.unit, note=note))
+    pgn = int.from_bytes(data[PGN_AT:], "little")
+    values.append(Value("pgn", "PGN", f"0x{pgn:06X}"))
+    return Decoded(frame, CONTROL, parts.sa, destination, values=tuple(values))
+
+
+def _transfer(frame: CanFrame, parts: Id) -> Decoded:
+    destination = _destination(parts)
+    if len(frame.data) != _FULL:
+        return Decoded(frame, TRANSFER, parts.sa, destination, fault=_odd(frame, _FULL))
+    values = (
+        Value("number", N_("packet"), frame.data[0]),
+        Value("data", N_("data"), frame.data[1:].hex(" ").upper()),
+    )
+    return Decoded(frame, TRANSFER, parts.sa, destination, values=values)
+
+
+# --- what all of them need --------------------------------------------------------------------------------------------
+
+
+def _destination(parts: Id) -> int | None:
+    return None if parts.pf >= _FIRST_FOR_ALL or parts.ps == ids.EVERYONE else parts.ps
+
+
+_FIRST_FOR_ALL: Final = 0xF0  # PF from which on PS is no address
+
+
+def _odd(frame: CanFrame, length: int) -> Fault | None:
+    """Return what is wrong with a frame's length."""
+    if len(frame.data) == length:
+        return None
+    data = frame.data.hex(" ").upper() or "-"
+    values = (("count", len(frame.data)), ("length", length), ("data", data))
+    return Fault(N_("{count} bytes instead of {length}: {data}"), values)
+
+
+def _flag_texts(flags: Flags) -> Iterator[str]:
+    for number in range(32):
+        if flags.value >> number & 1:
+            bit = flags.word.by_number.get(number)
+            yield bit.text if bit else tr("bit {number}", number=number)

@@ -1,0 +1,185 @@
+"""The data of frames from and to records, as the table says."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from operator import truediv
+from typing import Any, Final, NamedTuple, TypeVar
+
+from orinkit.abh3.table.records import BUF, RECORDS, Flags, Record
+from orinkit.abh3.table.signals import CURRENT, V1, Dialect, Field, Layout, Quantity, Word
+from orinkit.core.errors import InvalidValue, ProtocolError
+from orinkit.core.i18n import tr
+from orinkit.values.pose_numbers import brief
+
+R = TypeVar("R", bound=Record)
+_LENGTH: Final = 8
+_ALL_BITS: Final = 0xFFFFFFFF
+
+
+class Codec:
+    """Frames of one dialect.
+
+    Args:
+        dialect: of the drivers.
+    """
+
+    def __init__(self, dialect: Dialect = V1) -> None:
+        self.dialect = dialect
+        self._records = RECORDS[dialect.name]
+        self._readers = {name: _Reader.of(self._records[name], layout) for name, layout in dialect.layouts.items()}
+
+    def decode(self, name: str, data: bytes) -> Record:
+        """Return the record of a frame.
+
+        Args:
+            name: of the frame, as in :attr:`Dialect.layouts`.
+            data: its 8 bytes.
+
+        Raises:
+            ProtocolError: it has another length.
+        """
+        if len(data) != _LENGTH:
+            raise ProtocolError(tr("{name} has 8 bytes, not {count}", name=name, count=len(data)))
+        reader = self._readers[name]
+        codes = reader.unpack(data)
+        if reader.steps:
+            return reader.kind(*map(truediv, codes, reader.steps), codes=codes)
+        values = [read(code) for read, code in zip(reader.reads, codes, strict=True)]
+        if name == "DP0S":
+            values[:2] = self._commands(codes)
+        return reader.kind(*values, codes=codes)
+
+    def read(self, kind: type[R], name: str, data: bytes) -> R:
+        """Return the record of a frame that is known to be of a type.
+
+        Raises:
+            ProtocolError: it has another length.
+        """
+        record = self.decode(name, data)
+        assert isinstance(record, kind)
+        return record
+
+    def encode(self, record: Record, name: str = "") -> bytes:
+        """Return the data of a record, from its physical values.
+
+        Args:
+            record: of this dialect.
+            name: of the frame; by default the one that has such records.
+
+        Raises:
+            InvalidValue: a value has no code, or the dialect has no such record.
+        """
+        if isinstance(record, BUF):
+            return record.data
+        name = name or self._name_of(record)
+        layout = self.dialect.layouts[name]
+        codes = [self._code(layout, field, record) for field in layout.fields]
+        return layout.struct.pack(*codes)
+
+    def flags(self, word: Word, value: int) -> Flags:
+        """Return flags of this dialect."""
+        return Flags(value & _ALL_BITS, word)
+
+    def _name_of(self, record: Record) -> str:
+        for name, kind in self._records.items():
+            if type(record) is kind:
+                return name
+        kinds = ", ".join(kind.__name__ for kind in self._records.values())
+        raise InvalidValue(
+            tr(
+                "dialect {dialect} has no {kind}; it has {kinds}",
+                dialect=self.dialect.name,
+                kind=type(record).__name__,
+                kinds=kinds,
+            )
+        )
+
+    def _code(self, layout: Layout, field: Field, record: Record) -> int | float:
+        value = getattr(record, field.name)
+        if field.word is not None:
+            return _word(field.title, value)
+        assert field.quantity is not None
+        if not field.quantity.steps:
+            return _single(field, value)
+        inputs = _word(self.dialect.inputs.title, getattr(record, "inputs", 0))
+        return self._quantity(layout, field, inputs).encode(value)
+
+    def _quantity(self, layout: Layout, field: Field, inputs: int) -> Quantity:
+        """Return the quantity of a field: a command is a current where the inputs beside it say torque."""
+        assert field.quantity is not None
+        if field.torque and layout.name == "DP0S" and inputs & self.dialect.inputs.masks[field.torque]:
+            return CURRENT
+        return field.quantity
+
+    def _commands(self, codes: tuple[int, ...]) -> list[float]:
+        """Return the commands of a DP0S, each in the unit that the inputs behind them say."""
+        layout = self.dialect.layouts["DP0S"]
+        inputs = codes[2]
+        return [
+            self._quantity(layout, field, inputs).decode(code)
+            for field, code in zip(layout.fields[:2], codes, strict=False)
+        ]
+
+
+class _Reader(NamedTuple):
+    """How a frame is read.
+
+    Attributes:
+        kind: of its record.
+        unpack: gives the codes of its data.
+        reads: make the value of each of them.
+        steps: codes per unit of each of them, where all of them are numbers with a unit: a shorter way to the values.
+    """
+
+    kind: Callable[..., Record]
+    unpack: Callable[[bytes], tuple[Any, ...]]
+    reads: tuple[Callable[[Any], Any], ...]
+    steps: tuple[int, ...]
+
+    @classmethod
+    def of(cls, kind: type[Record], layout: Layout) -> _Reader:
+        """Return how a frame is read."""
+        quantities = [field.quantity for field in layout.fields]
+        steps = tuple(q.steps for q in quantities if q is not None and q.steps and not q.whole)
+        reads = tuple(_reader(field) for field in layout.fields)
+        return cls(kind, layout.struct.unpack, reads, steps if len(steps) == len(quantities) else ())
+
+
+def _reader(field: Field) -> Callable[[Any], Any]:
+    word = field.word
+    if word is not None:
+        return lambda code: Flags(code, word)
+    quantity = field.quantity
+    assert quantity is not None
+    if quantity.whole or not quantity.steps:
+        return lambda code: code
+    steps = quantity.steps
+    return lambda code: code / steps  # every code of the field's width is one
+
+
+def _word(title: str, value: object) -> int:
+    """Return the 32 bits of flags.
+
+    Raises:
+        InvalidValue: there are more of them, or it is something else.
+    """
+    number = int(value) if isinstance(value, Flags) else value
+    if isinstance(number, int) and 0 <= number <= _ALL_BITS:
+        return number
+    raise InvalidValue(tr("{name}: a word of 32 bits is needed, not {number}", name=tr(title), number=brief(number)))
+
+
+def _single(field: Field, value: float) -> float:
+    """Return a number as the single float that the wire has.
+
+    Raises:
+        InvalidValue: it is beyond those.
+    """
+    try:
+        number: float = struct.unpack("<f", struct.pack("<f", value))[0]
+    except (OverflowError, ValueError, struct.error):  # ValueError of a signalling NaN of decimal
+        raise InvalidValue(tr("{name}: {value} is no single float", name=tr(field.title), value=brief(value))) from None
+    return number if not math.isnan(number) else value

@@ -1,0 +1,139 @@
+"""The 29-bit identifiers of ABH3 frames, in the manner of J1939 (section 2).
+
+``priority(3) R(1) DP(1) PF(8) PS(8) SA(8)``. Where PF is below 240 PS is the address that the frame is for. Receivers pay no
+attention to the priority.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from orinkit.abh3.table.checks import checked
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+
+SINGLE: Final = 0xEF
+"""PF of single packets."""
+REQUEST: Final = 0xEA
+"""PF of requests."""
+BROADCAST: Final = 0xFF
+"""PF of broadcasts, whose PS is group * 8 + number."""
+CONTROL: Final = 0xEC
+"""PF of the control frames of multi-packet messages."""
+TRANSFER: Final = 0xEB
+"""PF of the data frames of multi-packet messages."""
+EVERYONE: Final = 0xFF
+"""The address of all drivers."""
+LAST_ADDRESS: Final = 253
+GROUPS: Final = 32
+BROADCASTS: Final = 8
+
+
+class Id(NamedTuple):
+    """The parts of an identifier.
+
+    Attributes:
+        pf: PDU format.
+        ps: PDU specific: the destination, or group and number of a broadcast.
+        sa: source address.
+        dp: data page.
+        priority: 0 (first) to 7.
+        reserved: the bit R; 0 in every frame of an ABH3.
+    """
+
+    pf: int
+    ps: int
+    sa: int
+    dp: int = 0
+    priority: int = 0
+    reserved: int = 0
+
+    @classmethod
+    def parse(cls, number: int) -> Id:
+        """Return the parts of an identifier."""
+        return cls(
+            number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF, number >> 24 & 1, number >> 26 & 7, number >> 25 & 1
+        )
+
+    def __int__(self) -> int:
+        return (
+            self.priority << 26 | self.reserved << 25 | self.dp << 24 | self.pf << 16 | self.ps << 8 | self.sa
+        )  # fmt: skip
+
+    def with_priority(self, priority: int) -> int:
+        """Return the identifier of the same frame with another priority."""
+        return int(self._replace(priority=priority))
+
+
+def single(destination: int, source: int, *, dp: int = 0, priority: int = 0) -> int:
+    """Return the identifier of a single packet (sections 2.1, 2.2)."""
+    return int(Id(SINGLE, destination, source, dp, priority))
+
+
+def request(destination: int, source: int, *, priority: int = 0) -> int:
+    """Return the identifier of a request; to all drivers with :data:`EVERYONE`."""
+    return int(Id(REQUEST, destination, source, 0, priority))
+
+
+def broadcast(group: int, number: int, source: int, *, priority: int = 0) -> int:
+    """Return the identifier of a broadcast (sections 2.3 to 2.9)."""
+    return int(Id(BROADCAST, group * BROADCASTS + number, source, 0, priority))
+
+
+def pgn(pf: int, ps: int, *, dp: int = 0) -> bytes:
+    """Return the three bytes by which a request asks for a frame; PS is 0 for a single packet."""
+    return bytes((ps, pf, dp))
+
+
+def check_address(name: str, address: object) -> int:
+    """Return the address of a driver or a host.
+
+    Raises:
+        InvalidValue: it is no whole number of 0 to 253.
+    """
+    return checked(name, address, LAST_ADDRESS)
+
+
+def check_group(group: object) -> int:
+    """Return the group of a driver's broadcasts.
+
+    Raises:
+        InvalidValue: it is no whole number of 0 to 31.
+    """
+    return checked("group", group, GROUPS - 1)
+
+
+def check_priority(priority: object) -> int:
+    """Return a priority.
+
+    Raises:
+        InvalidValue: it is no whole number of 0 to 7.
+    """
+    return checked("priority", priority, 7)
+
+
+def broadcast_number(number: object, group: int) -> int:
+    """Return PS of a broadcast: group * 8 + number.
+
+    Args:
+        number: 0 to 7 of the group; or, from 8 on, PS itself as the document has it (4.7), of the same group.
+        group: of the drivers.
+
+    Raises:
+        InvalidValue: there is no such number.
+    """
+    name = tr("broadcast (0 to 6, or group * 8 + number)")
+    given = checked(name, number, 0xFF)
+    ps = given if given >= BROADCASTS else group * BROADCASTS + given
+    if ps // BROADCASTS != group:
+        other, place = divmod(ps, BROADCASTS)
+        raise InvalidValue(
+            tr(
+                "0x{number:02X} is broadcast {place} of group {other}; the group is {group} here (group=)",
+                number=ps,
+                place=place,
+                other=other,
+                group=group,
+            )
+        )
+    return ps

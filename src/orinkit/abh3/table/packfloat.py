@@ -1,0 +1,238 @@
+"""PACK_FLOAT: the decimal floating point numbers of a driver's parameters and monitors, in 32 bits (ABH3 4.9).
+
+No single and no broadcast frame has any: they travel in multi-packet messages (:mod:`orinkit.abh3.session.telabh3`). A word has
+three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The exponent is what is written after an
+``e``, the point what is not, so that ``0.001`` and ``1e-3`` are different words.
+
+A word may be any of 32 bits; mantissas beyond six digits mean that it is no number: two of them are the infinities.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from typing import Final, Literal, NamedTuple
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.values.pose_numbers import brief
+
+ZERO: Final = 0x0000_0000
+"""The word of 0."""
+PLUS_INFINITY: Final = 0x000F_FFFF
+"""The word of infinity."""
+MINUS_INFINITY: Final = 0xFFF0_0000
+"""The word of minus infinity, as the document's functions make it."""
+NAN: Final = 0xFFF0_0001
+"""The word of what is no number, as the document's functions make it."""
+
+Rounding = Literal["round", "trunc"]
+
+_DIGITS: Final = 6
+_GREATEST: Final = 999_999
+_PLUS: Final = 0xF_FFFF  # mantissas of the infinities
+_MINUS: Final = -0x10_0000
+_POINTS: Final = range(-8, 8)
+_EXPONENTS: Final = range(-64, 64)
+_USUAL_POINT: Final = -5  # of a number whose own point does not fit
+_SINGLE: Final = struct.Struct("<f")
+_TEXT: Final = re.compile(r"([+-]?)([0-9]*)(\.[0-9]*)?(?:[eE]([+-]?)([0-9]*))?")
+_LIMITS: Final = {"round": (99_999.95, 999_999.5, 0.5), "trunc": (100_000.0, 1_000_000.0, 0.0)}
+
+
+class PackFloat(NamedTuple):
+    """The fields of a word.
+
+    Attributes:
+        mantissa: kasuu (仮数), 21 bits, -999999 to 999999; others are infinities and no numbers.
+        point: shousuutenn (小数点位置), 4 bits, -8 to 7: minus the number of decimals, or how many zeros follow.
+        exponent: shisuu (指数), 7 bits, -64 to 63: what stands after the ``e``.
+    """
+
+    mantissa: int
+    point: int
+    exponent: int
+
+
+def make(mantissa: int, point: int, exponent: int) -> int:
+    """Return the word of three fields.
+
+    A point that does not fit goes into the exponent. An exponent that is too small then makes zero, one that is too
+    great an infinity.
+
+    Raises:
+        InvalidValue: the mantissa has more than 21 bits.
+    """
+    if not _MINUS <= mantissa <= _PLUS:
+        raise InvalidValue(
+            tr(
+                "the mantissa of a PACK_FLOAT is {low} to {high}, not {mantissa}",
+                low=_MINUS,
+                high=_PLUS,
+                mantissa=brief(mantissa),
+            )
+        )
+    if point not in _POINTS:
+        exponent += point - _USUAL_POINT
+        point = _USUAL_POINT
+    if exponent < _EXPONENTS.start or (exponent >= _EXPONENTS.stop and mantissa == 0):
+        return ZERO
+    if exponent >= _EXPONENTS.stop:
+        return PLUS_INFINITY if mantissa > 0 else MINUS_INFINITY
+    return (exponent & 0x7F) << 25 | (point & 0xF) << 21 | mantissa & 0x1F_FFFF
+
+
+def parts(word: int) -> PackFloat:
+    """Return the fields of a word.
+
+    Raises:
+        InvalidValue: the word has more than 32 bits, or is negative.
+    """
+    if not 0 <= word <= 0xFFFF_FFFF:
+        raise InvalidValue(tr("a PACK_FLOAT is a word of 32 bits, 0 to 0xFFFFFFFF, not {word}", word=brief(word)))
+    return PackFloat(_signed(word, 21), _signed(word >> 21, 4), _signed(word >> 25, 7))
+
+
+def from_text(text: str) -> int:
+    """Return the word of a text (``str_to_pkflt``).
+
+    A sign, digits, a point with digits, and ``e`` or ``E`` with a sign and digits: each of them may be missing, even
+    all, which makes 0. The first six digits count from the first that is not 0; others are cut off, not rounded. Zeros
+    at the end are kept. Texts of infinities and of no number are not read.
+
+    Raises:
+        InvalidValue: the text is something else.
+    """
+    found = _TEXT.fullmatch(text)
+    if found is None:
+        raise InvalidValue(
+            tr("no number that PACK_FLOAT can hold: {text}. Try: 12.5 or -1.25e+3, without blanks", text=brief(text))
+        )
+    sign, whole, decimals, exponent_sign, exponent = found.groups("")
+    digits = whole.lstrip("0")
+    point = max(len(digits) - _DIGITS, 0)
+    mantissa = _leading(digits)
+    if point == 0:
+        mantissa, point = _with_decimals(mantissa, decimals[1:])
+    power = _leading(exponent.lstrip("0"))  # six digits are more than any exponent has
+    return make(-mantissa if sign == "-" else mantissa, point, -power if exponent_sign == "-" else power)
+
+
+def to_text(word: int) -> str:
+    """Return the text of a word (``pkflt_to_str``): ``0.001``, ``1.5e-7``, ``+#INF``, ``-#INF`` or ``#NAN``.
+
+    Raises:
+        InvalidValue: the word has more than 32 bits, or is negative.
+    """
+    mantissa, point, exponent = parts(word)
+    if abs(mantissa) > _GREATEST:
+        return {_PLUS: "+#INF", _MINUS: "-#INF"}.get(mantissa, "#NAN")
+    digits = str(abs(mantissa))
+    if point < 0:
+        digits = digits.zfill(1 - point)
+        digits = f"{digits[:point]}.{digits[point:]}"
+    elif mantissa:
+        digits += "0" * point
+    return f"{'-' if mantissa < 0 else ''}{digits}{f'e{exponent:+d}' if exponent else ''}"
+
+
+def to_float(word: int) -> float:
+    """Return the value of a word (``pkflt_to_flt``), which is a single precision number, as the document's is.
+
+    What single precision cannot hold becomes an infinity, or 0 with the word's sign.
+
+    Raises:
+        InvalidValue: the word has more than 32 bits, or is negative.
+    """
+    mantissa, point, exponent = parts(word)
+    if abs(mantissa) > _GREATEST:
+        return {_PLUS: math.inf, _MINUS: -math.inf}.get(mantissa, math.nan)
+    if mantissa == 0:
+        return 0.0
+    value = float(mantissa)
+    power = point + exponent
+    left, factor = abs(power), 10.0
+    while left:
+        if left & 1:
+            value = _single(value * factor if power > 0 else value / factor)
+        left >>= 1
+        factor = _single(factor * factor)
+    return value
+
+
+def from_float(value: float, *, rounding: Rounding = "round") -> int:
+    """Return the word of a value (``flt_to_pkflt``), six digits of it.
+
+    Args:
+        value: is taken in single precision first.
+        rounding: ``"round"`` as the document's functions do where they are built for a processor that rounds towards
+            zero: the last digit is the nearest, halves away from zero. ``"trunc"`` as in other builds: what follows the
+            last digit is cut off.
+
+    Raises:
+        InvalidValue: no such rounding.
+    """
+    if rounding not in _LIMITS:
+        raise InvalidValue(tr('rounding is "round" or "trunc", not {rounding}', rounding=brief(rounding)))
+    value = _single(value)
+    if math.isnan(value):
+        return NAN
+    if math.isinf(value):
+        return PLUS_INFINITY if value > 0 else MINUS_INFINITY
+    if value == 0:
+        return ZERO
+    mantissa, power = _six_digits(abs(value), rounding)
+    zeros = 0
+    while mantissa % 10 == 0:
+        mantissa //= 10
+        zeros += 1
+    point, exponent = _placed(power, zeros)
+    return make(-mantissa if value < 0 else mantissa, point, exponent)
+
+
+def _six_digits(value: float, rounding: Rounding) -> tuple[int, int]:
+    """Return a whole number of six digits, and the power of ten that it is to be multiplied with."""
+    least, beyond, half = map(_single, _LIMITS[rounding])
+    power = 0
+    while value < least:
+        value = _single(value * 10)
+        power -= 1
+    while value >= beyond:
+        value = _single(value / 10)
+        power += 1
+    return int(value + half), power
+
+
+def _placed(power: int, zeros: int) -> tuple[int, int]:
+    """Return point and exponent of a whole number of six digits that has lost zeros at its end."""
+    if power + zeros < -6:  # 9.99999e-99
+        point = min(zeros - 5, 0)
+        return point, power + zeros - point
+    if power <= 0:  # 0.000001 to 999999
+        return power + zeros, 0
+    return zeros - 5, power + 5  # 9.99999e+99
+
+
+def _with_decimals(mantissa: int, decimals: str) -> tuple[int, int]:
+    """Return the mantissa with as many decimals as there is room for, and its point."""
+    leading = len(decimals) - len(decimals.lstrip("0")) if mantissa == 0 else 0
+    kept = decimals[: leading + _DIGITS - (len(str(mantissa)) if mantissa else 0)]
+    return mantissa * 10 ** (len(kept) - leading) + _leading(kept[leading:]), -len(kept)
+
+
+def _leading(digits: str) -> int:
+    return int(digits[:_DIGITS] or "0")
+
+
+def _signed(field: int, bits: int) -> int:
+    field &= (1 << bits) - 1
+    return field - (1 << bits) if field >> (bits - 1) else field
+
+
+def _single(value: float) -> float:
+    """Round to single precision; beyond its range to an infinity."""
+    try:
+        return float(_SINGLE.unpack(_SINGLE.pack(float(value)))[0])
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf

@@ -1,0 +1,397 @@
+"""THE TABLE of ABH3: quantities, flag words, and every frame of the document, for both dialects.
+
+Codec, host, virtual driver, DBC, documentation and tests come from it. Sections are those of the document. A title is in
+English; ``tr`` translates it where it is shown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from struct import Struct
+from typing import Final
+
+from orinkit.abh3.table import bits as _bits
+from orinkit.abh3.table.bits import Bit as Bit
+from orinkit.abh3.table.bits import Logic as Logic
+from orinkit.abh3.table.checks import real, whole
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import N_, tr
+from orinkit.values.pose_numbers import brief
+
+# --- quantities (section 3) -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A physical quantity and its code on the wire.
+
+    Attributes:
+        name: for programs.
+        title: what it is.
+        unit: of the value.
+        steps: codes per unit; 0 where the wire has the number itself, a single float.
+        low: least code.
+        high: greatest code.
+        whole: the value is a whole number, an ``int``.
+    """
+
+    name: str
+    title: str
+    unit: str
+    steps: int
+    low: int
+    high: int
+    whole: bool = False
+
+    @property
+    def digits(self) -> int:
+        """Decimal places that a value has."""
+        return math.ceil(math.log10(self.steps)) if self.steps else 6
+
+    def decode(self, code: float) -> float:
+        """Return the value of a code: the double nearest to it.
+
+        Raises:
+            InvalidValue: there is no such code.
+        """
+        if not self.steps:
+            return code
+        if not self.low <= code <= self.high:
+            raise InvalidValue(
+                tr(
+                    "{name}: {code} is no code; there are {low} to {high}",
+                    name=tr(self.title),
+                    code=brief(code),
+                    low=self.low,
+                    high=self.high,
+                )
+            )
+        return int(code) if self.whole else code / self.steps
+
+    def encode(self, value: float) -> int:
+        """Return the code nearest to a value; of two that are equally near the one further from zero.
+
+        Raises:
+            InvalidValue: it has no code, or is no number.
+        """
+        assert self.steps  # a single float is its own code
+        number = real(value)
+        if number is None or abs(number) > _FAR:
+            raise self._unusable(value)
+        scaled = abs(number) * self.steps
+        whole = int(scaled)
+        code = whole + (scaled - whole >= _HALF)
+        code = -code if number < 0 else code
+        if not self.low <= code <= self.high:
+            raise self._unusable(value)
+        return code
+
+    def _unusable(self, value: object) -> InvalidValue:
+        low, high = self.low / self.steps, self.high / self.steps
+        unit = f" {self.unit}" if self.unit else ""
+        return InvalidValue(
+            tr(
+                "{name}: {value}{unit} cannot be sent; {low:.{digits}f} to {high:.{digits}f}{unit} can",
+                name=tr(self.title),
+                value=brief(value),
+                unit=unit,
+                digits=self.digits,
+                low=low,
+                high=high,
+            )
+        )
+
+
+_HALF: Final = 0.5
+_FAR: Final = 2.0**40  # beyond every code of every quantity
+_SHORT: Final = (-0x8000, 0x7FFF)
+_USHORT: Final = (0, 0xFFFF)
+VELOCITY: Final = Quantity("velocity", N_("velocity"), "min^-1", 5, *_SHORT)
+CURRENT: Final = Quantity("current", N_("current"), "%", 100, *_SHORT)
+PULSES: Final = Quantity("pulses", N_("pulse count"), "pulse", 1, -0x80000000, 0x7FFFFFFF, whole=True)
+LOAD: Final = Quantity("load", N_("load"), "%", 1, *_USHORT)
+LOAD_TENTHS: Final = Quantity("load", N_("load"), "%", 10, *_USHORT)
+VOLTAGE: Final = Quantity("voltage", N_("supply voltage"), "V", 10, *_USHORT)
+ANALOG: Final = Quantity("analog", N_("analog input"), "V", 100, *_SHORT)
+MONITOR: Final = Quantity("monitor", N_("monitor"), "", 0, 0, 0)
+
+# --- flag words -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Word:
+    """A word of 32 flags.
+
+    Attributes:
+        name: for programs.
+        title: what it is.
+        bits: those that mean something.
+    """
+
+    name: str
+    title: str
+    bits: tuple[Bit, ...]
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Bit]:
+        """The bits by their names."""
+        return {bit.name: bit for bit in self.bits}
+
+    @cached_property
+    def by_number(self) -> Mapping[int, Bit]:
+        """The bits by their numbers."""
+        return {bit.number: bit for bit in self.bits}
+
+    @cached_property
+    def masks(self) -> Mapping[str, int]:
+        """What a name stands for as a mask: one bit, or that of both axes: ``servo_on`` is ``ay_`` and ``bx_servo_on``."""
+        masks = {bit.name: 1 << bit.number for bit in self.bits}
+        for name, mask in list(masks.items()):
+            axis, _, rest = name.partition("_")
+            if axis in _AXES and rest not in self.by_name:
+                masks[rest] = masks.get(rest, 0) | mask
+        return masks
+
+    def mask(self, name: object) -> int:
+        """Return the mask of a bit by its number, or by a name of :attr:`masks`.
+
+        Raises:
+            InvalidValue: there is none.
+        """
+        number = None if isinstance(name, str) else whole(name)
+        if number is not None:
+            if 0 <= number <= _LAST_BIT:
+                return 1 << number
+        elif isinstance(name, str) and name in self.masks:
+            return self.masks[name]
+        names = ", ".join(self.masks)
+        raise InvalidValue(
+            tr(
+                "{name} is no bit of the {word}; there are 0 to 31 and {names}",
+                name=brief(name),
+                word=tr(self.title),
+                names=names,
+            )
+        )
+
+
+_AXES: Final = ("ay", "bx", "a", "b")
+_LAST_BIT: Final = 31
+
+# --- frames (section 2) -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a frame's data.
+
+    Attributes:
+        name: for programs, as in the records.
+        title: what it is.
+        code: of :mod:`struct`, little endian: ``h H i I f``.
+        quantity: what it holds; ``None`` of a flag word.
+        word: the flag word that it is.
+        torque: the flag that makes it a current in %, where there is one.
+    """
+
+    name: str
+    title: str
+    code: str
+    quantity: Quantity | None = None
+    word: Word | None = None
+    torque: str = ""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A frame with data.
+
+    Attributes:
+        name: type of the document's section 4.10.
+        title: what it is.
+        section: of the document, where it is told.
+        fields: in order.
+        dp: data page in the identifier, 0 or 1.
+        broadcast: number n of a broadcast 0 to 7, else ``None``.
+        from_host: whether the host sends it.
+        withheld: the document withholds it ("保留").
+    """
+
+    name: str
+    title: str
+    section: str
+    fields: tuple[Field, ...]
+    dp: int = 0
+    broadcast: int | None = None
+    from_host: bool = False
+    withheld: bool = False
+
+    @property
+    def struct(self) -> Struct:
+        """How the bytes are laid out."""
+        return Struct("<" + "".join(field.code for field in self.fields))
+
+    @property
+    def starts(self) -> Iterator[tuple[Field, int]]:
+        """Each field and the number of its first bit."""
+        start = 0
+        for field in self.fields:
+            yield field, start
+            start += 8 * Struct(field.code).size
+
+
+def _of(quantity: Quantity, code: str, *fields: tuple[str, str]) -> tuple[Field, ...]:
+    return tuple(Field(name, title, code, quantity) for name, title in fields)
+
+
+def _flags(name: str, word: Word) -> Field:
+    return Field(name, word.title, "I", word=word)
+
+
+_COMMANDS: Final = (
+    Field("ay_command", N_("A/Y command"), "h", VELOCITY, torque="ay_torque"),
+    Field("bx_command", N_("B/X command"), "h", VELOCITY, torque="bx_torque"),
+)
+_ALIKE: Final = (
+    Layout("DP1R", N_("pulse counts"), "2.2",
+        _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
+        dp=1, withheld=True),
+    Layout("BR2", N_("velocities"), "2.5", _of(VELOCITY, "h",
+        ("ay_velocity_command", N_("A/Y velocity command")),
+        ("bx_velocity_command", N_("B/X velocity command")),
+        ("ay_velocity", N_("A/Y velocity feedback")),
+        ("bx_velocity", N_("B/X velocity feedback"))), broadcast=2),
+    Layout("BR3", N_("currents and loads"), "2.6", (
+        *_of(CURRENT, "h", ("ay_current_command", N_("A/Y current command")),
+             ("bx_current_command", N_("B/X current command"))),
+        *_of(LOAD, "H", ("a_load", N_("A load")), ("b_load", N_("B load")))), broadcast=3),
+    Layout("BR4", N_("pulse counts"), "2.7",
+        _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
+        broadcast=4),
+    Layout("BR5", N_("analog inputs and supplies"), "2.8", (
+        *_of(ANALOG, "h", ("analog_0", N_("analog input 0")), ("analog_1", N_("analog input 1"))),
+        *_of(VOLTAGE, "H", ("main_voltage", N_("main supply voltage")),
+             ("control_voltage", N_("control supply voltage")))), broadcast=5),
+    Layout("BR6", N_("monitors"), "2.9",
+        _of(MONITOR, "f", ("monitor_0", N_("monitor 0")), ("monitor_1", N_("monitor 1"))),
+        broadcast=6),
+)  # fmt: skip
+"""The frames that both dialects have alike."""
+
+# --- dialects ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What a generation of drivers means by the same frames.
+
+    Attributes:
+        name: ``"v1"``, ``"v2"``.
+        title: what it is.
+        inputs: what the host asks for ("input" in v1, "operation" in v2).
+        control: what the driver makes of it.
+        io: its terminals.
+        layouts: the frames by their names.
+    """
+
+    name: str
+    title: str
+    inputs: Word
+    control: Word
+    errors: Word
+    warnings: Word
+    io: Word
+    layouts: Mapping[str, Layout]
+
+    @cached_property
+    def broadcasts(self) -> Mapping[int, Layout]:
+        """The broadcasts by their numbers."""
+        return {layout.broadcast: layout for layout in self.layouts.values() if layout.broadcast is not None}
+
+    def with_load_unit(self, percent: float) -> Dialect:
+        """Return the same with a load that is counted in 1 % or in 0.1 %.
+
+        Raises:
+            InvalidValue: another unit.
+        """
+        load = _LOADS.get(real(percent) or 0.0)
+        if load is None:
+            raise InvalidValue(tr("the unit of the load is 1 or 0.1 %, not {percent}", percent=brief(percent)))
+        br3 = self.layouts["BR3"]
+        fields = tuple(replace(f, quantity=load) if f.quantity in _LOADS.values() else f for f in br3.fields)
+        return replace(self, layouts={**self.layouts, "BR3": replace(br3, fields=fields)})
+
+
+_LOADS: Final = {1.0: LOAD, 0.1: LOAD_TENTHS}
+
+
+def _dialect(
+    name: str, title: str, words: tuple[Word, ...], feedback: tuple[Field, ...], states: tuple[Field, ...]
+) -> Dialect:
+    inputs, control, errors, warnings, io = words
+    layouts = (
+        Layout("DP0S", N_("command"), "2.1", (*_COMMANDS, _flags("inputs", inputs)), from_host=True),
+        Layout("DP0R", N_("feedback"), "2.1", feedback),
+        _ALIKE[0],
+        Layout("BR0", N_("errors and warnings"), "2.3",
+               (_flags("errors", errors), _flags("warnings", warnings)), broadcast=0),
+        Layout("BR1", N_("states"), "2.4", states, broadcast=1),
+        *_ALIKE[1:],
+    )  # fmt: skip
+    return Dialect(name, title, inputs, control, errors, warnings, io, {layout.name: layout for layout in layouts})
+
+
+_CONTROL_V1: Final = Word("control", N_("control flags"), _bits.CONTROL_V1)
+_IO_V1: Final = Word("io", N_("I/O flags"), _bits.IO_V1)
+V1: Final = _dialect(
+    "v1", N_("the document, 2021"),
+    (
+        Word("inputs", N_("inputs"), _bits.INPUTS_V1),
+        _CONTROL_V1,
+        Word("errors", N_("error flags"), _bits.FAULTS_V1),
+        Word("warnings", N_("warning flags"), _bits.FAULTS_V1),
+        _IO_V1,
+    ),
+    _of(VELOCITY, "h", ("a_velocity", N_("A velocity feedback")), ("b_velocity", N_("B velocity feedback")),
+        ("y_velocity", N_("Y velocity feedback")), ("x_velocity", N_("X velocity feedback"))),
+    (_flags("control", _CONTROL_V1), _flags("io", _IO_V1)),
+)  # fmt: skip
+"""The document's dialect."""
+
+_CONTROL_V2: Final = Word("control", N_("control flags"), _bits.CONTROL_V2)
+_IO_V2: Final = Word("io", N_("I/O flags"), _bits.IO_V2)
+V2: Final = _dialect(
+    "v2", N_("new specification, 2023"),
+    (
+        Word("inputs", N_("operation flags"), _bits.INPUTS_V2),
+        _CONTROL_V2,
+        Word("errors", N_("error flags"), _bits.ERRORS_V2),
+        Word("warnings", N_("warning flags"), _bits.WARNINGS_V2),
+        _IO_V2,
+    ),
+    (
+        *_of(VELOCITY, "h", ("ay_velocity", N_("A/Y velocity feedback")),
+             ("bx_velocity", N_("B/X velocity feedback"))),
+        _flags("control", _CONTROL_V2),
+    ),
+    (_flags("io", _IO_V2), _flags("external", Word("external", N_("input flags"), _bits.INPUTS_V2))),
+)  # fmt: skip
+"""The dialect of 2023, which packs flags otherwise."""
+
+DIALECTS: Final[Mapping[str, Dialect]] = {dialect.name: dialect for dialect in (V1, V2)}
+
+
+def dialect_of(name: object) -> Dialect:
+    """Return a dialect by its name.
+
+    Raises:
+        InvalidValue: there is none of that name.
+    """
+    if isinstance(name, Dialect):
+        return name
+    if not isinstance(name, str) or name not in DIALECTS:
+        raise InvalidValue(tr("there is no dialect {name}; v1 and v2 are there", name=brief(name)))
+    return DIALECTS[name]

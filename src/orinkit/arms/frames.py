@@ -1,0 +1,218 @@
+"""Frames as the controller writes them, P and T, and as 4x4 matrices; and what can be done with rotations.
+
+P is X, Y, Z in mm and RX, RY, RZ in deg, with the rotation ``Rz(RZ) Ry(RY) Rx(RX)``. T is X, Y, Z, then the orient vector
+O (the tool's Y axis) and the approach vector A (its Z axis). Functions from and to P take any number of frames at once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+
+Array = NDArray[np.float64]
+
+_NO_TURN: Final = 1e-150  # half its sine: so small that its inverse would be no number
+_DEGREE: Final = 180.0 / math.pi
+_GIMBAL: Final = 1e-11  # cosine of RY below which RX and RZ turn about the same axis
+_NOISE: Final = 1e-12  # deg, mm and parts of a unit vector: closer to a round number is that number
+_PARALLEL: Final = 1e-9  # sine of the angle between two vectors that are taken as parallel
+
+
+def matrix_of_position(values: ArrayLike) -> Array:
+    """Return the frame of P values.
+
+    Args:
+        values: (..., 6) X, Y, Z mm, RX, RY, RZ deg.
+
+    Returns:
+        (..., 4, 4)
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite.
+        ValueError: there are not six.
+    """
+    given = _finite(values, 6)
+    angles = given[..., 3:] / _DEGREE
+    (cx, cy, cz), (sx, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
+    frame = np.zeros((*given.shape[:-1], 4, 4))
+    frame[..., 0, 0] = cz * cy
+    frame[..., 0, 1] = cz * sy * sx - sz * cx
+    frame[..., 0, 2] = cz * sy * cx + sz * sx
+    frame[..., 1, 0] = sz * cy
+    frame[..., 1, 1] = sz * sy * sx + cz * cx
+    frame[..., 1, 2] = sz * sy * cx - cz * sx
+    frame[..., 2, 0] = -sy
+    frame[..., 2, 1] = cy * sx
+    frame[..., 2, 2] = cy * cx
+    frame[..., :3, 3] = given[..., :3]
+    frame[..., 3, 3] = 1.0
+    return frame
+
+
+def position_of_matrix(matrix: ArrayLike) -> Array:
+    """Return the P values of a frame.
+
+    Every angle is -180 < angle <= 180, RY is -90 to 90. Where RY is 90 or -90, only the sum or the difference of RX and
+    RZ is determined; RX is then 0. An angle within 1e-12 of a quarter turn, or a
+    length within 1e-12 of a whole number, is that number.
+
+    Args:
+        matrix: (..., 4, 4).
+
+    Returns:
+        (..., 6) X, Y, Z mm, RX, RY, RZ deg.
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite.
+        ValueError: it is no 4x4 matrix.
+    """
+    frame = _finite(matrix, 4, 4)
+    x, y, z = (frame[..., :3, index] for index in range(3))
+    level = np.hypot(x[..., 0], x[..., 1])
+    turn = np.where(level >= _GIMBAL, np.arctan2(x[..., 1], x[..., 0]), np.arctan2(-y[..., 0], y[..., 1]))
+    c, s = np.cos(turn), np.sin(turn)
+    roll = np.arctan2(s * z[..., 0] - c * z[..., 1], c * y[..., 1] - s * y[..., 0])
+    pitch = np.arctan2(-x[..., 2], c * x[..., 0] + s * x[..., 1])
+    values = np.empty((*frame.shape[:-2], 6))
+    values[..., :3] = _rounded(frame[..., :3, 3], 1.0)
+    angles = _rounded(np.stack((roll, pitch, turn), axis=-1) * _DEGREE, 90.0)
+    values[..., 3:] = np.where(angles <= -180.0, 180.0, angles)
+    return values
+
+
+def matrix_of_trans(values: ArrayLike) -> Array:
+    """Return the frame (4, 4) of T values.
+
+    A gives the direction of Z; O, made square to it, that of Y. Their lengths do not matter.
+
+    Args:
+        values: (9,) X, Y, Z mm, O, A.
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite, or O and A are zero or parallel.
+        ValueError: there are not nine.
+    """
+    given = _finite(values, 9)
+    frame = np.eye(4)
+    z = _unit(given[6:], "A")
+    orient = _unit(given[3:6], "O")
+    across = orient - (orient @ z) * z
+    if math.hypot(*across) < _PARALLEL:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("orient and approach vector are parallel"),
+        )
+    y = _unit(across, "O")
+    frame[:3, 0], frame[:3, 1], frame[:3, 2], frame[:3, 3] = np.cross(y, z), y, z, given[:3]
+    return frame
+
+
+def trans_of_matrix(matrix: ArrayLike) -> Array:
+    """Return the T values of a frame, (9,): X, Y, Z mm, O, A.
+
+    Args:
+        matrix: (4, 4).
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite.
+        ValueError: it is no 4x4 matrix.
+    """
+    frame = _finite(matrix, 4, 4)
+    return _rounded(np.concatenate((frame[:3, 3], frame[:3, 1], frame[:3, 2])), 1.0)
+
+
+def inverse_of(matrix: ArrayLike) -> Array:
+    """Return the inverse of frames, (..., 4, 4) each.
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite.
+        ValueError: it is no 4x4 matrix.
+    """
+    frame = _finite(matrix, 4, 4)
+    back = np.zeros_like(frame)
+    turned = np.swapaxes(frame[..., :3, :3], -1, -2)
+    back[..., :3, :3] = turned
+    back[..., :3, 3] = -(turned @ frame[..., :3, 3, None])[..., 0]
+    back[..., 3, 3] = 1.0
+    return back
+
+
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
+    """Return the rotation (3, 3) about an axis (3,), of any length, by an angle in deg.
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite, or the axis is zero.
+        ValueError: the axis has not three numbers.
+    """
+    turns = turns_about(_unit(_finite(axis, 3), tr("the axis")), _finite([angle], 1))
+    return np.asarray(turns[0], dtype=np.float64)
+
+
+def turns_about(axis: Array, angles: Array) -> Array:
+    """Return the rotations (N, 3, 3) about a unit vector (3,) by angles (N,) in deg; they are not checked."""
+    x, y, z = axis.tolist()
+    cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    radians = angles[:, None, None] / _DEGREE
+    versine = 2.0 * np.sin(0.5 * radians) ** 2
+    return np.asarray(np.eye(3) + np.sin(radians) * cross + versine * (cross @ cross), dtype=np.float64)
+
+
+def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]:
+    """Return the rotation that turns one orientation into another: ``second = rotation_about(axis, angle) @ first``.
+
+    Args:
+        first: (3, 3).
+        second: (3, 3).
+
+    Returns:
+        The axis, a unit vector (3,) in the base, (0, 0, 1) where nothing turns; and the angle, deg, 0 to 180.
+
+    Raises:
+        CallError: E_INVALIDARG, a number is not finite.
+        ValueError: they are no 3x3 matrices.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = (_finite(second, 3, 3) @ _finite(first, 3, 3).T).tolist()
+    # the largest of the four parts of the quaternion is never near zero; w is the first
+    candidates = (
+        (a + e + i, (1.0 + a + e + i, h - f, c - g, d - b)),
+        (a, (h - f, 1.0 + a - e - i, b + d, c + g)),
+        (e, (c - g, b + d, 1.0 + e - a - i, f + h)),
+        (i, (d - b, c + g, f + h, 1.0 + i - a - e)),
+    )
+    w, x, y, z = max(candidates, key=lambda entry: entry[0])[1]
+    sine = math.hypot(x, y, z)
+    if sine < _NO_TURN:
+        return np.array((0.0, 0.0, 1.0)), 0.0
+    sign = math.copysign(1.0 / sine, w)
+    return np.array((x * sign, y * sign, z * sign)), 2.0 * math.atan2(sine, abs(w)) * _DEGREE
+
+
+def _unit(vector: Array, name: str) -> Array:
+    largest = float(np.abs(vector).max())
+    if largest == 0.0:
+        raise error_for(hresult.E_INVALIDARG, tr("{name} is a zero vector", name=name))
+    scaled = vector / largest  # a huge one would overflow when it is squared
+    return np.asarray(scaled / math.hypot(*scaled), dtype=np.float64)
+
+
+def _rounded(values: Array, grid: float) -> Array:
+    """Return values with those next to a multiple of ``grid`` on it, and no negative zero."""
+    nearest = grid * np.round(values / grid)
+    return np.where(np.abs(values - nearest) < _NOISE, nearest, values) + 0.0
+
+
+def _finite(values: ArrayLike, *shape: int) -> Array:
+    """Return an array whose last dimensions are ``shape``."""
+    given = np.asarray(values, dtype=np.float64)
+    if given.shape[-len(shape) :] != shape:
+        raise ValueError(tr("the shape must be {wanted}, not {shape}", wanted=shape, shape=given.shape))
+    if not np.isfinite(given).all():
+        raise error_for(hresult.E_INVALIDARG, tr("a number is not finite"))
+    return given

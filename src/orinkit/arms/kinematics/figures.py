@@ -1,0 +1,149 @@
+"""FIG: which of the postures that hold the flange in the same place.
+
+========= ======= =========== =================================================================
+bit       0       1           it is 1 where
+========= ======= =========== =================================================================
+1         RIGHTY  LEFTY       the wrist centre is on the +X side of the frame of joint 1
+2         ABOVE   BELOW       LEFTY: joint 3 is not beyond the stretched elbow; RIGHTY mirrored
+4         FLIP    NONFLIP     joint 5 is positive with LEFTY, negative with RIGHTY
+8, 16, 32 SINGLE  DOUBLE      joint 6, 4, 1 is outside -180 < angle <= 180
+========= ======= =========== =================================================================
+
+The wrist centre is where the axes of joints 4 and 5 cross. The COBOTTA sets bit 256 in addition; what it means is not
+published, and it is accepted and ignored here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from orinkit.arms import Axis, Model
+from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
+
+LEFTY: Final = 1
+BELOW: Final = 2
+NONFLIP: Final = 4
+J6_DOUBLE: Final = 8
+J4_DOUBLE: Final = 16
+J1_DOUBLE: Final = 32
+POSTURE: Final = LEFTY | BELOW | NONFLIP
+HIGHEST: Final = 63
+COBOTTA_BIT: Final = 256
+
+DOUBLE_BITS: Final = ((0, J1_DOUBLE), (3, J4_DOUBLE), (5, J6_DOUBLE))
+"""Index of a joint that can turn more than once, and its bit."""
+
+LIMIT_TOLERANCE: Final = 1e-6
+"""A joint is within its limits up to this much, deg or mm: what 360 comes to after a way through sine and cosine."""
+
+_ANGLE_NOISE: Final = 1e-9  # deg; closer to 0 or 180 is on it
+_LENGTH_NOISE: Final = 1e-9  # mm
+
+
+def figure_of(chain: Chain, joints: Sequence[float]) -> int:
+    """Return the figure, 0 to 63, of joints in deg."""
+    elbow_angle = single(joints[2] - stretched(chain))
+    lefty = wrist_ahead(chain, joints) >= -_LENGTH_NOISE
+    above = elbow_angle > _ANGLE_NOISE if lefty else elbow_angle < -_ANGLE_NOISE
+    fifth = single(joints[4])
+    nonflip = fifth > _ANGLE_NOISE if lefty else fifth < -_ANGLE_NOISE
+    figure = LEFTY * lefty | BELOW * (not above) | NONFLIP * nonflip
+    for index, bit in DOUBLE_BITS:
+        if single(joints[index]) != joints[index]:
+            figure |= bit
+    return figure
+
+
+def is_straight(joints: Sequence[float]) -> bool:
+    """Return whether joint 5, deg, is 0, so that FLIP and NONFLIP are the same."""
+    return abs(single(joints[4])) <= _ANGLE_NOISE
+
+
+def wrist_ahead(chain: Chain, joints: Sequence[float]) -> float:
+    """Return how far the wrist centre is in front of the axis of joint 1, mm, for joints in deg."""
+    second, both = joints[1] * RADIAN, (joints[1] + joints[2]) * RADIAN
+    return (
+        chain.shoulder[0]
+        + chain.upper[0] * math.cos(second)
+        + chain.upper[2] * math.sin(second)
+        + chain.fore[0] * math.cos(both)
+        + (chain.fore[2] + chain.wrist[2]) * math.sin(both)
+    )
+
+
+def stretched(chain: Chain) -> float:
+    """Return joint 3, deg, where shoulder, elbow and wrist centre are in one line."""
+    fore = math.atan2(chain.fore[0], chain.fore[2] + chain.wrist[2])
+    return (math.atan2(chain.upper[0], chain.upper[2]) - fore) / RADIAN
+
+
+def single(angle: float) -> float:
+    """Return an angle, deg, in -180 < angle <= 180; what is there already is not changed."""
+    turns = math.ceil((angle - 180.0 - _ANGLE_NOISE) / 360.0)
+    return angle - 360.0 * turns if turns else angle
+
+
+def around(angles: Array, centre: Array) -> Array:
+    """Return angles, deg, within half a turn of those of ``centre``."""
+    return angles - 360.0 * np.ceil((angles - centre - 180.0 - _ANGLE_NOISE) / 360.0)
+
+
+def turn_centres(model: Model) -> Array:
+    """Return the angles (6,), deg, around which solutions are given, before any DOUBLE.
+
+    Joints 1, 4 and 6 are SINGLE, so 0; a joint without a bit is where its limits are.
+    """
+    doubled = {index for index, _ in DOUBLE_BITS}
+    return np.array(
+        [
+            0.0 if index in doubled else (axis.lower + axis.upper) / 2.0
+            for index, axis in enumerate(model.axes[:ARM_AXES])
+        ]
+    )
+
+
+def with_turns(
+    joints: Sequence[float], figure: int, axes: Sequence[Axis], near: Sequence[float] | None
+) -> list[float] | None:
+    """Return joints with the DOUBLE bits of a figure.
+
+    Args:
+        joints: joints 1, 4 and 6 are SINGLE.
+        figure: its DOUBLE bits are what is asked for.
+        axes: a joint that is DOUBLE must be within the limits.
+        near: of two turns, the one nearer to these; None for the smaller angle.
+
+    Returns:
+        The joints; None where a joint has no turn within its limits.
+    """
+    turned = list(joints)
+    for index, bit in DOUBLE_BITS:
+        if figure & bit:
+            choices = _doubles(joints[index], axes[index])
+            if not choices:
+                return None
+            goal = near[index] if near is not None else 0.0
+            turned[index] = min(choices, key=lambda angle: abs(angle - goal))
+    return turned
+
+
+def all_turns(joints: Sequence[float], axes: Sequence[Axis]) -> Iterable[list[float]]:
+    """Return joints, whose joints 1, 4 and 6 are SINGLE, and with each DOUBLE that is within the limits."""
+    choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
+    for index, _ in DOUBLE_BITS:
+        choices[index] = (joints[index], *_doubles(joints[index], axes[index]))
+    return map(list, product(*choices))
+
+
+def within(value: float, axis: Axis) -> bool:
+    """Return whether a joint is within the soft limits of its axis."""
+    return axis.lower - LIMIT_TOLERANCE <= value <= axis.upper + LIMIT_TOLERANCE
+
+
+def _doubles(angle: float, axis: Axis) -> list[float]:
+    return [turned for turned in (angle + 360.0, angle - 360.0) if within(turned, axis)]

@@ -1,0 +1,243 @@
+"""From the flange to the joints, in closed form.
+
+:class:`Arm` is joints 1 to 3 up to the wrist centre, :class:`SphericalWrist` all of an arm whose last three axes cross in
+one point. All functions take any number of flanges at once. Angles are radians inside this module and degrees in what it returns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orinkit.arms import Model
+from orinkit.arms.kinematics.chain import RADIAN, Array, Chain
+from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, around, figure_of, turn_centres
+
+Mask = NDArray[np.bool_]
+
+REACH_TOLERANCE: Final = 1e-7
+"""A wrist centre this far outside the reach, mm, is put on its edge."""
+
+_WRIST_SINGULAR: Final = 1e-10  # sine of joint 5 below which joint 4 is free
+_SHOULDER_SINGULAR: Final = 1e-7  # mm from the axis of joint 1 below which joint 1 is free
+_STEP_NOISE: Final = 1e-6  # deg
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Lengths and angles of the arm up to the wrist centre: joints 1 to 3 from a point.
+
+    Attributes:
+        chain: the frames.
+        lateral: distance of the wrist centre from the plane through the axis of joint 1, mm.
+        upper: length of the upper arm.
+        upper_angle: its angle from upright at zero.
+        fore: length of the forearm.
+        fore_angle: its angle from upright at zero.
+    """
+
+    chain: Chain
+    lateral: float
+    upper: float
+    upper_angle: float
+    fore: float
+    fore_angle: float
+
+    @classmethod
+    def of(cls, chain: Chain) -> Arm:
+        """Return the arm of a chain."""
+        x, z = chain.fore[0], chain.fore[2] + chain.wrist[2]
+        return cls(
+            chain,
+            chain.shoulder[1] + chain.upper[1] + chain.fore[1],
+            math.hypot(chain.upper[0], chain.upper[2]),
+            math.atan2(chain.upper[0], chain.upper[2]),
+            math.hypot(x, z),
+            math.atan2(x, z),
+        )
+
+    def shoulder(self, x: Array, y: Array, lefty: Mask) -> tuple[Array, Array, Array, Mask]:
+        """Turn joint 1 so that the wrist centre is in the plane of the arm.
+
+        Args:
+            x: of the wrist centre, from the origin of joint 1.
+            y: the same.
+            lefty: which side of the frame of joint 1 it is to be on.
+
+        Returns:
+            joint 1; the distance in front of its axis; how far the point is within what is reached, mm, negative
+            where it is not; whether joint 1 is determined.
+        """
+        distance = np.hypot(x, y)
+        inner = (distance - self.lateral) * (distance + self.lateral)
+        forward = np.sqrt(np.maximum(inner, 0.0))
+        forward = np.where(lefty, forward, -forward)
+        first = np.arctan2(y, x) - np.arctan2(self.lateral, forward)
+        margin = distance - (abs(self.lateral) - REACH_TOLERANCE)
+        return first, forward, margin, distance >= _SHOULDER_SINGULAR
+
+    def elbow(self, forward: Array, up: Array, positive: Mask) -> tuple[Array, Array, Array]:
+        """Turn joints 2 and 3 so that the wrist centre is where it has to be in the plane of the arm.
+
+        Args:
+            forward: of the wrist centre, in front of the axis of joint 1.
+            up: above the origin of joint 1.
+            positive: the side to which the elbow is bent, True where joint 3 is beyond its stretched angle.
+
+        Returns:
+            joint 2; the sum of joints 2 and 3; how far the point is within what is reached, mm.
+        """
+        u, w = forward - self.chain.shoulder[0], up - self.chain.shoulder[2]
+        distance = np.hypot(u, w)
+        upper, fore = self.upper, self.fore
+        cosine = (distance * distance - (upper * upper + fore * fore)) / (2.0 * upper * fore)
+        bend = np.arccos(np.clip(cosine, -1.0, 1.0))
+        bend = np.where(positive, bend, -bend)
+        total = self.upper_angle + bend
+        second = np.arctan2(u, w) - np.arctan2(
+            upper * math.sin(self.upper_angle) + fore * np.sin(total),
+            upper * math.cos(self.upper_angle) + fore * np.cos(total),
+        )
+        margin = np.minimum(upper + fore - distance, distance - abs(upper - fore)) + REACH_TOLERANCE
+        return second, second + total - self.fore_angle, margin
+
+
+class SphericalWrist:
+    """The closed form of an arm whose joints 4, 5 and 6 cross in the wrist centre.
+
+    Args:
+        model: the arm.
+        chain: its frames.
+    """
+
+    def __init__(self, model: Model, chain: Chain) -> None:
+        self._chain = chain
+        self._arm = Arm.of(chain)
+        self._centres = turn_centres(model)
+        self._base = np.array(chain.base)
+
+    @staticmethod
+    def fits(chain: Chain) -> bool:
+        """Return whether the axes of joints 4, 5 and 6 cross in one point."""
+        return chain.wrist[0] == 0.0 and chain.flange[0] == 0.0 and abs(chain.flange[1]) < 1e-12
+
+    def branch(self, flanges: Array, posture: int | NDArray[np.int_], near: Array) -> tuple[Array, Mask]:
+        """Return the joints of one posture for each flange.
+
+        Args:
+            flanges: (..., 4, 4).
+            posture: bits 0 to 2 of a figure; its shape broadcasts with that of ``flanges``.
+            near: (..., n >= 6) deg; joints 1 and 4 are taken from it where the flange leaves them free.
+
+        Returns:
+            joints (..., 6), deg, J1, J4, J6 SINGLE; and whether they are reached, (...).
+        """
+        bits = np.asarray(posture)
+        lefty, below, nonflip = (bits & LEFTY) != 0, (bits & BELOW) != 0, (bits & NONFLIP) != 0
+        near = near * RADIAN
+        x, y, z = self._wrist_centre(flanges)
+        first, forward, beside, determined = self._arm.shoulder(x, y, lefty)
+        first = np.where(determined, first, near[..., 0])
+        second, both, reached = self._arm.elbow(forward, z, lefty != below)
+        columns = seen_from_forearm(flanges, first, both)
+        fourth, determined = _fourth(columns, nonflip == lefty)
+        fourth = np.where(determined, fourth, near[..., 3])
+        fifth, sixth = _fifth_and_sixth(columns, fourth)
+        return self._degrees(first, second, both, fourth, fifth, sixth), np.minimum(beside, reached) >= 0.0
+
+    def follow(self, flanges: Array, start: Array) -> tuple[Array, Mask]:
+        """Return joints along a path, each the nearest to those before; shoulder and elbow stay as they are at the start.
+
+        The wrist may pass through joint 5 = 0 where that is the shorter way; FLIP then changes. Where the flange
+        leaves joint 1 or 4 free it stays where it was.
+
+        Args:
+            flanges: (N, 4, 4).
+            start: (6,) deg, the joints before the first row.
+
+        Returns:
+            joints (N, 6), deg, beyond a half turn where the path leads there; and whether they are reached, (N,).
+        """
+        figure = figure_of(self._chain, start.tolist())
+        lefty, below = (np.asarray(figure & bit != 0) for bit in (LEFTY, BELOW))
+        x, y, z = self._wrist_centre(flanges)
+        first, forward, beside, determined = self._arm.shoulder(x, y, lefty)
+        first = _kept(first, determined, start[0] * RADIAN)
+        second, both, reached = self._arm.elbow(forward, z, lefty != below)
+        columns = seen_from_forearm(flanges, first, both)
+        fourth, determined = _fourth(columns, np.asarray(start[4] >= 0.0))
+        fourth = _kept(fourth, determined, start[3] * RADIAN)
+        fifth, sixth = _fifth_and_sixth(columns, fourth)
+        joints = np.vstack((start, np.stack((first, second, both - second, fourth, fifth, sixth), -1) / RADIAN))
+        _pass_wrist(joints)
+        turns = np.cumsum(np.round(np.diff(joints, axis=0) / 360.0), axis=0)
+        return joints[1:] - 360.0 * turns, np.minimum(beside, reached) >= 0.0
+
+    def _wrist_centre(self, flanges: Array) -> tuple[Array, Array, Array]:
+        centre = flanges[..., :3, 3] - self._base - self._chain.flange[2] * flanges[..., :3, 2]
+        return centre[..., 0], centre[..., 1], centre[..., 2]
+
+    def _degrees(self, first: Array, second: Array, both: Array, fourth: Array, fifth: Array, sixth: Array) -> Array:
+        joints = np.stack(np.broadcast_arrays(first, second, both - second, fourth, fifth, sixth), -1) / RADIAN
+        return around(joints, self._centres)
+
+
+def seen_from_forearm(flanges: Array, first: Array, both: Array) -> tuple[Array, Array, Array]:
+    """Return the columns (..., 3) of the flange's rotation in the frame of joint 3.
+
+    Args:
+        flanges: (..., >= 3, >= 3).
+        first: joint 1, rad.
+        both: the sum of joints 2 and 3, rad.
+    """
+    c1, s1, c23, s23 = np.cos(first), np.sin(first), np.cos(both), np.sin(both)
+    columns = []
+    for index in range(3):
+        x, y, z = flanges[..., 0, index], flanges[..., 1, index], flanges[..., 2, index]
+        ahead = c1 * x + s1 * y
+        columns.append(np.stack(np.broadcast_arrays(c23 * ahead - s23 * z, c1 * y - s1 * x, s23 * ahead + c23 * z), -1))
+    return columns[0], columns[1], columns[2]
+
+
+def _fourth(columns: tuple[Array, Array, Array], positive: Mask) -> tuple[Array, Mask]:
+    """Return joint 4 for joint 5 positive or negative, and whether it is determined."""
+    x, y = columns[2][..., 0], columns[2][..., 1]
+    sign = np.where(positive, 1.0, -1.0)
+    return np.arctan2(sign * y, sign * x), np.hypot(x, y) >= _WRIST_SINGULAR
+
+
+def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tuple[Array, Array]:
+    """Return joints 5 and 6 for a given joint 4.
+
+    They take up the rounding of joint 4, which is large near joint 5 = 0, so that the flange is right all the same.
+    """
+    c4, s4 = np.cos(fourth), np.sin(fourth)
+    x, y, z = columns
+    fifth = np.arctan2(c4 * z[..., 0] + s4 * z[..., 1], z[..., 2])
+    return fifth, np.arctan2(c4 * x[..., 1] - s4 * x[..., 0], c4 * y[..., 1] - s4 * y[..., 0])
+
+
+def _kept(angles: Array, determined: Mask, start: float) -> Array:
+    """Return angles (N,); one that is free is the last before it that is not, or ``start``."""
+    last = np.maximum.accumulate(np.where(determined, np.arange(len(angles)), -1))
+    return np.where(last >= 0, angles[last], start)
+
+
+def _pass_wrist(joints: Array) -> None:
+    """Give each row (N, 6), deg, the one of its two wrist postures that is nearer to the row before."""
+    step = np.diff(joints[:, 3:], axis=0)
+    other = np.stack((step[:, 0] + 180.0, joints[1:, 4] + joints[:-1, 4], step[:, 2] + 180.0), -1)
+    passing = _largest_turn(other) < _largest_turn(step) - _STEP_NOISE
+    rows = 1 + np.flatnonzero(np.cumsum(passing) % 2)
+    joints[rows, 4] *= -1.0
+    joints[rows, 3] += 180.0
+    joints[rows, 5] += 180.0
+
+
+def _largest_turn(angles: Array) -> Array:
+    largest: Array = np.abs(angles - 360.0 * np.round(angles / 360.0)).max(axis=-1)
+    return largest

@@ -1,0 +1,231 @@
+"""All roots of many functions of one angle at once, each known by samples over its range.
+
+Found are: changes of sign between samples; pairs of roots between samples, where the function dips to zero and comes
+back; and those between a sample and the edge of where the function exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orinkit.arms.kinematics.chain import Array
+
+Lines = NDArray[np.int_]
+Function = Callable[[Lines, Array], tuple[Array, Array]]
+"""Values and margins (M,) of the functions named by the first argument (M,) at the angles (M,).
+
+The margin says how far inside its domain the function is; it has no value, but NaN, where the margin is negative.
+"""
+
+TOUCHING: Final = 1e-11
+"""A function that comes this close to zero without crossing it has a root there."""
+
+_LEVELS: Final = 2  # how often doubtful intervals are sampled closer, and how much closer
+_CLOSER: Final = 32
+_FLAT: Final = 0.01  # a function that is smaller than this at both ends of an interval may have three roots in it
+_FLATTER: Final = 0.01  # this times smaller one level below
+_EDGE_SAMPLES: Final = 12
+_EDGE_MARGIN: Final = 1e-9
+_DIP_ROUNDS: Final = 42
+_ROOT_ROUNDS: Final = 60
+_GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
+_SHALLOW: Final = 0.02  # a dip whose lowest sample is above this is followed only if a parabola says that it is deep
+_EPSILON: Final = 2.0**-52
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Samples of functions.
+
+    Attributes:
+        lines: which function each row is of, (L,).
+        angles: (L, S), rising or falling along a row.
+        values: (L, S); NaN where there is none.
+        margins: (L, S).
+    """
+
+    lines: Lines
+    angles: Array
+    values: Array
+    margins: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Brackets:
+    """Ends of intervals, (M,) each; the values at the two ends have different signs."""
+
+    lines: Lines
+    first: Array
+    last: Array
+
+
+def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[Lines, Array]:
+    """Return the functions that have roots and their angles, (M,) each; a root may be there more than once.
+
+    Args:
+        function: the functions.
+        samples: of all functions, over their whole range. The last two of a row repeat the first two, one turn on, so
+            that nothing is missed where the range closes.
+        steepness: a margin never changes faster than this, per rad.
+    """
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        every = _resampled(function, samples, steepness)
+        every.append(_edges(function, every))
+        brackets = [_crossings(some) for some in every]
+        touched_lines, touched = [], []
+        for some in every:
+            before, after, lines, angles = _dips(function, some)
+            brackets += [before, after]
+            touched_lines.append(lines)
+            touched.append(angles)
+        joined = _Brackets(
+            np.concatenate([one.lines for one in brackets]),
+            np.concatenate([one.first for one in brackets]),
+            np.concatenate([one.last for one in brackets]),
+        )
+        roots = _refined(lambda *at: function(*at)[0], joined)
+        return np.concatenate((joined.lines, *touched_lines)), np.concatenate((roots, *touched))
+
+
+def _resampled(function: Function, samples: Samples, steepness: float) -> list[Samples]:
+    """Return samples, and closer ones of intervals that may hide something.
+
+    That is a gap in the domain, or an island of it, that no sample has hit, or three roots next to each other.
+    """
+    levels = [samples]
+    flat = _FLAT
+    for _ in range(_LEVELS):
+        step = samples.angles[:1, 1:2] - samples.angles[:1, :1]
+        first, last = np.abs(samples.margins[:, :-1]), np.abs(samples.margins[:, 1:])
+        hidden = (first + last < steepness * step) & (samples.margins[:, :-1] * samples.margins[:, 1:] >= 0.0)
+        doubtful = hidden | (np.abs(samples.values[:, :-1]) + np.abs(samples.values[:, 1:]) < flat)
+        row, column = np.nonzero(doubtful)
+        angles = samples.angles[row, column][:, None] + step * (np.arange(-1, _CLOSER + 2) / _CLOSER)
+        lines = samples.lines[row]
+        values, margins = function(np.repeat(lines, angles.shape[1]), angles.ravel())
+        samples = Samples(lines, angles, values.reshape(angles.shape), margins.reshape(angles.shape))
+        levels.append(samples)
+        flat *= _FLATTER
+        if not len(row):
+            break
+    return levels
+
+
+def _crossings(samples: Samples) -> _Brackets:
+    """Return the intervals between samples over which the sign changes."""
+    first, last = samples.values[:, :-1], samples.values[:, 1:]
+    row, column = np.nonzero(np.isfinite(first) & np.isfinite(last) & ((first >= 0.0) != (last >= 0.0)))
+    return _Brackets(samples.lines[row], samples.angles[row, column], samples.angles[row, column + 1])
+
+
+def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, Lines, Array]:
+    """Look where the function comes near zero between samples of one sign.
+
+    Returns:
+        The intervals before and after the bottom of each dip that crosses zero; lines and angles of those that touch it.
+    """
+    sizes = np.abs(samples.values)
+    before, low, after = sizes[:, :-2], sizes[:, 1:-1], sizes[:, 2:]
+    x0, x1, x2 = samples.angles[:, :-2], samples.angles[:, 1:-1], samples.angles[:, 2:]
+    positive = samples.values >= 0.0
+    one_sign = (positive[:, :-2] == positive[:, 1:-1]) & (positive[:, 1:-1] == positive[:, 2:])
+    slope = (low - before) / (x1 - x0)
+    curve = ((after - low) / (x2 - x1) - slope) / (x2 - x0)
+    bottom = low - (slope + curve * (x1 - x0)) ** 2 / (4.0 * curve)
+    deep = (low < _SHALLOW) | (bottom < 0.5 * low)
+    row, column = np.nonzero(one_sign & (low <= before) & (low <= after) & deep)  # NaN is never lower
+    lines, first, last = samples.lines[row], samples.angles[row, column], samples.angles[row, column + 2]
+    sign = np.where(positive[row, column], 1.0, -1.0)
+    angle, value = _lowest(lambda at: sign * function(lines, at)[0], first, last)
+    through, touching = value < 0.0, (value >= 0.0) & (value < TOUCHING)
+    return (
+        _Brackets(lines[through], first[through], angle[through]),
+        _Brackets(lines[through], angle[through], last[through]),
+        lines[touching],
+        angle[touching],
+    )
+
+
+def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tuple[Array, Array]:
+    """Return where functions are lowest between two angles, and their values there, by golden section."""
+    left, right = last - _GOLDEN * (last - first), first + _GOLDEN * (last - first)
+    at_left, at_right = function(left), function(right)
+    for _ in range(_DIP_ROUNDS):
+        if not np.any(np.minimum(at_left, at_right) >= 0.0):
+            break
+        lower = at_left < at_right
+        first, last = np.where(lower, first, left), np.where(lower, right, last)
+        new = np.where(lower, last - _GOLDEN * (last - first), first + _GOLDEN * (last - first))
+        value = function(new)
+        left, right = np.where(lower, new, right), np.where(lower, left, new)
+        at_left, at_right = np.where(lower, value, at_right), np.where(lower, at_left, value)
+    return np.where(at_left < at_right, left, right), np.minimum(at_left, at_right)
+
+
+def _edges(function: Function, every: Sequence[Samples]) -> Samples:
+    """Return samples between the last sample that has a value and the edge, the closer the nearer to the edge.
+
+    A row ends with a sample farther away from the edge, so that a dip at the last one is seen.
+    """
+    columns = [column for samples in every for column in _over_the_edge(samples)]
+    lines, sample, outside, before, value, margin = map(np.concatenate, zip(*columns, strict=True))
+    edge = _refined(lambda *at: function(*at)[1] - _EDGE_MARGIN, _Brackets(lines, sample, outside))
+    part = (np.arange(_EDGE_SAMPLES + 1) / _EDGE_SAMPLES) ** 4  # the function ends steeply, like a square root
+    angles = edge[:, None] + part * (sample - edge)[:, None]
+    values, margins = function(np.repeat(lines, angles.shape[1]), angles.ravel())
+    return Samples(
+        lines,
+        np.column_stack((angles, before)),
+        np.column_stack((values.reshape(angles.shape), value)),
+        np.column_stack((margins.reshape(angles.shape), margin)),
+    )
+
+
+def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Array, Array, Array]]:
+    """Return, for edges to the right and to the left: lines, angles inside, outside and farther inside; value and margin there."""
+    inside = samples.margins >= _EDGE_MARGIN
+    for outward, rows in ((1, inside[:, 1:-1] & ~inside[:, 2:]), (-1, inside[:, 1:-1] & ~inside[:, :-2])):
+        row, column = np.nonzero(rows)
+        here, farther = (row, column + 1), (row, column + 1 - outward)
+        yield (
+            samples.lines[row],
+            samples.angles[here],
+            samples.angles[row, column + 1 + outward],
+            samples.angles[farther],
+            samples.values[farther],
+            samples.margins[farther],
+        )
+
+
+def _refined(function: Callable[[Lines, Array], Array], brackets: _Brackets) -> Array:
+    """Return the root in each bracket, by Chandrupatla's method: inverse quadratic steps, halving where they do no good."""
+    a, b = brackets.first, brackets.last
+    at_a, at_b = function(brackets.lines, a), function(brackets.lines, b)
+    part = np.full(len(a), 0.5)
+    for _ in range(_ROOT_ROUNDS):
+        x = a + part * (b - a)
+        at_x = function(brackets.lines, x)
+        same = (at_x >= 0.0) == (at_a >= 0.0)
+        c, at_c = np.where(same, a, b), np.where(same, at_a, at_b)
+        b, at_b = np.where(same, b, a), np.where(same, at_b, at_a)
+        a, at_a = x, at_x
+        nearest = np.where(np.abs(at_a) < np.abs(at_b), a, b)
+        smallest = np.minimum(np.abs(at_a), np.abs(at_b))
+        least = 2.0 * _EPSILON * (np.abs(nearest) + 1.0) / np.abs(b - a)
+        if np.all((least > 0.5) | (smallest < 4.0 * _EPSILON)):
+            break
+        part = np.clip(_quadratic(a, b, c, at_a, at_b, at_c), np.minimum(least, 0.5), 1.0 - np.minimum(least, 0.5))
+    return np.where(np.abs(at_a) < np.abs(at_b), a, b)
+
+
+def _quadratic(a: Array, b: Array, c: Array, at_a: Array, at_b: Array, at_c: Array) -> Array:
+    """Return which part of the way from a to b inverse interpolation goes, one half where it is not to be trusted."""
+    xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
+    fits = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+    part = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+    return np.where(fits & np.isfinite(part), part, 0.5)

@@ -1,0 +1,305 @@
+"""Robot models as data: one TOML file per arm, those beside this module and any of a user's own.
+
+A file has ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
+``upper``, ``velocity`` and, if wanted, ``acceleration`` and ``linear``), ``home``, and, if wanted, a table ``path`` of
+``speed``, ``acceleration``, ``rotation`` and ``rotation_acceleration``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Final, NoReturn
+
+from orinkit.core.i18n import tr
+
+_BUILT_IN: Final = {
+    "VS-050": "vs050.toml",
+    "VS-060": "vs060.toml",
+    "VS-068": "vs068.toml",
+    "VS-087": "vs087.toml",
+    "VP-6242": "vp6242.toml",
+    "COBOTTA": "cobotta.toml",
+    "VE026A": "ve026a.toml",
+}
+MODEL_NAMES: Final = tuple(_BUILT_IN)
+"""The names that :func:`load_model` knows without a file."""
+
+DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # velocity / acceleration where a file does not say: 5 x velocity per second
+DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
+
+_SERIES: Final = re.compile("[A-Z]+[0-9]+")
+_ARM_AXES: Final = 6
+_MOST_AXES: Final = 8
+_LARGEST: Final = 1e6  # mm, deg, and their first and second derivatives
+_LONGEST_NAME: Final = 64
+_LARGEST_FILE: Final = 1_000_000
+_KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "path"})
+_AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "linear"})
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One axis; deg, or mm where it is linear.
+
+    Attributes:
+        lower: lower soft limit.
+        upper: upper soft limit.
+        velocity: largest velocity, per second.
+        acceleration: largest acceleration, per second squared. DENSO publishes none; 5 x ``velocity`` where a file
+            does not say, this project's assumption.
+        linear: whether it moves in mm.
+    """
+
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    linear: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One arm.
+
+    The frames are those of a six-axis arm whose axes are z, y, y, z, y, z when all joints are zero and it stands
+    upright: each origin is applied before the rotation of its joint.
+
+    Attributes:
+        name: ``"VS-050"``.
+        type_name: what ``@TYPE_NAME`` and ``GetRobotTypeName`` answer.
+        origins: six times (x, y, z), mm.
+        axes: six to eight; the seventh and eighth are extra axes that do not move the flange.
+        home: one position per axis, within the limits; also where the virtual arm starts.
+        path_speed: largest speed of the flange on a path, mm/s. These four are not published; the defaults 1500,
+            7500, 360 and 1800 are this project's assumptions.
+        path_acceleration: mm/s^2.
+        path_rotation: largest speed of the orientation on a path, deg/s.
+        path_rotation_acceleration: deg/s^2.
+    """
+
+    name: str
+    type_name: str
+    origins: tuple[tuple[float, float, float], ...]
+    axes: tuple[Axis, ...]
+    home: tuple[float, ...]
+    path_speed: float = DEFAULT_PATH["speed"]
+    path_acceleration: float = DEFAULT_PATH["acceleration"]
+    path_rotation: float = DEFAULT_PATH["rotation"]
+    path_rotation_acceleration: float = DEFAULT_PATH["rotation_acceleration"]
+
+
+def load_model(name_or_path: str | Path) -> Model:
+    """Return a model by its name, or read one from a TOML file.
+
+    Args:
+        name_or_path: one of :data:`MODEL_NAMES`, upper or lower case, with or without dashes; or the path of a file.
+
+    Raises:
+        ValueError: there is no such model or file, or the file is not a model; the message names file, key and reason.
+    """
+    wanted = _plain(str(name_or_path))
+    for name, file in _BUILT_IN.items():
+        if isinstance(name_or_path, str) and _plain(name) == wanted:
+            text = resources.files("orinkit.arms").joinpath(file).read_text(encoding="utf-8")
+            return parse_model(text, file)
+    return parse_model(_read(Path(name_or_path)), str(name_or_path))
+
+
+def model_of_type(type_name: str) -> Model | None:
+    """Return the arm whose controller gives this type name (``@TYPE_NAME``, GetRobotTypeName); ``None``: not known here.
+
+    Letters and number of the series decide (``VS050`` of ``VS050A3-AV6-NNN-NNN``); what follows is about the controller.
+    """
+    wanted = _SERIES.match(type_name.strip().upper())
+    for name in MODEL_NAMES:
+        model = load_model(name)
+        known = _SERIES.match(model.type_name)
+        if wanted is not None and known is not None and known[0] == wanted[0]:
+            return model
+    return None
+
+
+def parse_model(text: str, source: str) -> Model:
+    """Return the model that a TOML text is.
+
+    Args:
+        text: the text of a file.
+        source: its name, for the messages.
+
+    Raises:
+        ValueError: it is not a model; the message names ``source``, the key and the reason.
+    """
+    try:
+        table = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(tr("{source}: this is no TOML: {error}", source=source, error=_short(error))) from None
+    except ValueError as error:  # an integer of more digits than Python converts
+        raise ValueError(tr("{source}: a value cannot be used: {error}", source=source, error=_short(error))) from None
+    return _Reader(source).model(table)
+
+
+class _Reader:
+    """Turns what tomllib gives into a Model; knows the file's name for its complaints."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+
+    def model(self, table: Mapping[str, object]) -> Model:
+        self._known(table, _KEYS, "")
+        axes = self._axes(table.get("axes"))
+        path = self._path(table.get("path", {}))
+        return Model(
+            name=self._text(table, "name"),
+            type_name=self._text(table, "type_name"),
+            origins=self._origins(table.get("origins")),
+            axes=axes,
+            home=self._home(table.get("home"), axes),
+            path_speed=path["speed"],
+            path_acceleration=path["acceleration"],
+            path_rotation=path["rotation"],
+            path_rotation_acceleration=path["rotation_acceleration"],
+        )
+
+    def _text(self, table: Mapping[str, object], key: str) -> str:
+        value = table.get(key)
+        if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > _LONGEST_NAME:
+            self._refuse(
+                key,
+                tr("must be a text of 1 to {most} printable characters", most=_LONGEST_NAME),
+            )
+        return value
+
+    def _origins(self, value: object) -> tuple[tuple[float, float, float], ...]:
+        rows = self._list(value, "origins", _ARM_AXES, _ARM_AXES)
+        origins = []
+        for index, row in enumerate(rows):
+            key = f"origins[{index}]"
+            x, y, z = (self._number(entry, key) for entry in self._list(row, key, 3, 3))
+            origins.append((x, y, z))
+        upper, fore = origins[2], (origins[3][0], 0.0, origins[3][2] + origins[4][2])
+        for key, (x, _, z) in (("origins[2]", upper), ("origins[3], origins[4]", fore)):
+            if math.hypot(x, z) < 1.0:
+                self._refuse(key, tr("the link is shorter than 1 mm"))
+        return tuple(origins)
+
+    def _axes(self, value: object) -> tuple[Axis, ...]:
+        rows = self._list(value, "axes", _ARM_AXES, _MOST_AXES)
+        return tuple(self._axis(row, f"axes[{index}]", index) for index, row in enumerate(rows))
+
+    def _axis(self, row: object, key: str, index: int) -> Axis:
+        if not isinstance(row, dict):
+            self._refuse(key, tr("must be a table"))
+        self._known(row, _AXIS_KEYS, f"{key}.")
+        lower = self._number(row.get("lower"), f"{key}.lower")
+        upper = self._number(row.get("upper"), f"{key}.upper")
+        if lower >= upper:
+            self._refuse(f"{key}.lower", tr("{lower:g} is not below upper, {upper:g}", lower=lower, upper=upper))
+        velocity = self._positive(row.get("velocity"), f"{key}.velocity")
+        acceleration = self._positive(
+            row.get("acceleration", velocity / DEFAULT_SECONDS_TO_SPEED), f"{key}.acceleration"
+        )
+        linear = row.get("linear", False)
+        if not isinstance(linear, bool):
+            self._refuse(f"{key}.linear", tr("must be true or false"))
+        if linear and index < _ARM_AXES:
+            self._refuse(f"{key}.linear", tr("only an extra axis can be linear"))
+        return Axis(lower, upper, velocity, acceleration, linear)
+
+    def _home(self, value: object, axes: Sequence[Axis]) -> tuple[float, ...]:
+        home = tuple(self._number(entry, "home") for entry in self._list(value, "home", len(axes), len(axes)))
+        for number, (position, axis) in enumerate(zip(home, axes, strict=True), start=1):
+            if not axis.lower <= position <= axis.upper:
+                self._refuse(
+                    "home",
+                    tr(
+                        "J{number} = {position:g} is outside {lower:g} to {upper:g}",
+                        number=number,
+                        position=position,
+                        lower=axis.lower,
+                        upper=axis.upper,
+                    ),
+                )
+        return home
+
+    def _path(self, table: object) -> dict[str, float]:
+        if not isinstance(table, dict):
+            self._refuse("path", tr("must be a table"))
+        self._known(table, DEFAULT_PATH, "path.")
+        return {key: self._positive(table.get(key, default), f"path.{key}") for key, default in DEFAULT_PATH.items()}
+
+    def _known(self, table: Mapping[str, object], keys: Collection[str], prefix: str) -> None:
+        for key in table:
+            if key not in keys:
+                names = ", ".join(sorted(keys))
+                self._refuse(
+                    prefix + _short(key),
+                    tr("there is no such key; the keys are {names}", names=names),
+                )
+
+    def _list(self, value: object, key: str, fewest: int, most: int) -> list[object]:
+        if not isinstance(value, list) or not fewest <= len(value) <= most:
+            count = str(fewest) if fewest == most else f"{fewest}..{most}"
+            self._refuse(key, tr("must be a list of {count} entries", count=count))
+        return value
+
+    def _positive(self, value: object, key: str) -> float:
+        number = self._number(value, key)
+        if number <= 0:
+            self._refuse(key, tr("{number:g} is not greater than 0", number=number))
+        return number
+
+    def _number(self, value: object, key: str) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self._refuse(key, tr("must be a number"))
+        if not -_LARGEST <= value <= _LARGEST:  # NaN is not within it either
+            self._refuse(
+                key,
+                tr("must be a number from {least:g} to {most:g}", least=-_LARGEST, most=_LARGEST),
+            )
+        return float(value)
+
+    def _refuse(self, key: str, reason: str) -> NoReturn:
+        raise ValueError(f"{self._source}: {key}: {reason}")
+
+
+def _read(path: Path) -> str:
+    names = ", ".join(MODEL_NAMES)
+    shown = _short(path)
+    if not _is_file(path):
+        raise ValueError(
+            tr("{shown}: there is no such robot model or file; known models: {names}", shown=shown, names=names)
+        )
+    try:
+        with path.open("rb") as file:
+            content = file.read(_LARGEST_FILE + 1)
+    except OSError as error:
+        raise ValueError(tr("{shown}: not readable: {reason}", shown=shown, reason=error.strerror)) from None
+    if len(content) > _LARGEST_FILE:
+        raise ValueError(tr("{shown}: larger than {most} bytes", shown=shown, most=_LARGEST_FILE))
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(tr("{shown}: this is not UTF-8 text", shown=shown)) from None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long for one
+        return False
+
+
+def _plain(name: str) -> str:
+    return name.strip().lower().replace("-", "").replace("_", "")
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    text = text if text.isprintable() else repr(text)
+    return text if len(text) <= 200 else text[:200] + "..."

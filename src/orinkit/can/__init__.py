@@ -1,0 +1,1 @@
+"""CAN: frames, buses, buses that are shared, devices served on a bus."""

@@ -1,0 +1,69 @@
+"""What can be wrong with a command line, in the current language."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+import cyclopts
+
+from orinkit.core.i18n import tr
+
+
+class Failure(Exception):
+    """Ends a command with a line on stderr.
+
+    Args:
+        text: the line.
+        code: exit code; 2 for a command line that cannot be used.
+    """
+
+    def __init__(self, text: str, code: int = 1) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def unusable(text: str) -> Failure:
+    """Return the exception for a command line that cannot be used; the text is in the current language."""
+    return Failure(text, 2)
+
+
+def usage_text(error: cyclopts.CycloptsError) -> str:
+    """Return what is wrong with a command line, and where to read more."""
+    command = " ".join(("orinkit", *(error.command_chain or ())))
+    return _reason(error) + tr(" (see {command} --help)", command=command)
+
+
+def _unknown_command(word: str, error: cyclopts.CycloptsError) -> str:
+    known = [name for name in (error.app or ()) if not name.startswith("-")]
+    names = ", ".join(get_close_matches(word, known, n=2) or known)
+    return tr("there is no command {word}; did you mean {names}?", word=word, names=names)
+
+
+def whole_number(_kind: object, tokens: Sequence[cyclopts.Token]) -> int:
+    """Read a whole number: cyclopts by itself would round 10.7."""
+    return int(tokens[0].value, 10)
+
+
+def _reason(error: cyclopts.CycloptsError) -> str:
+    name = error.argument.name if error.argument is not None else ""
+    positional = error.argument is not None and error.argument.index is not None
+    shown = name.lstrip("-").upper() if positional else name
+    unused = " ".join(error.unused_tokens or ())
+    match error:
+        case cyclopts.MissingArgumentError():
+            return tr("{argument} is missing", argument=shown)
+        case cyclopts.CoercionError(token=token):
+            value = token.value if token is not None else ""
+            return tr("{value!r} is no value for {argument}", value=value, argument=shown)
+        case cyclopts.UnknownOptionError(token=token):
+            option = token.keyword or token.value
+            return tr("there is no option {option}", option=option)
+        case cyclopts.UnknownCommandError():
+            return _unknown_command((error.unused_tokens or [""])[0], error)
+        case cyclopts.UnusedCliTokensError():
+            return tr("too many arguments: {words}", words=unused)
+        case cyclopts.RepeatArgumentError(token=token):
+            return tr("{option} is given twice", option=token.keyword)
+        case _:
+            return tr("the command line is not valid: {error}", error=error)

@@ -1,0 +1,60 @@
+"""Help pages in both languages: cyclopts writes them, this translates its few own words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from orinkit.core.i18n import current, tr
+
+if TYPE_CHECKING:
+    from cyclopts.help import HelpEntry, HelpPanel
+    from cyclopts.help.formatters import DefaultFormatter
+    from rich.console import Console, ConsoleOptions
+
+_NO_DEFAULT: Final = ("False", "()")  # a flag that is not set, a list of nothing: no need to say so
+
+
+class HelpFormatter:
+    """cyclopts' own formatter, with its words in the current language; it is imported when a page is shown."""
+
+    show_metavar = False
+
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
+        """Show one panel."""
+        entries = [entry.copy(default=None) if entry.default in _NO_DEFAULT else entry for entry in panel.entries]
+        if current() == "ja":
+            entries = [_translated(entry) for entry in entries]
+        _formatter()(console, options, panel.copy(entries=entries))
+
+    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
+        """Show how the command is called."""
+        if current() == "ja":
+            console.print(
+                tr("Usage: {usage}", usage=str(usage).strip()) + "\n", style="bold", markup=False, highlight=False
+            )
+        else:
+            _formatter().render_usage(console, options, usage)
+
+    def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:
+        """Show what the command does."""
+        _formatter().render_description(console, options, description)
+
+
+def _formatter() -> DefaultFormatter:
+    from cyclopts.help.formatters import DefaultFormatter
+
+    return DefaultFormatter(show_metavar=False)
+
+
+def _translated(entry: HelpEntry) -> HelpEntry:
+    """Write "required" and "default" behind the description: cyclopts has them in English only."""
+    if entry.required:
+        note = tr("[required]")
+    elif entry.default:
+        note = tr("[default: {value}]", value=entry.default)
+    else:
+        return entry
+    from rich.text import Text
+
+    description = getattr(entry.description, "primary_renderable", entry.description)
+    return entry.copy(description=Text(f"{description} {note}"), default=None, required=False)

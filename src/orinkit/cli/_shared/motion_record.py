@@ -1,0 +1,206 @@
+"""What an arm did, cycle by cycle: from the controller's control log, and as a CSV file.
+
+The file has a row for each 8 ms: ``time_s``, then ``J1_command``, ``J2_command`` ... and ``J1_encoder`` ... in degrees (mm
+for linear joints).
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, Self
+
+import orinkit
+from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.core.errors import InvalidValue, TransportError
+from orinkit.core.i18n import tr
+from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME, Row, Table, numbers, wrong
+
+PERIOD: Final = 0.008
+"""Seconds between two records (RC8 4.1)."""
+
+_AXES: Final = 8
+_ALWAYS: Final = 6  # joints that are written even if they stay at 0
+_COLUMNS: Final = 4  # of a joint in a record: command, encoder, current, load
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Joints over time.
+
+    Attributes:
+        times: seconds, rising.
+        joints: numbers of the joints, from 1.
+        command: for each time, the command of each joint, degrees or mm.
+        encoder: the same of the encoders; empty where there are none.
+    """
+
+    times: Sequence[float]
+    joints: Sequence[int]
+    command: Sequence[Sequence[float]]
+    encoder: Sequence[Sequence[float]]
+
+
+class Recorder:
+    """Has the controller record a motion, and writes it to a file when the block ends, however it ends.
+
+    Args:
+        robot: whose motion.
+        path: of the file.
+        tell: is told how many records have been read, and how many there are.
+    """
+
+    def __init__(self, robot: orinkit.Robot, path: Path, tell: Callable[[int, int], None]) -> None:
+        self._robot = robot
+        self._path = path
+        self._tell = tell
+        self._running = False
+        self._started = False
+
+    def __enter__(self) -> Self:
+        check_directory(self._path)
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if not self._started:
+            return
+        try:
+            self.stop()
+            write_csv(self._path, self._fetch())
+        except TransportError:
+            if error is None:
+                raise
+
+    def start(self) -> None:
+        """Forget what was recorded before, and begin."""
+        self._robot.execute("ClearLog")
+        self._robot.execute("StartLog")
+        self._running = self._started = True
+
+    def stop(self) -> None:
+        """End recording; nothing happens the second time."""
+        if self._running:
+            self._running = False
+            self._robot.execute("StopLog")
+
+    def _fetch(self) -> Recording:
+        count = _whole(self._robot.execute("GetLogCount"))
+        records = []
+        for index in range(count):
+            records.append(joints_of(self._robot.execute("GetLogRecord", index)))
+            self._tell(index + 1, count)
+        return recording_of(records)
+
+
+def check_directory(path: Path) -> None:
+    """Make sure, before anything moves, that there is a place for a file.
+
+    Raises:
+        Failure: its directory is not there.
+    """
+    if not path.parent.is_dir():
+        raise unusable(tr("there is no directory {path}", path=path.parent))
+
+
+def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Recording:
+    """Return records of command and encoder, 8 joints each, as a recording; joints 7 and 8 only if they are used."""
+    used = [
+        axis
+        for axis in range(_AXES)
+        if axis < _ALWAYS or any(command[axis] or encoder[axis] for command, encoder in records)
+    ]
+    return Recording(
+        [index * PERIOD for index in range(len(records))],
+        [axis + 1 for axis in used],
+        [[command[axis] for axis in used] for command, _ in records],
+        [[encoder[axis] for axis in used] for _, encoder in records],
+    )
+
+
+def write_csv(path: Path, recording: Recording) -> None:
+    """Write a recording.
+
+    Raises:
+        Failure: the file cannot be written.
+    """
+    names = [f"J{joint}" for joint in recording.joints]
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow([TIME, *(f"{name}{COMMAND}" for name in names), *(f"{name}{ENCODER}" for name in names)])
+            for time, command, encoder in zip(recording.times, recording.command, recording.encoder, strict=True):
+                writer.writerow([f"{time:.3f}", *(f"{value:.6f}" for value in (*command, *encoder))])
+    except OSError as error:
+        raise Failure(tr("cannot write {path}: {reason}", path=path, reason=error.strerror)) from None
+
+
+def read_csv(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises:
+        Failure: the file cannot be read, or is none.
+    """
+    try:
+        return _read(path)
+    except InvalidValue as error:
+        raise Failure(str(error), 2) from None
+
+
+def _read(path: Path) -> Recording:
+    rows = Table(path).rows()
+    header = next(rows, Row(1, []))
+    names = header.cells
+    commands, encoders = _columns(names, COMMAND), _columns(names, ENCODER)
+    if TIME not in names or not commands or len(set(names)) < len(names):
+        columns = f"{TIME}, J1{COMMAND}, J2{COMMAND}, ..."
+        raise wrong(path, header.line, tr("the columns {columns} are wanted", columns=columns))
+    if encoders and encoders.keys() != commands.keys():
+        raise wrong(
+            path,
+            header.line,
+            tr("_command and _encoder are not of the same joints"),
+        )
+    wanted_columns = [names.index(TIME), *commands.values(), *encoders.values()]
+    values = [numbers(path, row, len(names), wanted_columns) for row in rows]
+    times = [row[0] for row in values]
+    if len(times) < 2:
+        raise wrong(
+            path,
+            0,
+            tr("{count} rows of two or more that are wanted: the arm did not move", count=len(times)),
+        )
+    if any(after <= before for before, after in pairwise(times)):
+        raise wrong(path, 0, tr("rising times are wanted"))
+    joints = list(commands)
+    return Recording(
+        times,
+        joints,
+        [row[1 : len(joints) + 1] for row in values],
+        [row[len(joints) + 1 :] for row in values] if encoders else [],
+    )
+
+
+def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
+    """Return the column of each joint, in the order of the joints."""
+    return {joint: header.index(name) for joint in range(1, _AXES + 1) if (name := f"J{joint}{suffix}") in header}
+
+
+def joints_of(record: Any) -> tuple[list[float], list[float]]:
+    """Return command and encoder of a record of the control log (reference: RC8 provider, GetLogRecord)."""
+    values = record[: _AXES * _COLUMNS] if isinstance(record, list) else []
+    if len(values) < _AXES * _COLUMNS or not all(isinstance(value, int | float) for value in values):
+        raise _not_understood("GetLogRecord", record)
+    return values[0::_COLUMNS], values[1::_COLUMNS]
+
+
+def _whole(answer: Any) -> int:
+    if not isinstance(answer, int):
+        raise _not_understood("GetLogCount", answer)
+    return answer
+
+
+def _not_understood(command: str, answer: Any) -> Failure:
+    return Failure(tr("{command} was answered with {answer!r:.80}", command=command, answer=answer))

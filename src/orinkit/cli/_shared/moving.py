@@ -1,0 +1,135 @@
+"""What commands that move an arm have in common: a bar, and what is said where it goes wrong."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final, Self
+
+import orinkit
+from orinkit.cli._shared.interrupts import Interrupts
+from orinkit.client._shared.motion import POLL
+from orinkit.core.errors import CallError, OrinError
+from orinkit.core.i18n import tr
+from orinkit.transport.runner import Deadline, pause
+from orinkit.values.poses import J, P
+
+_SETTLING: Final = 2.0  # s that the encoders may be behind the command
+
+
+def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: Bar) -> None:
+    """Look on until a motion is over and the arm stands.
+
+    Args:
+        robot: that moves.
+        motion: its motion.
+        interrupts: tells whether somebody wants an end.
+        bar: shows the joints.
+
+    Raises:
+        KeyboardInterrupt: somebody does.
+        CallError: the motion was stopped.
+    """
+    for fraction in motion:
+        interrupts.check()
+        if bar.seen:
+            bar.show(tr("moving"), fraction, str(rounded(shown(robot.joints), 1)))
+    deadline = Deadline(_SETTLING)
+    while not robot.motion_complete(1) and not deadline.passed:
+        interrupts.check()
+        pause(POLL)
+
+
+@contextmanager
+def errors_told(controller: orinkit.Controller, url: str) -> Iterator[None]:
+    """Say in an error which one the controller reports, and how it is cleared."""
+    try:
+        yield
+    except CallError as error:
+        try:
+            errors = controller.errors()
+        except OrinError:  # it is only a hint
+            errors = []
+        if errors:
+            first = str(errors[-1])
+            told = (
+                ""
+                if first in error.detail or errors[-1].code == error.code
+                else tr("the controller reports {error}", error=first)
+            )
+            clear = tr("to clear it: orinkit call {url} Controller_Execute ClearError", url=url)
+            error.detail = "; ".join(filter(None, (error.detail, told, clear)))
+        raise
+
+
+@contextmanager
+def notes_shown() -> Iterator[None]:
+    """Show what else went wrong while everything was given back."""
+    try:
+        yield
+    except BaseException as error:
+        for note in getattr(error, "__notes__", ()):
+            print(" ".join(note.split()), file=sys.stderr)
+        raise
+
+
+class Bar:
+    """A bar for each thing that takes its time; nothing where nobody sees it.
+
+    Args:
+        on_stderr: where it is; on stdout otherwise.
+
+    Attributes:
+        seen: whether a person sees it, at a terminal.
+    """
+
+    def __init__(self, *, on_stderr: bool = True) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+        console = Console(stderr=on_stderr)
+        self.seen = console.is_terminal
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[beside]}"),
+            console=console,
+            disable=not self.seen,
+        )
+        self._tasks: dict[str, Any] = {}
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def show(self, what: str, fraction: float, beside: str = "") -> None:
+        """Show how far something is.
+
+        Args:
+            what: the thing; each has a bar of its own.
+            fraction: 0 to 1.
+            beside: what stands beside the bar.
+        """
+        if what not in self._tasks:
+            self._tasks[what] = self._progress.add_task(what, total=1.0, beside="")
+        self._progress.update(self._tasks[what], completed=fraction, beside=beside)
+
+
+def reading(bar: Bar) -> Callable[[int, int], None]:
+    """Return what shows how much of a record has been read."""
+    return lambda count, of: bar.show(tr("reading the record"), count / of)
+
+
+def shown(joints: J) -> J:
+    """Leave out joints 7 and 8 where there are none."""
+    return joints if any(joints[6:]) else J.of(joints[:6])
+
+
+def rounded(pose: J | P, digits: int = 3) -> J | P:
+    """Return a pose for people."""
+    return pose.of(round(value, digits) + 0.0 for value in pose)

@@ -1,0 +1,300 @@
+"""What every ``orinkit serve`` command does with its device: listen, say so, and stop when told to."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, AsyncExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.cao.provider import Provider
+from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.files import is_open_to_others
+from orinkit.cli._shared.interrupts import ending
+from orinkit.cli._shared.web import Web
+from orinkit.core import logs
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.server.accepting import watch
+from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
+from orinkit.server.alive_option import ALIVE, check_alive
+from orinkit.server.capacity import DEFAULT_CLIENTS
+from orinkit.transport.address import Address, HttpAddress, is_loopback, parse_address
+from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
+
+_CONTROL_CLIENTS: Final = 16
+_WITH_PORTS: Final = ("tcp", "udp", "http", "https")
+LISTENING: Final = Group(tr("Network"), sort_key=8)
+_WEB: Final = Web()
+
+
+def _default(_given: object) -> str:
+    return DEFAULT_URL.removeprefix("tcp://")
+
+
+@Parameter(name="*", group=LISTENING)
+@dataclass(frozen=True)
+class Listening:
+    """Where to listen, and how much to take."""
+
+    tcp: Annotated[
+        tuple[str, ...],
+        Parameter(
+            show_default=_default,
+            help=tr(
+                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be given again. Port 0 takes a "
+                "free one. No default beside --udp, --serial, --pty and --http."
+            ),
+        ),
+    ] = ()
+    udp: Annotated[
+        tuple[str, ...],
+        Parameter(help=tr("HOST:PORT to listen on with UDP, or PORT alone for 127.0.0.1; may be given again.")),
+    ] = ()
+    serial: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=tr(
+                "Serial port to listen on, as /dev/ttyUSB0?baudrate=115200; 38400 8N1 by default; may be given again."
+            )
+        ),
+    ] = ()
+    pty: Annotated[
+        bool,
+        Parameter(help=tr("Listen on a new pseudo-terminal: a serial line without a cable.")),
+    ] = False
+    web: Web = _WEB
+    clients: Annotated[int, Parameter(converter=whole_number, help=tr("Most clients at a time."))] = DEFAULT_CLIENTS
+    clients_per_address: Annotated[
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help=tr("Most clients of one address; three quarters of --clients by default."),
+        ),
+    ] = None
+    objects: Annotated[
+        int,
+        Parameter(converter=whole_number, help=tr("Most objects of one client.")),
+    ] = 1000
+    dead_after: Annotated[
+        float,
+        Parameter(help=tr("Seconds after which a TCP client is given up whose machine does not answer any more.")),
+    ] = DEAD_AFTER
+    alive: Annotated[
+        float,
+        Parameter(
+            help=tr(
+                "Seconds that a client on UDP, a serial line or HTTP without a kept connection may be "
+                "silent while its arm moves."
+            )
+        ),
+    ] = ALIVE
+    verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=tr("Log more."))] = False
+
+
+def check(listening: Listening) -> None:
+    """Refuse numbers and addresses that cannot be, before anything is opened.
+
+    Raises:
+        Failure: a number is out of its range, or an address is of another kind than its option.
+        InvalidAddress: one is no address.
+    """
+    numbers = {
+        "--clients": listening.clients,
+        "--clients-per-address": listening.clients_per_address,
+        "--objects": listening.objects,
+    }
+    for option, number in numbers.items():
+        if number is not None and number < 1:
+            raise unusable(tr("{option} must be 1 or more, not {number}", option=option, number=number))
+    try:
+        check_dead_after(listening.dead_after)
+        check_alive(listening.alive)
+    except InvalidValue as error:
+        raise Failure(str(error).replace("dead_after", "--dead-after").replace("alive", "--alive"), 2) from None
+    _urls(listening)
+    listening.web.options()
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A second listener, for this machine only.
+
+    Attributes:
+        provider: what is served there.
+        url: where; :func:`check_control` has seen it.
+        offered: leaves its secret for commands of the same account while it is served at a port; returns what is said of it.
+    """
+
+    provider: Provider
+    url: str
+    offered: Callable[[int], AbstractContextManager[Sequence[str]]]
+
+
+def check_control(url: str) -> None:
+    """Refuse a control port that other machines could reach: whoever reaches it can press every button.
+
+    Raises:
+        Failure: its host is not this machine's loopback address.
+        InvalidAddress: it is none.
+    """
+    address = parse_address(url)
+    if not isinstance(address, Address) or address.scheme != "tcp" or not is_loopback(address.host):
+        raise unusable(
+            tr(
+                "--control {url}: only an address of this machine itself is allowed, as 127.0.0.1:5008 or [::1]:5008",
+                url=url,
+            ),
+        )
+
+
+def begin_log(listening: Listening) -> None:
+    """Have the log written to stderr; :func:`run` does so too, this is for commands that log something before."""
+    if not listening.verbose:  # it tells of every request that a gateway makes
+        logging.getLogger("httpx2").setLevel(logging.WARNING)
+    logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)
+
+
+def run(
+    providers: Sequence[Provider], listening: Listening, control: Control | None = None, *, before: Sequence[str] = ()
+) -> int:
+    """Serve devices until SIGINT, SIGTERM or SIGHUP; says ``ready URL`` on stdout, a line for each listener.
+
+    With a control port it says ``ready control URL`` after these, then what is said of its secret, and ``before`` ahead of
+    them, when all are ready.
+    """
+    begin_log(listening)
+    for warning in _warnings(listening):
+        print(warning, file=sys.stderr)
+    asyncio.run(_serve(providers, _urls(listening), listening, control, before))
+    return 0
+
+
+async def _serve(
+    providers: Sequence[Provider],
+    urls: Sequence[str],
+    listening: Listening,
+    control: Control | None,
+    before: Sequence[str],
+) -> None:
+    stop = asyncio.Event()
+    watch(asyncio.get_running_loop())
+    with _set_by_signals(stop):
+        async with AsyncExitStack() as servers:
+            server = AsyncServer(
+                providers,
+                *urls,
+                clients=listening.clients,
+                per_address=listening.clients_per_address,
+                objects=listening.objects,
+                dead_after=listening.dead_after,
+                alive=listening.alive,
+                http=listening.web.options(),
+            )
+            await servers.enter_async_context(server)
+            ready = [*before, *(f"ready {url}" for url in server.urls)]
+            if control is not None:
+                second = AsyncServer(
+                    control.provider, control.url, clients=_CONTROL_CLIENTS, per_address=_CONTROL_CLIENTS
+                )
+                await servers.enter_async_context(second)
+                said = servers.enter_context(control.offered(_port(second.url)))
+                ready += [f"ready control {second.url}", *said]
+            gc.collect()
+            gc.freeze()  # a full collection takes 40 ms if it looks at all modules again, and holds the motion cycle up
+            for line in ready:
+                print(line, flush=True)
+            await stop.wait()
+
+
+@contextmanager
+def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
+    """Set the event on SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
+    loop = asyncio.get_running_loop()
+
+    def handle(number: int, _frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        loop.call_soon_threadsafe(stop.set)
+
+    # signal.signal, not loop.add_signal_handler: Windows has no such thing
+    before = {number: signal.signal(number, handle) for number in ending()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _urls(listening: Listening) -> list[str]:
+    """Return where to listen.
+
+    Raises:
+        Failure: an address is of another kind than its option.
+        InvalidAddress: one is no address.
+    """
+    urls = [_url(scheme, place) for scheme in ("tcp", "udp", "serial") for place in getattr(listening, scheme)]
+    urls += [_url(listening.web.scheme, place) for place in listening.web.http]
+    if listening.pty:
+        urls.append("pty://")
+    return urls or [DEFAULT_URL]
+
+
+def _url(scheme: str, place: str) -> str:
+    named = "://" in place or place.lower().startswith((f"{scheme}:", "com:"))
+    if scheme in _WITH_PORTS and place.isascii() and place.isdecimal():
+        place = f"127.0.0.1:{place}"
+    url = place if named else f"{scheme}://{place}"
+    found = parse_address(url).scheme
+    if found != scheme:
+        raise unusable(
+            tr("--{option} {address}: that is an address of {scheme}", option=scheme, address=place, scheme=found),
+        )
+    return url
+
+
+def _port(url: str) -> int:
+    address = parse_address(url)
+    return address.port if isinstance(address, Address) else 0
+
+
+def _warnings(listening: Listening) -> Iterator[str]:
+    """Yield what should be known of who can use the device."""
+    web = listening.web
+    for scheme in ("tcp", "udp"):
+        for place in getattr(listening, scheme):
+            address = parse_address(_url(scheme, place))
+            if isinstance(address, Address) and not is_loopback(address.host):
+                yield _warning(place, tr("b-CAP knows no passwords"))
+    for place in web.http if web.token_file is None else ():
+        address = parse_address(_url(web.scheme, place))
+        if isinstance(address, HttpAddress) and not is_loopback(address.host):
+            yield _warning(place, tr("there is no --token-file"))
+    if web.token_file is not None and is_open_to_others(web.token_file):
+        yield tr(
+            "orinkit: warning: --token-file {path} can be read or changed by other accounts. Try: chmod 600 {path}",
+            path=web.token_file,
+        )
+    beside = [f"--{option}" for option in ("tcp", "udp", "serial", "pty") if getattr(listening, option)]
+    if web.token_file is not None and beside:
+        options = ", ".join(beside)
+        yield tr(
+            "orinkit: warning: --token-file is for --http only; b-CAP knows no token: whoever "
+            "reaches {options} can use the device",
+            options=options,
+        )
+
+
+def _warning(url: str, reason: str) -> str:
+    return tr(
+        "orinkit: warning: {url} can be reached from other machines, and {reason}: whoever "
+        "reaches it can use the device",
+        url=url,
+        reason=reason,
+    )

@@ -1,0 +1,60 @@
+"""A stream as a picture: command against what the arm did, for each value that changes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from orinkit.cli._shared.picture import DASHES, Label
+from orinkit.cli._shared.stream_trace import Trace
+from orinkit.core.i18n import N_, tr
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH: Final = 9.0  # inch
+_HEIGHT: Final = 2.2  # inch, of a diagram
+_MARGIN: Final = 1.2  # inch, above and below them
+
+
+def draw(trace: Trace, figure: Figure, label: Label = tr) -> None:
+    """Draw a stream: a diagram for each value that changes, and one of how far the arm was off.
+
+    Args:
+        trace: command and feedback.
+        figure: an empty figure; it gets the height that it needs.
+        label: translates a label.
+    """
+    places = trace.moving()
+    drawn = places or range(len(trace.names))
+    count = len(drawn) + bool(trace.actual)
+    figure.set_size_inches(_WIDTH, _HEIGHT * count + _MARGIN)
+    axes: list[Axes] = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+    for each, place in zip(axes, drawn, strict=False):
+        _draw_value(trace, place, each, label)
+    if trace.actual:
+        for number, place in enumerate(drawn):
+            axes[-1].plot(
+                trace.times, trace.deviations(place), linewidth=1.0, linestyle=DASHES[number % len(DASHES)],
+                label=trace.names[place],
+            )  # fmt: skip
+        axes[-1].set_ylabel(label(N_("actual - command")))
+        axes[-1].legend(loc="upper right", ncols=4, fontsize="small")
+    for each in axes:
+        each.grid(visible=True, alpha=0.3)
+    axes[-1].set_xlabel(label(N_("time [s]")))
+    seconds = trace.times[-1] - trace.times[0]
+    figure.suptitle(
+        label(N_("streamed motion, {seconds:.2f} s"), seconds=seconds) if places else label(N_("the arm did not move"))
+    )
+    figure.legend(handles=axes[0].get_lines(), loc="outside lower center", ncols=2)
+
+
+def _draw_value(trace: Trace, place: int, axes: Axes, label: Label) -> None:
+    command = [row[place] for row in trace.command]
+    axes.plot(trace.times, command, linewidth=1.4, color="C0", label=label(N_("command")))
+    if trace.actual:
+        actual = [row[place] for row in trace.actual]
+        axes.plot(trace.times, actual, linewidth=1.2, color="C1", linestyle=DASHES[2], label=label(N_("actual")))
+    unit = trace.unit(place)
+    axes.set_ylabel(f"{trace.names[place]} [{unit}]" if unit else trace.names[place])

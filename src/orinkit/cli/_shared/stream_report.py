@@ -1,0 +1,112 @@
+"""What is told of a stream when it is over: for people, and as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit import StreamResult, Timing
+from orinkit.cli._shared.stream_trace import Trace
+from orinkit.core.i18n import tr
+from orinkit.streaming.process.realtime import RealTime
+
+_BAR: Final = 30  # columns of the longest bar of the histogram
+_BARS: Final = 12
+_WIDTH: Final = 0.001  # s of a class of the histogram
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What became of a stream.
+
+    Attributes:
+        result: set-points, underflows, gaps.
+        real_time: what the system granted.
+        trace: command and feedback.
+        record: file that was written, if any.
+    """
+
+    result: StreamResult
+    real_time: RealTime
+    trace: Trace
+    record: str | None = None
+
+    @property
+    def seconds(self) -> float:
+        """From the first set-point to the last one, as they were sent."""
+        samples = self.result.samples
+        return samples[-1].sent - samples[0].sent if samples else 0.0
+
+    def lines(self) -> list[str]:
+        """Return it for people."""
+        from orinkit.cli._shared.output import table
+
+        result, timing = self.result, self.result.timing
+        rows = [
+            (tr("set-points"), tr("{sent}", sent=result.sent)),
+            (tr("time"), tr("{seconds:.2f} s", seconds=self.seconds)),
+            (tr("underflows"), tr("{underflows}", underflows=result.underflows)),
+            (tr("gaps"), "\n".join((_gaps(timing), *histogram(timing)))),
+            (tr("real time"), str(self.real_time)),
+            (tr("largest deviation"), self._deviations()),
+        ]
+        if result.late.count:  # a real controller does not tell
+            real = tr("a real controller would have stopped the arm")
+            rows.insert(3, (tr("late"), f"{result.late}\n({real})"))
+        if self.record is not None:
+            rows.append((tr("record"), self.record))
+        return table(rows)
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON; seconds, degrees and mm."""
+        result, timing, trace = self.result, self.result.timing, self.trace
+        return {
+            "set_points": result.sent,
+            "seconds": self.seconds,
+            "underflows": result.underflows,
+            "late": {"count": result.late.count, "longest": result.late.longest, "total": result.late.total},
+            "gaps": {
+                "count": len(timing.gaps),
+                "p50": timing.p50,
+                "p99": timing.p99,
+                "max": timing.max,
+                "histogram_ms": {str(place): count for place, count in timing.histogram(_WIDTH).items()},
+            },
+            "real_time": {"priority": self.real_time.priority, "memory_locked": self.real_time.locked},
+            "largest_deviation": {name: trace.largest(place) for place, name in enumerate(trace.names)}
+            if trace.actual
+            else None,
+            "record": self.record,
+        }
+
+    def _deviations(self) -> str:
+        trace = self.trace
+        if not trace.actual:
+            return tr("nothing came back")
+        parts = [
+            f"{name} {trace.largest(place):.3f}{_unit(trace.unit(place))}" for place, name in enumerate(trace.names)
+        ]
+        late = tr("what comes back is some cycles behind the command")
+        return "  ".join(parts) + f"\n({late})"
+
+
+def histogram(timing: Timing) -> list[str]:
+    """Return the gaps as lines of text, one for each millisecond in which there are any; those beyond are one line."""
+    counts = timing.histogram(_WIDTH)
+    places = sorted(counts)
+    bars = [(f"{place}-{place + 1} ms", counts[place]) for place in places[:_BARS]]
+    if len(places) > _BARS:
+        last, *others = places[_BARS - 1 :]
+        bars[-1] = (f"{last}-... ms", sum(counts[place] for place in (last, *others)))
+    most = max((count for _, count in bars), default=1)
+    widest = max((len(label) for label, _ in bars), default=0)
+    return [f"{label:>{widest}} {count:6} {'#' * max(1, round(count / most * _BAR))}" for label, count in bars]
+
+
+def _gaps(timing: Timing) -> str:
+    p50, p99, most = (f"{seconds * 1e3:.2f} ms" for seconds in (timing.p50, timing.p99, timing.max))
+    return tr("p50 {p50}, p99 {p99}, max {most}", p50=p50, p99=p99, most=most)
+
+
+def _unit(unit: str) -> str:
+    return f" {unit}" if unit else ""

@@ -1,0 +1,104 @@
+"""Packets as they come and go, with their meaning."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit.bcap.dissect import Field, explain, one_line
+from orinkit.cli._shared.output import padded, width
+
+_PER_LINE: Final = 24
+_ARROWS: Final = {">": "→", "<": "←"}
+_INDENT: Final = "    "
+_WIDEST_HEX: Final = 3 * 8 - 1
+_WIDEST_TEXT: Final = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """One packet of a conversation, or one body of e-CAP.
+
+    Attributes:
+        direction: ``">"`` to the controller, ``"<"`` from it.
+        data: its bytes.
+        meaning: what it says, in one line.
+        request: for a reply the packet that it answers.
+    """
+
+    direction: str
+    data: bytes
+    meaning: str
+    request: bytes | None = None
+
+    def lines(self, *, fields: bool = False) -> list[str]:
+        """Return it for people: the meaning, then the bytes, plain or field by field."""
+        head = f"{_INDENT}{_ARROWS[self.direction]} {self.meaning}"
+        if not _is_binary(self.data):
+            text = self.data.decode("utf-8", "backslashreplace")
+            return [head, *(f"{_INDENT}  {line}" for line in textwrap.wrap(text, _WIDEST_TEXT) if line)]
+        if fields:
+            explained = explain(self.data, "request" if self.request is None else "reply", self.request)
+            return [head, *(f"{_INDENT}  {line}" for line in field_lines(explained))]
+        return [head, *(f"{_INDENT}  {line}" for line in hex_lines(self.data))]
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "direction": "request" if self.direction == ">" else "reply",
+            "meaning": self.meaning,
+            "bytes": self.data.hex(),
+        }
+
+
+def _is_binary(data: bytes) -> bool:
+    """Whether it is a packet of b-CAP; a body of e-CAP is text."""
+    return data[:1] == b"\x01"
+
+
+def _meaning(direction: str, data: bytes, request: bytes | None) -> str:
+    if _is_binary(data):
+        return one_line(data, None if direction == ">" else request)
+    from orinkit.ecap.message import explain_reply, explain_request  # few programs speak e-CAP
+
+    return explain_request(data) if direction == ">" else explain_reply(data)
+
+
+class Transcript:
+    """Is told every packet (``trace=`` of a client), keeps them, and hands each to ``show``."""
+
+    def __init__(self, show: Callable[[Packet], None] | None = None) -> None:
+        self.packets: list[Packet] = []
+        self._show = show
+        self._request: bytes | None = None
+
+    def __call__(self, direction: str, data: bytes) -> None:
+        """Take a packet."""
+        if direction == ">":
+            self._request = data
+        answered = self._request if direction == "<" else None
+        packet = Packet(direction, data, _meaning(direction, data, answered), answered)
+        self.packets.append(packet)
+        if self._show is not None:
+            self._show(packet)
+
+
+def hex_lines(data: bytes, per_line: int = _PER_LINE) -> list[str]:
+    """Return bytes in hex, so many to a line."""
+    return [data[at : at + per_line].hex(" ") for at in range(0, len(data), per_line)]
+
+
+def field_lines(fields: list[Field]) -> list[str]:
+    """Return an explanation as a table; an error is marked with an exclamation mark."""
+    names = ["  " * field.level + field.name for field in fields]
+    widest = max(map(width, names), default=0)
+    lines = []
+    for field, name in zip(fields, names, strict=True):
+        first, *more = hex_lines(field.raw, 8) or [""]
+        mark = "!" if field.error else " "
+        line = f"{field.offset:5} {mark} {padded(name, widest)}  {first:{_WIDEST_HEX}}  {field.meaning}"
+        lines.append(line.rstrip())
+        lines += [f"{'':5}   {'':{widest}}  {rest}" for rest in more]
+    return lines

@@ -1,0 +1,1 @@
+"""``orinkit abh3``: ABH3 motor drivers on CAN buses."""

@@ -1,0 +1,234 @@
+"""``orinkit call``: call any function.
+
+The connection, Service_Start and Controller_Connect are made first, so ARGS never begin with a handle: it is that of the
+controller, or of the object that an option names. Handles hold for one connection only, so there is no other to give;
+``--handle`` sends one all the same, to see what a controller says.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from cyclopts import Parameter
+
+import orinkit
+from orinkit import functions
+from orinkit.cao.replies import Reply
+from orinkit.cao.table import Argument, Function
+from orinkit.cli._shared.connection import OBJECT, Connection, Json, Owning, Url
+from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.signature import signature, type_text
+from orinkit.client._sync.objects import Node
+from orinkit.core.errors import NotationError, ObjectNotFound
+from orinkit.core.hresult import lookup, signed
+from orinkit.core.i18n import N_, tr
+from orinkit.values.notation import parse_lenient
+from orinkit.values.variant import Variant, VarType
+
+_CONNECTION: Final = Connection()
+_OWNING: Final = Owning()
+_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # a return code, as everyone writes them; VT_I4 below zero
+
+
+@Parameter(name="*", group=OBJECT)
+@dataclass(frozen=True)
+class Other:
+    """The object that a function works on, where it is none that has variables."""
+
+    variable: Annotated[
+        str | None,
+        Parameter(help=tr("A variable, by name; of the object above if one is named.")),
+    ] = None  # fmt: skip
+    command: Annotated[str | None, Parameter(help=tr("A command, by name."))] = None
+    handle: Annotated[
+        int | None,
+        Parameter(converter=whole_number, help=tr("Send this handle, whatever it is.")),
+    ] = None
+
+
+_OTHER: Final = Other()
+
+
+def call(
+    url: Url,
+    function: Annotated[
+        str,
+        Parameter(help=tr("Id, name or Python name: 17, Controller_Execute, controller_execute.")),
+    ],
+    /,
+    *args: Annotated[
+        str,
+        Parameter(help=tr("Arguments behind the handle: text, 100, 1.5, true, or VARIANT notation 8197,1.5,2.5.")),
+    ],
+    owning: Owning = _OWNING,
+    other: Other = _OTHER,
+    connection: Connection = _CONNECTION,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Call a function of the table and print its result."""
+    from orinkit.cli._shared.output import plain, print_json, text, typed
+
+    entry = _find(function)
+    _check_options(entry, owning, other)
+    if entry.interface == "Service" or entry is functions.controller_connect:
+        arguments, reply = _call_service(entry, args, url, connection)
+    else:
+        sent = read_arguments(entry, entry.arguments[1:], args)
+        with connection.opened(url) as controller:
+            # the object is kept: one that is dropped is released
+            target = controller if other.handle is not None else _target(entry, controller, owning, other)
+            arguments = (target.handle if other.handle is None else other.handle, *sent)
+            reply = _request(controller, entry, arguments)
+    name = lookup(reply.code).name
+    if json:
+        result = None if reply.value is None else typed(reply.value)
+        print_json({"function": entry.name, "id": entry.id, "arguments": [plain(argument) for argument in arguments],
+                    "code": reply.code, "code_name": name, "result": result})  # fmt: skip
+    else:
+        print(name if reply.value is None else text(reply.value))
+
+
+_APPLY: Final[dict[str, tuple[str, ...]]] = {
+    "Variable": ("robot", "task", "extension", "file", "variable"),
+    "Robot": ("robot",), "Task": ("task",), "Extension": ("extension",), "File": ("file",), "Command": ("command",),
+}  # fmt: skip
+
+
+def _check_options(entry: Function[..., Any], owning: Owning, other: Other) -> None:
+    """Refuse an option that names an object which the function does not work on: it would be passed over unsaid."""
+    apply = _APPLY.get(entry.interface, ())
+    for options in (owning, other):
+        for option, value in vars(options).items():
+            if value is not None and option != "handle" and option not in apply:
+                raise unusable(
+                    tr(
+                        "--{option} is of no use with {name}, which works on the {interface}",
+                        option=option,
+                        name=entry.name,
+                        interface=entry.interface,
+                    ),
+                )
+
+
+def _request(controller: orinkit.Controller, entry: Function[..., Any], arguments: tuple[Any, ...]) -> Reply:
+    try:
+        return controller.client.request(entry, *arguments, exact=True)
+    except ObjectNotFound:
+        if entry is functions.controller_get_message:
+            raise _no_message() from None
+        raise
+
+
+def _no_message() -> Failure:
+    return Failure(tr("no message waits on the controller"))
+
+
+def _find(name: str) -> Function[..., Any]:
+    try:
+        return functions.find(name)
+    except KeyError as error:
+        raise Failure(str(error.args[0]), 2) from None
+
+
+def _call_service(
+    entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: Connection
+) -> tuple[tuple[Any, ...], Any]:
+    if entry is functions.controller_connect and not texts:
+        texts = ("", connection.provider, connection.machine, connection.option or "")
+    arguments = read_arguments(entry, entry.arguments, texts)
+    with connection.open_client(url) as client:
+        if entry is not functions.service_start:
+            client.call(functions.service_start)
+        reply = client.request(entry, *arguments, exact=True)
+        if entry is not functions.service_stop:
+            client.call(functions.service_stop)
+    return arguments, reply
+
+
+def _target(entry: Function[..., Any], controller: orinkit.Controller, owning: Owning, other: Other) -> Node:
+    """Return the object that the function works on."""
+    match entry.interface:
+        case "Controller":
+            return controller
+        case "Variable":
+            return owning.of(controller).variable(_named(entry, "variable", other.variable))
+        case "Command":
+            return controller.command(_named(entry, "command", other.command))
+        case "Robot":
+            return controller.robot(_named(entry, "robot", owning.robot))
+        case "Task":
+            return controller.task(_named(entry, "task", owning.task))
+        case "Extension":
+            return controller.extension(_named(entry, "extension", owning.extension))
+        case "File":
+            return controller.file(_named(entry, "file", owning.file))
+    message = controller.message()
+    if message is None:
+        raise _no_message()
+    return message
+
+
+def _named(entry: Function[..., Any], kind: str, name: str | None) -> str:
+    if name is None:
+        raise unusable(
+            tr("{name} needs to know which {kind}: name it with --{kind} NAME", name=entry.name, kind=kind),
+        )
+    return name
+
+
+def read_arguments(
+    entry: Function[..., Any], arguments: tuple[Argument, ...], texts: tuple[str, ...]
+) -> tuple[Any, ...]:
+    """Return the arguments of a call from words of the command line.
+
+    Args:
+        entry: the function.
+        arguments: its arguments, or those behind the handle.
+        texts: the words.
+
+    Raises:
+        Failure: too many, too few, or one that is not of the argument's type.
+        NotationError: a word begins as notation and is not.
+    """
+    required = sum(not argument.optional for argument in arguments)
+    if not required <= len(texts) <= len(arguments):
+        takes = f"{required}" if required == len(arguments) else f"{required}-{len(arguments)}"
+        several = len(texts) > len(arguments) > 0 and arguments[-1].vt is VarType.VARIANT
+        raise unusable(
+            tr(
+                "{count} given, {wanted} wanted for {function}; the handle is filled in",
+                count=len(texts),
+                wanted=takes,
+                function=signature(entry),
+            )
+            + (tr(_SEVERAL) if several else "")
+        )
+    return tuple(_read(argument, text) for argument, text in zip(arguments, texts, strict=False))
+
+
+_SEVERAL: Final = N_('. Try: several values are one argument, as 8197,10,50 or "8204,(5,1),(11,1)"')
+
+
+def _read(argument: Argument, text: str) -> Any:
+    if argument.vt is VarType.BSTR:
+        return _read_text(text)
+    value = parse_lenient(text) if not _CODE.fullmatch(text) else Variant(VarType.I4, signed(int(text, 16)))
+    if argument.vt is VarType.VARIANT:
+        return value
+    number = value.plain
+    fits = isinstance(number, int if argument.vt is VarType.I4 else int | float) and not isinstance(number, bool)
+    if not fits:
+        name = f"{argument.name} ({type_text(argument.vt)})"
+        raise unusable(tr("{text!r} is no number for the argument {name}", text=text, name=name))
+    return number
+
+
+def _read_text(text: str) -> str:
+    """Take a word as it is, unless it says in notation that it is a text: ``8,100``."""
+    try:
+        value = parse_lenient(text)
+    except NotationError:
+        return text
+    return str(value.value) if value.type == VarType.BSTR else text

@@ -1,0 +1,120 @@
+"""``orinkit move``: move a robot to a pose."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from cyclopts import Parameter
+
+import orinkit
+from orinkit.cli._shared.connection import Connection, Json, Url
+from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.interrupts import Interrupts
+from orinkit.cli._shared.moving import Bar, errors_told, follow, notes_shown, reading, rounded, shown
+from orinkit.client._shared.robot import MoveOptions, option_text
+from orinkit.core.i18n import tr
+from orinkit.values.poses import parse_target, to_text
+
+if TYPE_CHECKING:
+    from orinkit.cli._shared.motion_record import Recorder
+
+_CONNECTION: Final = Connection()
+
+
+def move(
+    url: Url,
+    pose: Annotated[
+        str,
+        Parameter(help=tr("Where to: \"J(45,30,120,0,-60,0)\", \"P(400,0,300,180,0,180,5)\", P1.")),
+    ],
+    /,
+    *,
+    line: Annotated[bool, Parameter(help=tr("Move the tool along a line."))] = False,
+    speed: Annotated[
+        float | None, Parameter(help=tr("Speed in percent; 100 by default."))
+    ] = None,
+    mark: Annotated[
+        str | None, Parameter(help=tr("Pass mark: @0, @E, @P or @10."))
+    ] = None,
+    record: Annotated[
+        str | None,
+        Parameter(help=tr("Record the motion in this CSV file, a row for each 8 ms; see orinkit plot.")),
+    ] = None,
+    no_motor: Annotated[
+        bool, Parameter(help=tr("Do not switch the motor on; it has to be."))
+    ] = False,
+    alive: Annotated[
+        float,
+        Parameter(help=tr(
+"Seconds without a sign of life of this command after which the server stops the arm; 0 "
+"does not ask for it: controllers of other makers may refuse Alive in Service_Start.")),
+    ] = 1.0,
+    connection: Connection = _CONNECTION,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Take the arm, switch the motor on if it is off, move, and give everything back.
+
+    Ctrl-C halts the arm, then gives everything back as well. Prints where the arm is at the end.
+    """
+    from orinkit.cli._shared.motion_record import Recorder
+
+    options: MoveOptions = {"wait": False}
+    if speed is not None:
+        options["speed"] = speed
+    option_text(options)  # what cannot be is said before anything moves
+    mark = mark or ""
+    parse_target(to_text(pose, mark))
+    with (
+        notes_shown(),
+        connection.open(url, alive or None) as controller,
+        controller.robot() as robot,
+        ExitStack() as stack,
+    ):
+        _require_motions(robot)
+        bar = stack.enter_context(Bar())
+        recorder = None
+        if record is not None:
+            recorder = stack.enter_context(Recorder(robot, Path(record), reading(bar)))
+        with Interrupts() as interrupts, errors_told(controller, url):
+            _move(robot, pose, mark, options, interrupts, bar, recorder, line=line, motor=not no_motor)
+        joints, position = shown(robot.joints), robot.position
+    if json:
+        from orinkit.cli._shared.output import print_json
+
+        print_json({"joints": list(joints), "position": list(position), "record": record})
+    else:
+        print(f"{rounded(joints)}\n{rounded(position)}")
+
+
+def _require_motions(robot: orinkit.Robot) -> None:
+    """Refuse an arm that has no motions of its own before anything is done."""
+    if robot.client.dialect.takes_arm:
+        return
+    raise Failure(tr("a VE026A moves in slave mode only. Try: orinkit stream with --move"))
+
+
+def _move(
+    robot: orinkit.Robot,
+    pose: str,
+    mark: str,
+    options: MoveOptions,
+    interrupts: Interrupts,
+    bar: Bar,
+    recorder: Recorder | None,
+    *,
+    line: bool,
+    motor: bool,
+) -> None:
+    with ExitStack() as held:
+        held.enter_context(robot.arm())
+        if motor and not robot.motor_on:
+            held.enter_context(robot.motor())
+        interrupts.check()
+        if recorder is not None:
+            recorder.start()
+        motion = (robot.move_l if line else robot.move)(pose, mark, **options)
+        follow(robot, motion, interrupts, bar)
+        if recorder is not None:
+            recorder.stop()

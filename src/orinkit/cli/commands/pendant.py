@@ -1,0 +1,322 @@
+"""``orinkit pendant``: press the buttons of a virtual RC8 through its control port."""
+
+from __future__ import annotations
+
+import json as json_texts
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from cyclopts import Parameter
+
+from orinkit.cli._shared.connection import CONNECTION, Connection
+from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.client._shared.common import DEFAULT_TIMEOUT
+from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
+from orinkit.core.hresult import E_CAO_PROV_INVALID
+from orinkit.core.i18n import N_, tr
+from orinkit.transport.address import Address, is_loopback, parse_address
+
+PROVIDER: Final = "CaoProv.orinkit.Pendant"
+
+MODES: Final = {"manual": 1, "teach": 2, "auto": 3}
+
+
+def read_mode(word: str) -> int:
+    """Return the number of a mode from its name.
+
+    Raises:
+        Failure: it is none.
+    """
+    mode = MODES.get(word.strip().lower())
+    if mode is None:
+        raise unusable(
+            tr("{word!r:.40} is no mode; manual, teach or auto", word=word),
+        )
+    return mode
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """What the command line can have done.
+
+    Attributes:
+        command: of the control port.
+        values: what is written behind it, for people.
+        read: returns the command's parameter from these words and whether to wait; raises Failure.
+        shows: what of the status is shown when it is done; all of it where this is empty.
+        waits: whether it can wait for its end.
+    """
+
+    command: str
+    values: str
+    read: Callable[[Words], Any]
+    shows: tuple[str, ...] = ()
+    waits: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """The words behind an action.
+
+    Attributes:
+        given: the words.
+        wait: whether the end is to be waited for.
+        usage: how the action is written, for the error messages.
+    """
+
+    given: tuple[str, ...]
+    wait: bool
+    usage: str
+
+    def none(self) -> None:
+        """No words."""
+        self.count(0)
+
+    def one(self) -> str:
+        """One word."""
+        return self.count(1)[0]
+
+    def flag(self) -> bool:
+        """``on`` or ``off``."""
+        word = self.one().lower()
+        if word not in ("on", "off"):
+            raise self.wrong()
+        return word == "on"
+
+    def number(self, index: int) -> float:
+        """The word at a place as a number."""
+        try:
+            return float(self.given[index])
+        except ValueError:
+            raise self.wrong() from None
+
+    def count(self, least: int, most: int | None = None) -> tuple[str, ...]:
+        """The words, that many of them."""
+        if not least <= len(self.given) <= (least if most is None else most):
+            raise self.wrong()
+        return self.given
+
+    def wrong(self) -> Failure:
+        """Return the exception for words that cannot be."""
+        return unusable(tr("the form is: {usage}", usage=self.usage))
+
+
+def _jog(words: Words) -> list[float]:
+    words.count(2)
+    axis, distance = words.number(0), words.number(1)
+    if not axis.is_integer():
+        raise words.wrong()
+    return [int(axis), distance, int(words.wait)]
+
+
+def _whole(words: Words) -> int:
+    words.count(1)
+    number = words.number(0)
+    if not number.is_integer():
+        raise words.wrong()
+    return int(number)
+
+
+def _workpiece(words: Words) -> list[float] | None:
+    word = words.one()
+    return None if word.lower() == "none" else [words.number(0)]
+
+
+_STOPS: Final = ("motor", "error")
+ACTIONS: Final[dict[str, Action]] = {
+    "mode": Action("Mode", "manual|teach|auto", lambda words: read_mode(words.one()), ("mode",)),
+    "token": Action("Token", "any|tp|io|ethernet[:ADDRESS]", Words.one, ("token",)),
+    "estop": Action("EmergencyStop", "on|off", Words.flag, ("emergency_stop", *_STOPS)),
+    "protective": Action("ProtectiveStop", "on|off", Words.flag, ("protective_stop", *_STOPS)),
+    "auto-enable": Action("AutoEnable", "on|off", Words.flag, ("auto_enable", *_STOPS)),
+    "deadman": Action("Deadman", "on|off", Words.flag, ("deadman",)),
+    "motor": Action("Motor", "on|off", lambda words: [words.flag(), words.wait], ("motor",), waits=True),
+    "jog": Action("Jog", "AXIS DISTANCE", _jog, ("moving", "joints"), waits=True),
+    "lock": Action("MachineLock", "on|off", Words.flag, ("machine_lock",)),
+    "slave-limit": Action("SlaveLimit", "0|1|2|3", _whole, ("slave_limit",)),
+    "error": Action("RaiseError", "NAME|0xCODE [MESSAGE]", lambda words: list(words.count(1, 2)), ("error",)),
+    "clear": Action("ClearErrors", "", Words.none, ("error",)),
+    "restart": Action("Restart", "", Words.none, _STOPS),
+    "workpiece": Action("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
+    "status": Action("Status", "", Words.none),
+}
+"""The actions, by name."""
+
+
+def pendant(
+    url: Annotated[
+        str,
+        Parameter(help=tr("Control port, as orinkit serve rc8 --control says it: tcp://127.0.0.1:5008.")),
+    ],
+    action: Annotated[
+        str,
+        Parameter(
+            help=tr("What to do: ")
+            + ", ".join(f"{name} {each.values}".rstrip() for name, each in ACTIONS.items())
+            + "."
+        ),
+    ],
+    /,
+    *value: Annotated[
+        str,
+        Parameter(help=tr("What the action wants, as above; DISTANCE is in degrees, WIDTH in mm.")),
+    ],
+    wait: Annotated[bool, Parameter(help=tr("Wait for the end of jog or motor."))] = False,
+    json: Annotated[
+        bool,
+        Parameter(help=tr("Print the whole status as one JSON document.")),
+    ] = False,
+    control_secret_file: Annotated[
+        str | None,
+        Parameter(
+            group=CONNECTION,
+            help=tr(
+                "File with the secret of the control port; by default the one that a server of this account has left."
+            ),
+        ),
+    ] = None,
+    timeout: Annotated[
+        float,
+        Parameter(
+            group=CONNECTION,
+            help=tr("Seconds for connecting and for each call."),
+        ),
+    ] = DEFAULT_TIMEOUT,
+    trace: Annotated[bool, Parameter(group=CONNECTION, help=tr("Show every packet on stderr."))] = False,
+) -> None:
+    """Press a button of a virtual RC8 and print how things stand then."""
+    from orinkit.cli._shared.output import print_json
+    from orinkit.cli._shared.terminal import one_line
+
+    wanted = _find(action)
+    usage = f"{action} {wanted.values}".rstrip() + (" [--wait]" if wanted.waits else "")
+    if wait and not wanted.waits:
+        raise unusable(tr("--wait is of no use with {action}", action=action))
+    secret = _secret(url, control_secret_file)
+    connection = Connection(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
+    status = _press(url, connection, wanted, Words(value, wait, usage))
+    if json:
+        print_json(status)
+    else:
+        for line in lines(status, wanted.shows):
+            print(one_line(line))
+
+
+def _find(name: str) -> Action:
+    found = ACTIONS.get(name.lower())
+    if found is None:
+        raise unusable(
+            tr("there is no action {name!r:.40}; there are {actions}", name=name, actions=", ".join(ACTIONS))
+        )
+    return found
+
+
+def _secret(url: str, path: str | None) -> str:
+    """Return the secret of a control port; ``""`` where nothing is known of it.
+
+    Raises:
+        Failure: the file cannot be used.
+        InvalidAddress: the URL is none.
+    """
+    from orinkit.cli._shared.control_secret import find_secret, read_secret
+
+    if path is not None:
+        return read_secret(path)
+    address = parse_address(url)
+    return find_secret(address) if isinstance(address, Address) and is_loopback(address.host) else ""
+
+
+def _denied(url: str, *, known: bool) -> Failure:
+    if known:
+        return Failure(
+            tr(
+                "{url} refuses the secret. Try: --control-secret-file FILE with the one that its server has printed",
+                url=url,
+            )
+        )
+    return Failure(
+        tr(
+            "{url} needs its secret, and no server of this account has left one for this port. Try: "
+            "--control-secret-file FILE with the one that its server has printed",
+            url=url,
+        )
+    )
+
+
+def _press(url: str, connection: Connection, action: Action, words: Words) -> dict[str, Any]:
+    """Press a button; returns the status behind it."""
+    parameter = action.read(words)
+    try:
+        controller = connection.open(url)
+    except AccessDenied:
+        raise _denied(url, known=connection.option is not None) from None
+    except CallError as error:
+        if error.code != E_CAO_PROV_INVALID:
+            raise
+        raise Failure(
+            tr("{url} is no control port; orinkit serve rc8 --control 127.0.0.1:5008 opens one", url=url)
+        ) from None
+    with controller:
+        if action.command != "Status":
+            try:
+                controller.execute(action.command, parameter)
+            except InvalidArgument as error:  # only the code comes over the wire, not what is wrong
+                raise Failure(f"{error} {words.wrong()}") from None
+        return _status(controller.execute("Status"))
+
+
+def _status(answer: object) -> dict[str, Any]:
+    try:
+        status = json_texts.loads(answer) if isinstance(answer, str) else None
+    except (ValueError, RecursionError):
+        status = None
+    if isinstance(status, dict):
+        return status
+    raise ProtocolError(tr("Status was answered with {answer!r:.80}", answer=answer))
+
+
+# --- for people -------------------------------------------------------------------------------------------------------
+
+_LABELS: Final = {
+    "mode": N_("mode"), "token": N_("executable token"), "emergency_stop": N_("emergency stop"),
+    "protective_stop": N_("protective stop"), "auto_enable": N_("auto enable"),
+    "deadman": N_("enable switch"), "machine_lock": N_("machine lock"),
+    "motor": N_("motor"), "moving": N_("moving"), "held": N_("paused"),
+    "arm_holder": N_("arm taken by"), "error": N_("error"), "joints": N_("joints"),
+    "programs": N_("programs running"), "slave_mode": N_("slave mode"),
+    "slave_limit": N_("slave limit"), "hand.position": N_("hand: position"),
+    "hand.motor": N_("hand: motor"), "hand.moving": N_("hand: moving"),
+    "hand.holding": N_("hand: holding"), "hand.force": N_("hand: force"),
+    "hand.workpiece": N_("hand: workpiece"),
+}  # fmt: skip
+
+
+def lines(status: Mapping[str, Any], shows: tuple[str, ...] = ()) -> list[str]:
+    """Return the status for people: a line for each thing, of all or of those that are named."""
+    from orinkit.cli._shared.output import padded, width
+
+    rows = [
+        (tr(_LABELS[name]) if name in _LABELS else name, _shown(value))
+        for name, value in _flat(status)
+        if not shows or name in shows
+    ]
+    widest = max((width(label) for label, _ in rows), default=0)
+    return [f"{padded(label, widest)}  {value}" for label, value in rows]
+
+
+def _flat(status: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    rows: list[tuple[str, Any]] = []
+    for name, value in status.items():
+        rows += _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else [(f"{prefix}{name}", value)]
+    return rows
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, list):
+        return " ".join(map(_shown, value))
+    if isinstance(value, float):
+        return f"{value:g}" if abs(value) < 1e6 else str(value)
+    return "-" if value in (None, "") else str(value)

@@ -1,0 +1,282 @@
+"""``orinkit serve rc8``: the virtual RC8 on the network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.arms import MODEL_NAMES
+from orinkit.cli._shared.control_secret import OPTION, left_for, read_secret
+from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.serving import LISTENING, Control, Listening, begin_log, check, check_control, run
+from orinkit.cli.commands.pendant import read_mode
+from orinkit.cli.commands.serve_device import announce, load_targets
+from orinkit.core.errors import InvalidValue, NotationError
+from orinkit.core.i18n import tr
+from orinkit.device.discovery import load_installed
+from orinkit.values.poses import J, parse_target
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.rc8 import Permission, VirtualRC8
+from orinkit.virtual.rc8.control import ControlProvider
+from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
+
+_CONTROLLER: Final = Group(tr("Controller"), sort_key=7)
+_ROBOT: Final = Group(tr("Robot"), sort_key=7)
+_PROVIDERS: Final = Group(tr("Devices beside it"), sort_key=7)
+_LISTENING: Final = Listening()
+
+
+def serve_rc8(
+    *,
+    state: Annotated[
+        str | None,
+        Parameter(
+            group=_CONTROLLER,
+            help=tr("Directory that keeps the variables; forgotten at the end without it."),
+        ),
+    ] = None,
+    permission: Annotated[
+        str,
+        Parameter(
+            group=_CONTROLLER,
+            help=tr("Who may read (r) and write (rw): \"192.168.0.7=r,10.0.0.0/8=none,*=rw\"."),
+        ),
+    ] = "*=rw",
+    count: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_CONTROLLER,
+            help=tr(
+"How many variables of a class I F D V P J T S: I=200; may be given again. 100 by "
+"default."),
+        ),
+    ] = (),
+    io_points: Annotated[
+        int, Parameter(group=_CONTROLLER, converter=whole_number, help=tr("How many I/O points."))
+    ] = DEFAULT_IO_POINTS,
+    accept_pc_provider: Annotated[
+        bool,
+        Parameter(
+            group=_CONTROLLER,
+            help=tr("Answer to CaoProv.DENSO.RC8 too, which real controllers refuse but some clients send."),
+        ),
+    ] = False,
+    model: Annotated[
+        str,
+        Parameter(
+            group=_ROBOT,
+            help=tr("Its arm: {models}, or a TOML file of your own.", models=", ".join(MODEL_NAMES)),
+        ),
+    ] = "VS-050",
+    mode: Annotated[
+        str, Parameter(group=_ROBOT, help=tr("Mode switch: manual, teach or auto."))
+    ] = "auto",
+    token: Annotated[
+        str,
+        Parameter(
+            group=_ROBOT,
+            help=tr("Executable token: any, tp, io, ethernet or ethernet:ADDRESS."),
+        ),
+    ] = "any",  # noqa: S107 - a start right
+    motor_on: Annotated[
+        bool, Parameter(group=_ROBOT, help=tr("The motor is on from the beginning."))
+    ] = False,
+    joints: Annotated[
+        str | None,
+        Parameter(
+            group=_ROBOT,
+            allow_leading_hyphen=True,
+            help=tr(
+"Where the arm stands, in degrees: \"J(0, 30, 90, 0, 60, 0)\" or 0,30,90,0,60,0; its home "
+"pose by default."),
+        ),
+    ] = None,
+    no_samples: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=tr("Put no sample programs into an empty file store."),
+        ),
+    ] = False,
+    no_slave_licence: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=tr("Refuse slave mode: its licence is not registered."),
+        ),
+    ] = False,
+    slave_limit: Annotated[
+        int,
+        Parameter(
+            group=_ROBOT,
+            converter=whole_number,
+            help=tr(
+"Limits in slave mode: 0 servo, 1 servo x external speed, 2 command, 3 command x "
+"external speed."),
+        ),
+    ] = 0,
+    strict_time: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=tr(
+"Late set-points in slave mode are not waited for (250 ms): an error at once, or in mode "
+"1 a stop in place, as on a real controller."),
+        ),
+    ] = False,
+    time_scale: Annotated[
+        float,
+        Parameter(
+            group=_CONTROLLER,
+            help=tr(
+"How many seconds of the controller pass in one real second; 20 makes motions 20 times "
+"as fast."),
+        ),
+    ] = 1.0,
+    provider: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=_PROVIDERS,
+            help=tr(
+"A device to serve too: file.py:Class, module:Class, or the name of an installed one; "
+"may be given again."),
+        ),
+    ] = (),
+    no_providers: Annotated[
+        bool,
+        Parameter(
+            group=_PROVIDERS,
+            help=tr("Leave out installed providers; they are served too otherwise."),
+        ),
+    ] = False,
+    control: Annotated[
+        str | None,
+        Parameter(
+            group=LISTENING,
+            help=tr(
+"HOST:PORT on this machine for orinkit pendant; printed as \"ready control "
+"tcp://HOST:PORT\", its secret below. Port 0 takes a free one."),
+        ),
+    ] = None,
+    control_secret_file: Annotated[
+        str | None,
+        Parameter(
+            group=LISTENING,
+            help=tr(
+"File with the secret of --control; without that file, where it is made and removed at "
+"the end. By default a file that orinkit pendant finds."),
+        ),
+    ] = None,
+    listening: Listening = _LISTENING,
+) -> int:  # fmt: skip
+    """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
+    check(listening)
+    secret = _read_control(control, control_secret_file)
+    try:
+        rc8 = VirtualRC8(
+            counts=read_counts(count),
+            io_points=io_points,
+            state=state,
+            permission=Permission.parse(permission),
+            accept_pc_provider=accept_pc_provider,
+            model=model,
+            mode=read_mode(mode),
+            token=token,
+            motor=motor_on,
+            joints=None if joints is None else read_joints(joints),
+            samples=not no_samples,
+            slave_licence=not no_slave_licence,
+            slave_limit=slave_limit,
+            strict_time=strict_time,
+            clock=Clock(time_scale),
+        )
+    except ValueError as error:
+        raise Failure(str(error), 2) from None
+    try:
+        begin_log(listening)
+        served = load_targets(provider, [rc8])
+        if not no_providers:
+            served += load_installed(served, but=provider)
+        announce(served, rc8)
+        return run(served, listening, _control(rc8, control, secret, control_secret_file))
+    finally:
+        rc8.close()
+
+
+def _read_control(url: str | None, path: str | None) -> str:
+    """Return the secret of the control port if it is in a file already, else ``""``.
+
+    Raises:
+        Failure: the port, or the file, cannot be used.
+        InvalidAddress: the port is none.
+    """
+    if url is not None:
+        check_control(url)
+        return read_secret(path) if path is not None and Path(path).exists() else ""
+    if path is not None:
+        raise unusable(tr("{option} needs --control HOST:PORT", option=OPTION))
+    return ""
+
+
+def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) -> Control | None:
+    if url is None:
+        return None
+    provider = ControlProvider(rc8, secret=secret)
+
+    @contextmanager
+    def offered(port: int) -> Iterator[Sequence[str]]:
+        if secret:  # whoever made the file knows it
+            yield ()
+        else:
+            with left_for(provider.secret, port, path):
+                yield (f"control secret {provider.secret}",)
+
+    return Control(provider, url, offered)
+
+
+def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
+    """Return counts by class from ``I=200``.
+
+    Raises:
+        Failure: a text is not of that form.
+    """
+    counts: dict[str, int] = {}
+    for text in texts:
+        name, equals, number = text.partition("=")
+        if not equals or not number.isdecimal():
+            raise unusable(tr("--count {text}: CLASS=NUMBER is needed, as I=200", text=text))
+        counts[name.strip().upper()] = int(number)
+    return counts
+
+
+def read_joints(text: str) -> tuple[float, ...]:
+    """Return joints from ``J(0, 30, 90, 0, 60, 0)`` or their numbers alone.
+
+    Raises:
+        Failure: the text is neither.
+    """
+    try:
+        if text.strip()[:1] not in ("J", "j"):
+            return tuple(J.of([float(part) for part in text.replace(",", " ").split()]))
+        target = parse_target(text)
+    except (NotationError, InvalidValue) as error:
+        raise _no_joints(text, f": {error}") from None
+    except ValueError:
+        raise _no_joints(text) from None
+    if target.kind != "J" or target.mark or target.extra or isinstance(target.value, int):
+        raise _no_joints(text)
+    return target.value
+
+
+def _no_joints(text: str, reason: str = "") -> Failure:
+    return unusable(
+        tr(
+            '--joints {text:.60}: "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0 is the form{reason}',
+            text=text,
+            reason=reason,
+        ),
+    )

@@ -1,0 +1,67 @@
+"""``orinkit serve ve026a``: the virtual VE026A on a serial line, a pseudo-terminal or the network."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.serving import Listening, check, run
+from orinkit.cli.commands.serve_rc8 import read_joints
+from orinkit.core.i18n import tr
+from orinkit.virtual.clock import Clock
+from orinkit.virtual.ve026a import VirtualVE026A
+
+_ROBOT: Final = Group(tr("Robot"), sort_key=7)
+_LISTENING: Final = Listening()
+
+
+def serve_ve026a(
+    *,
+    joints: Annotated[
+        str | None,
+        Parameter(
+            group=_ROBOT,
+            allow_leading_hyphen=True,
+            help=tr(
+"Where the arm stands, in degrees, J7 is the hand: \"J(0, 30, 120, 0, 30, 0, 0)\" or "
+"0,30,120,0,30,0,0; its home pose by default."),
+        ),
+    ] = None,
+    motor_on: Annotated[
+        bool, Parameter(group=_ROBOT, help=tr("The motor is on from the beginning."))
+    ] = False,
+    strict_time: Annotated[
+        bool,
+        Parameter(
+            group=_ROBOT,
+            help=tr(
+"A late set-point is an error at once, as on a real VE026A, instead of being waited for "
+"(250 ms)."),
+        ),
+    ] = False,
+    time_scale: Annotated[
+        float,
+        Parameter(
+            group=_ROBOT,
+            help=tr("How many seconds of the arm pass in one real second; 20 makes it 20 times as fast."),
+        ),
+    ] = 1.0,
+    listening: Listening = _LISTENING,
+) -> int:  # fmt: skip
+    """Serve a virtual VE026A; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
+    check(listening)
+    try:
+        arm = VirtualVE026A(
+            clock=Clock(time_scale),
+            joints=None if joints is None else read_joints(joints),
+            motor=motor_on,
+            strict_time=strict_time,
+        )
+    except ValueError as error:
+        raise Failure(str(error), 2) from None
+    try:
+        return run([arm], listening)
+    finally:
+        arm.close()

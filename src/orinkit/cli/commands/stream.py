@@ -1,0 +1,356 @@
+"""``orinkit stream``: carry out a trajectory set-point by set-point, in slave mode."""
+
+from __future__ import annotations
+
+import math
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+
+from cyclopts import Parameter
+
+import orinkit
+from orinkit.cli._shared.connection import Connection, Json, Url
+from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.interrupts import Interrupts
+from orinkit.cli._shared.moving import Bar, errors_told, follow, notes_shown, rounded, shown
+from orinkit.client._shared.motion import POLL
+from orinkit.core.i18n import tr
+from orinkit.transport.runner import pause
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from orinkit import Progress
+    from orinkit.cao.dialect import Dialect
+    from orinkit.cli._shared.stream_report import Report
+    from orinkit.client._shared.stream_options import Options, Wanted
+    from orinkit.client._sync.stream import Stream
+    from orinkit.rc8.slave_formats import PoseKind
+    from orinkit.streaming.planning.limits import Limits, PathLimits
+    from orinkit.values.poses import J, P, T
+
+Points: TypeAlias = "list[tuple[float, ...]]"
+
+_CONNECTION: Final = Connection()
+_SUFFIXES: Final = (".csv", ".mcap")
+_RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
+    "J": ("time", "joints"),
+    "P": ("time", "position", "joints"),
+    "T": ("time", "trans", "joints"),
+}
+_ROBOT_AXES: Final = 6
+_THERE: Final = 1e-3  # deg or mm
+_EACH: Final = 12  # set-points between two looks of the bar, about 0.1 s
+
+
+def stream(
+    url: Url,
+    trajectory: Annotated[
+        str,
+        Parameter(help=tr("CSV file with a set-point for each 8 ms, or with times.")),
+    ],
+    /,
+    *,
+    mode: Annotated[
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help=tr(
+"Slave mode: 0 or 2, the default, has the controller queue set-points, 1 take the "
+"newest; a VE026A has 0 and 1."),
+        ),
+    ] = None,
+    pose: Annotated[
+        str | None,
+        Parameter(help=tr(
+"What set-points are: J joints, P positions, T transformations; by default as the file "
+"has it.")),
+    ] = None,
+    record: Annotated[
+        str | None,
+        Parameter(help=tr("Record set-points and feedback in this file, .csv or .mcap; see orinkit plot.")),
+    ] = None,
+    retime: Annotated[
+        bool,
+        Parameter(help=tr("Slow down what is faster than the limits.")),
+    ] = False,
+    speed: Annotated[
+        float, Parameter(help=tr("Percent of the arm's limits to stay within."))
+    ] = 100.0,
+    model: Annotated[
+        str | None,
+        Parameter(help=tr("Arm whose limits hold, or a TOML file; by default as the controller names it.")),
+    ] = None,
+    move: Annotated[
+        bool,
+        Parameter(help=tr("Move to the first set-point before, point to point; a VE026A in slave mode.")),
+    ] = False,
+    no_motor: Annotated[
+        bool, Parameter(help=tr("Do not switch the motor on; it has to be."))
+    ] = False,
+    connection: Connection = _CONNECTION,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Take arm and motor, check the trajectory, stream it, and tell how it went.
+
+    Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM brings the arm to rest within its limits.
+    """
+    job = _job(
+        connection.known_dialect, trajectory, mode, pose, record, speed, model,
+        retime=retime, move=move, motor=not no_motor,
+    )  # fmt: skip
+    with notes_shown(), connection.open(url) as controller, controller.robot() as robot, Bar() as bar:
+        job.options = job.read(robot.client.dialect)
+        try:
+            with Interrupts() as interrupts, errors_told(controller, url):
+                report = _carry_out(robot, job, interrupts, bar)
+        except KeyboardInterrupt as interrupt:
+            if interrupt is job.interrupt:
+                raise _interrupted(job) from None
+            raise
+    if json:
+        from orinkit.cli._shared.output import print_json
+
+        print_json(report.document())
+    else:
+        print("\n".join(report.lines()))
+
+
+@dataclass(slots=True)
+class _Job:
+    """What is to be done.
+
+    Attributes:
+        path: of the trajectory.
+        kind: of its set-points.
+        read: reads the options of slave mode for a dialect.
+        options: what it has read.
+        speed: percent.
+        retime, move, motor: what is done before.
+        progress: how far it is.
+        interrupt: by which somebody has ended it while it streamed.
+    """
+
+    path: Path
+    kind: PoseKind
+    read: Callable[[Dialect], Options]
+    options: Options
+    speed: float
+    retime: bool
+    move: bool
+    motor: bool
+    progress: Progress | None = field(default=None)
+    interrupt: KeyboardInterrupt | None = field(default=None)
+
+
+def _job(
+    dialect: Dialect, trajectory: str, mode: int | None, pose: str | None, record: str | None, speed: float,
+    model: str | None, *, retime: bool, move: bool, motor: bool,
+) -> _Job:  # fmt: skip
+    """Return what the command line wants; all that can be wrong with it is said before anything is connected."""
+    from orinkit.client._shared.stream_options import PERIOD, read_options
+    from orinkit.streaming.trajectory.csv_file import load_csv
+
+    path = Path(trajectory)
+    kind: PoseKind = load_csv(path)[0] if pose is None else _kind(pose)
+    if record is not None:
+        _check_record(Path(record))
+    limits = None if model is None else _limits_of(model, kind)
+
+    def read(dialect: Dialect) -> Options:
+        return read_options(
+            dialect, dialect.slave_mode if mode is None else mode, kind, _RECEIVED[kind],
+            mini=None, hand=None, user=None, user_window=None, limits=limits, speed=speed, period=PERIOD, queue=100,
+            idle=None, on_range="clamp", record=record,
+        )  # fmt: skip
+
+    return _Job(path, kind, read, read(dialect), speed, retime, move, motor)
+
+
+def _kind(pose: str) -> PoseKind:
+    match pose.upper():
+        case "J":
+            return "J"
+        case "P":
+            return "P"
+        case "T":
+            return "T"
+    raise unusable(tr("--pose {pose}: J, P or T", pose=pose))
+
+
+def _check_record(path: Path) -> None:
+    from orinkit.cli._shared.motion_record import check_directory
+
+    if path.suffix.lower() not in _SUFFIXES:
+        first, second = _SUFFIXES
+        raise unusable(
+            tr("{path}: a record's name ends in {first} or {second}", path=path, first=first, second=second),
+        )
+    check_directory(path)
+
+
+def _limits_of(model: str, kind: PoseKind) -> Limits | PathLimits:
+    from orinkit.arms import load_model
+    from orinkit.streaming.planning.limits import Limits, PathLimits
+
+    try:
+        found = load_model(model)
+    except ValueError as error:
+        raise Failure(str(error), 2) from None
+    return Limits.of_model(found) if kind == "J" else PathLimits.of_model(found)
+
+
+# --- with a controller ------------------------------------------------------------------------------------------------
+
+
+def _carry_out(robot: orinkit.Robot, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
+    from orinkit.client._shared.stream import POSE_TYPES
+
+    with ExitStack() as held:
+        held.enter_context(robot.arm())
+        limits, points = _prepared(robot, job)
+        interrupts.check()
+        if job.motor and not robot.motor_on:
+            held.enter_context(robot.motor())
+        interrupts.check()
+        lead = job.move and not robot.client.dialect.takes_arm
+        first = POSE_TYPES[job.kind].of(points[0])
+        if job.move and not lead:
+            follow(robot, robot.move(first, "@E", speed=job.speed, wait=False), interrupts, bar)
+        mode = robot.slave_mode(
+            job.options.mode.buffering, job.kind, _RECEIVED[job.kind], limits=limits, idle=None,
+            record=job.options.record,
+        )  # fmt: skip
+        with mode as entered:
+            try:
+                if lead:
+                    _lead(entered, first, interrupts, bar)
+                return _streamed(entered, points, job, interrupts, bar)
+            except KeyboardInterrupt as interrupt:
+                job.interrupt = interrupt
+                raise
+
+
+def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Points]:
+    """Return limits, and set-points within them.
+
+    Raises:
+        TrajectoryError: a set-point breaks a limit, or the arm is somewhere else.
+    """
+    from orinkit.client._shared.stream_options import limits_for
+    from orinkit.streaming.planning.limits import Limits
+    from orinkit.streaming.trajectory.limit_violations import TrajectoryError
+    from orinkit.streaming.trajectory.retime import retime
+    from orinkit.streaming.trajectory.trajectory import read_trajectory
+
+    options, period = job.options, job.options.period
+    if options.limits is not None:
+        type_name = ""
+    else:
+        dialect = robot.client.dialect
+        type_name = robot.execute("GetRobotTypeName") if dialect.slave_formats else dialect.name
+    limits = limits_for(options, type_name)
+    axes = len(limits.lower) if isinstance(limits, Limits) else _ROBOT_AXES
+    points = read_trajectory(job.path, job.kind, axes, period=period)
+    if job.retime:
+        points = retime(points, limits, period, job.kind)
+    _check(points, limits, None, job)
+    if not job.move:
+        where = {"J": orinkit.Robot.get_joints, "P": orinkit.Robot.get_position, "T": orinkit.Robot.get_trans}[job.kind]
+        try:
+            _check(points, limits, tuple(where(robot)), job)
+        except TrajectoryError as error:
+            text = tr("{error}; try: --move", error=error)
+            raise TrajectoryError(text, error.sample, error.axis) from None
+    return limits, points
+
+
+def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...] | None, job: _Job) -> None:
+    from orinkit.streaming.planning.limits import PathLimits
+    from orinkit.streaming.trajectory.trajectory import check_path, check_trajectory
+
+    if isinstance(limits, PathLimits):
+        check_path(points, limits, start, job.options.period, job.kind)
+    else:
+        check_trajectory(points, limits, start, job.options.period)
+
+
+def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: Bar) -> None:
+    """Have an arm that only slave mode moves go to the first set-point, within the limits of the stream."""
+    entered.target = first
+    whole = _distance(entered, first)
+    while (left := _distance(entered, first)) > _THERE or not entered.at_rest:
+        interrupts.check()
+        if bar.seen:
+            bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, place(entered))
+        pause(POLL)
+    entered.wait()
+
+
+def _distance(entered: Stream, goal: J | P | T) -> float:
+    """Return how far the command is from a pose: the largest difference of its values."""
+    sample = entered.latest
+    return math.inf if sample is None else max(abs(a - b) for a, b in zip(sample.command, goal, strict=False))
+
+
+def _streamed(entered: Stream, points: Points, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
+    from orinkit import Progress
+    from orinkit.cli._shared.stream_report import Report
+    from orinkit.cli._shared.stream_trace import trace_of
+
+    watch = Watch(entered, bar)
+
+    job.progress = Progress(0, len(points))
+
+    def look(progress: Progress) -> None:
+        job.progress = progress
+        interrupts.check()
+        watch(progress)
+
+    interrupts.check()
+    result = entered.run(points, progress=look)
+    record = None if job.options.record is None else str(job.options.record)
+    return Report(result, entered.real_time, trace_of(result.samples, job.kind, job.options.period), record)
+
+
+class Watch:
+    """Shows in a bar how far a stream is, with what came back last.
+
+    Args:
+        entered: the stream.
+        bar: where.
+    """
+
+    def __init__(self, entered: Stream, bar: Bar) -> None:
+        self._entered = entered
+        self._bar = bar
+        self._next = 0
+
+    def __call__(self, progress: Progress) -> None:
+        """Take note of the progress."""
+        sent, total = progress
+        if self._bar.seen and total and (sent >= self._next or sent == total):
+            self._next = sent + _EACH
+            self._bar.show(tr("streaming"), sent / total, f"{sent}/{total}  {place(self._entered)}")
+
+
+def place(entered: Stream) -> str:
+    """Return where the arm is, as text; nothing where that is not told."""
+    sample = entered.latest
+    return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
+
+
+def _interrupted(job: _Job) -> Failure:
+    from orinkit.cli.app import INTERRUPTED
+
+    sent, total = job.progress or (0, 0)
+    return Failure(
+        tr(
+            "interrupted after {sent} of {total} set-points: the arm was brought to rest, slave mode is off",
+            sent=sent,
+            total=total,
+        ),
+        INTERRUPTED,
+    )

@@ -1,0 +1,1 @@
+"""``orinkit demo``: a client and a virtual controller talk, every packet explained."""

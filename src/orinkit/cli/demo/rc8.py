@@ -1,0 +1,324 @@
+"""``orinkit demo``: a client and a virtual controller talk, and every packet is shown and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from logging import NullHandler, getLogger
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from cyclopts import Parameter
+
+from orinkit.cli._shared.connection import Json
+from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.transcript import Packet, Transcript
+from orinkit.core.i18n import tr
+
+if TYPE_CHECKING:
+    import orinkit
+    from orinkit.cli._shared.stream_report import Report
+    from orinkit.cli._shared.stream_trace import Trace
+    from orinkit.cli.demo.steps import Program, Step, Stream
+    from orinkit.virtual.rc8 import VirtualRC8
+
+_URL: Final = "tcp://127.0.0.1:0"
+_INTERVAL: Final = 0.15
+_PATIENCE: Final = 30.0  # s for an answer: the controller is a program on this machine, which may be busy
+_LOGS: Final = ("orinkit.rc8", "orinkit.ve026a")
+
+
+def demo(
+    device: Annotated[
+        Literal["rc8", "ve026a"],
+        Parameter(help=tr("Which device is shown: rc8 over TCP, or ve026a over a pseudo-terminal.")),
+    ] = "rc8",
+    /,
+    *,
+    fields: Annotated[
+        bool, Parameter(help=tr("Explain every packet field by field."))
+    ] = False,
+    json: Json = False,
+    picture: Annotated[
+        str | None,
+        Parameter(help=tr("File for a picture of the arm's motion (png, svg, pdf); that of slave mode is beside it.")),
+    ] = None,
+) -> None:  # fmt: skip
+    """Serve virtual RC8s on free loopback ports and run the document's Lists 3-1, 3-2, 3-3 and 4-1 against them.
+
+    With ``ve026a`` a virtual VE026A at a pseudo-terminal, and the procedure of its document's section 6.2. Every answer is
+    compared with the document; exit code 1 if one differs.
+    """
+    from orinkit.cli._shared.output import print_json
+
+    say: Callable[[str], None] = (lambda _line: None) if json else print
+    if picture is not None and device != "rc8":
+        raise unusable(tr("--picture is for rc8"))
+    with late_told_here():
+        if device == "rc8":
+            told = _demo_rc8(say, picture, fields=fields)
+        else:
+            from orinkit.cli.demo import ve026a
+
+            told = ve026a.run(say, fields=fields)
+    if json:
+        print_json(told)
+
+
+@contextmanager
+def late_told_here() -> Iterator[None]:
+    """Keep the logs of the virtual controllers off stderr: the demo itself tells of late set-points."""
+    handler = NullHandler()
+    for name in _LOGS:
+        getLogger(name).addHandler(handler)
+    try:
+        yield
+    finally:
+        for name in _LOGS:
+            getLogger(name).removeHandler(handler)
+
+
+def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) -> dict[str, Any]:
+    """Run the programs of the document for RC8; returns what was done, for JSON."""
+    from orinkit.cli.demo.steps import LISTS
+
+    documents: list[dict[str, Any]] = []
+    recording = Recording()
+    for name, program in LISTS.items():
+        run_program(name, program, documents, say, fields=fields, recording=recording)
+    motion, slave = (None, None) if picture is None else recording.draw(Path(picture))
+    count = sum(document["answers"] for document in documents)
+    say(tr("\nAll {count} answers are as the document says.", count=count))
+    if motion is not None:
+        say(
+            tr(
+                "The arm's motion is drawn in {motion}, command and feedback of slave mode in {slave}.",
+                motion=motion,
+                slave=slave,
+            )
+        )
+    return {"steps": documents, "as_documented": True, "picture": motion, "slave_picture": slave}
+
+
+class Recording:
+    """What is drawn: the control log of the motion that was watched, and command and feedback of slave mode."""
+
+    def __init__(self) -> None:
+        self.records: list[list[float]] = []
+        self.trace: Trace | None = None
+
+    def draw(self, path: Path) -> tuple[str, str]:
+        """Draw both, the second one beside the first; returns the names of the pictures.
+
+        Raises:
+            Failure: there is no matplotlib, or a file cannot be written.
+        """
+        from orinkit.cli._shared import motion_plot, stream_plot
+        from orinkit.cli._shared.motion_record import joints_of, recording_of
+        from orinkit.cli._shared.picture import save
+
+        motion, trace = recording_of([joints_of(record) for record in self.records]), self.trace
+        assert trace is not None
+        beside = path.with_stem("slave" if path.stem != "slave" else "slave-mode")
+        save(lambda figure, label: motion_plot.draw(motion, figure, label), path)
+        save(lambda figure, label: stream_plot.draw(trace, figure, label), beside)
+        return str(path), str(beside)
+
+
+def run_program(
+    name: str, program: Program, documents: list[dict[str, Any]], say: Callable[[str], None], *, fields: bool,
+    recording: Recording | None = None,
+) -> None:  # fmt: skip
+    """Run a program of the document against a virtual RC8 of its own.
+
+    Args:
+        name: of the program in the document.
+        program: the program.
+        documents: takes each step with its packets, for JSON.
+        say: takes each line for people.
+        fields: explain packets field by field.
+        recording: takes the motion that is watched.
+
+    Raises:
+        Failure: an answer is not as the document says.
+    """
+    import orinkit
+    from orinkit.cli._shared.terminal import bold
+    from orinkit.virtual.rc8 import VirtualRC8
+
+    rc8 = VirtualRC8()
+    with orinkit.serve(rc8, _URL) as server:
+        heading = tr("{name} of the b-CAP specification for RC8: {title}", name=name, title=program.title)
+        say(bold(f"\n{heading}"))
+        say(tr("A virtual RC8 listens at {url}.", url=server.url))
+        transcript = Transcript()
+        with orinkit.open_client(server.url, timeout=_PATIENCE, trace=transcript) as client:
+            run = Run(client, rc8, transcript, Watch(server.url, say, recording), fields=fields)
+            for number, step in enumerate(program.steps, 1):
+                say(f"\n{bold(f'{number:2}. {step.title}')}  [{step.section}]")
+                outcome = run.carry_out(step)
+                for line in outcome.lines:
+                    say(line)
+                if outcome.problem:
+                    raise Failure(f"{name}, {number}. {step.title}: {outcome.problem}")
+                documents.append(
+                    {"list": name, "number": number, "title": step.title, "section": step.section, **outcome.document()}
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a step.
+
+    Attributes:
+        packets: that were seen.
+        lines: what is still to be shown.
+        problem: what is not as the document says.
+        report: of a stream.
+    """
+
+    packets: list[Packet]
+    lines: list[str]
+    problem: str
+    report: Report | None = None
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        told: dict[str, Any] = {"answers": 1, "packets": [packet.document() for packet in self.packets]}
+        if self.report is not None:
+            told["answers"] = self.report.result.sent
+            told["stream"] = self.report.document()
+        return told
+
+
+class Watch:
+    """Shows over a second connection where the arm is while a call of the first is at work, and records it."""
+
+    def __init__(self, url: str, say: Callable[[str], None], recording: Recording | None) -> None:
+        self._url = url
+        self.say = say
+        self.recording = recording
+
+    def during(self, call: Callable[[], Any], *, log: bool) -> Any:
+        """Return what a call gives, or raise what it raises, and look on meanwhile.
+
+        Args:
+            call: the call.
+            log: keep the control log.
+        """
+        import orinkit
+        from orinkit.cli.demo.stream import joints_line
+
+        with (
+            orinkit.connect(self._url, timeout=_PATIENCE) as rc8,
+            rc8.robot("Arm") as robot,
+            ThreadPoolExecutor(1) as pool,
+        ):
+            robot.execute("StartLog")
+            self.say(joints_line(robot.execute("CurJnt")[:6]))
+            at_work = pool.submit(call)
+            while wait([at_work], _INTERVAL).not_done:
+                self.say(joints_line(robot.execute("CurJnt")[:6]))
+            robot.execute("StopLog")
+            self.say(joints_line(robot.execute("CurJnt")[:6]))
+            if log and self.recording is not None:
+                count = robot.execute("GetLogCount")
+                self.recording.records = [robot.execute("GetLogRecord", index) for index in range(count)]
+            return at_work.result()
+
+
+class Run:
+    """Carries out steps on one connection and compares the packets that come back with the document."""
+
+    def __init__(
+        self, client: orinkit.Client, rc8: VirtualRC8, transcript: Transcript, watch: Watch, *, fields: bool
+    ) -> None:
+        self._fields = fields
+        self._watch = watch
+        self._client = client
+        self._rc8 = rc8
+        self._transcript = transcript
+        self._kept: dict[str, Any] = {}
+
+    def carry_out(self, step: Step | Stream) -> Outcome:
+        """Make the call, or stream."""
+        from orinkit.cli.demo.steps import Stream
+        from orinkit.core.errors import OrinError
+
+        first = len(self._transcript.packets)
+        try:
+            if isinstance(step, Stream):
+                return self._stream(step, first)
+            self._call(step)
+            problem = compare(self._transcript.packets[first:], step)
+        except OrinError as error:
+            problem = str(error)
+        return Outcome(self._transcript.packets[first:], self._packets_since(first), problem)
+
+    def _call(self, step: Step) -> None:
+        if step.before is not None:
+            step.before(self._rc8)
+        arguments = [self._given(argument) for argument in step.arguments]
+
+        def request() -> Any:
+            return self._client.request(step.function, *arguments).value
+
+        value = self._watch.during(request, log=step.log) if step.watch else request()
+        if step.keep:
+            self._kept[step.keep] = value
+
+    def _stream(self, step: Stream, first: int) -> Outcome:
+        from orinkit.cli.demo import stream
+
+        watch, points = self._watch, step.points(self._given(step.start))
+        handles = self._given(step.controller), self._given(step.robot)
+
+        shown = first
+
+        def entered() -> None:
+            nonlocal shown
+            for line in self._packets_since(shown):
+                watch.say(line)
+            shown = len(self._transcript.packets)
+
+        report, problem = stream.carry_out(self._client, handles, points, step.mode, watch.say, entered)
+        if watch.recording is not None:
+            watch.recording.trace = report.trace
+        lines = [f"      {line}" for line in report.lines()]
+        return Outcome(self._transcript.packets[first:], lines, problem, report)
+
+    def _packets_since(self, first: int) -> list[str]:
+        """Return packets for people, each with all its lines."""
+        return ["\n".join(packet.lines(fields=self._fields)) for packet in self._transcript.packets[first:]]
+
+    def _given(self, argument: Any) -> Any:
+        """Return an argument; what an earlier step was answered with for a Handle."""
+        from orinkit.cli.demo.steps import Handle
+
+        return self._kept[argument.name] if isinstance(argument, Handle) else argument
+
+
+def compare(packets: list[Packet], step: Step) -> str:
+    """Return what differs from the document, ``""`` if nothing does; S_EXECUTING may come before the reply (RC8 3.1.1)."""
+    from orinkit.bcap import packet
+    from orinkit.core import hresult
+
+    decoded = [packet.decode(each.data, exact=True) for each in packets]
+    directions = "".join(each.direction for each in packets)
+    early = [each for each in decoded[1:-1] if each.code != hresult.S_EXECUTING]
+    if len(decoded) < 2 or early or directions != ">" + "<" * (len(decoded) - 1):
+        return tr("one request and one reply were expected")
+    request, reply = decoded[0], decoded[-1]
+    head = (reply.serial, reply.reserved, reply.code)
+    if head != (request.serial, 0, 0):
+        return tr(
+            "serial, reserved field and return code are {received}, ({serial}, 0, 0) was expected",
+            received=head,
+            serial=request.serial,
+        )
+    expected = step.check(reply.arguments)
+    if not expected:
+        return ""
+    return tr("answered with {arguments}, the document has {expected}", arguments=reply.arguments, expected=expected)

@@ -1,0 +1,367 @@
+"""What the demo does and what the document says to each step, as data: a list of steps for each of its programs.
+
+A further program of the document is a further list here and an entry in :data:`LISTS`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit import functions as f
+from orinkit.cao.table import Function
+from orinkit.core import hresult
+from orinkit.core.i18n import N_, tr
+from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
+from orinkit.virtual.rc8 import VirtualRC8
+
+DEMO_ERROR: Final = hresult.MOTOR_NOT_ON
+"""The error that the demo raises in the virtual controller."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handle:
+    """Stands for what an earlier step was answered with: a handle, mostly."""
+
+    name: str
+
+
+Check = Callable[[list[Variant]], str]
+"""Looks at the arguments of a reply; returns what the document says instead, ``""`` if they are right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One call, and what it must be answered with.
+
+    Attributes:
+        text: what is done, in English, of the catalogue.
+        section: where the document has it.
+        function: what is called.
+        arguments: of the call; a :class:`Handle` for a handle.
+        check: tells whether the answer is right.
+        keep: name under which what is answered is kept, a handle mostly.
+        before: what happens in the controller before the call, nothing by default.
+        watch: show where the arm is while the call is at work.
+        log: have the controller log the motion meanwhile, for a picture.
+    """
+
+    text: str
+    section: str
+    function: Function[..., Any]
+    arguments: tuple[Any, ...]
+    check: Check
+    keep: str = ""
+    before: Callable[[VirtualRC8], None] | None = None
+    watch: bool = False
+    log: bool = False
+
+    @property
+    def title(self) -> str:
+        """What is done, in the current language."""
+        return tr(self.text)
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """Set-points that go out in slave mode, one in each cycle of the controller.
+
+    Attributes:
+        text: what is done, in English, of the catalogue.
+        section: where the document has it.
+        controller, robot: their handles.
+        start: joints that an earlier step was answered with.
+        mode: of slave mode: 0, 1 or 2.
+        points: makes the set-points, joints, of where the arm is.
+    """
+
+    text: str
+    section: str
+    controller: Handle
+    robot: Handle
+    start: Handle
+    mode: int
+    points: Callable[[Sequence[float]], list[tuple[float, ...]]]
+
+    @property
+    def title(self) -> str:
+        """What is done, in the current language."""
+        return tr(self.text)
+
+
+# --- what answers must be ---------------------------------------------------------------------------------------------
+
+
+def nothing(answer: list[Variant]) -> str:
+    """No result."""
+    return tr("no argument") if answer else ""
+
+
+def a_handle(answer: list[Variant]) -> str:
+    """A handle: one VT_I4 above zero."""
+    right = len(answer) == 1 and answer[0].type == VarType.I4 and answer[0].value > 0
+    return "" if right else tr("a handle (VT_I4 above 0)")
+
+
+def exactly(vt: VarType, value: Any = None) -> Check:
+    """Return the check for one value of one type."""
+    wanted = Variant(vt, value)
+
+    def check(answer: list[Variant]) -> str:
+        return "" if answer == [wanted] else repr(wanted)
+
+    return check
+
+
+def an_error(code: int) -> Check:
+    """Return the check for an array that begins with an error code and its text (GetCurErrorInfo)."""
+
+    def check(answer: list[Variant]) -> str:
+        right = len(answer) == 1 and answer[0].type == VARIANT_ARRAY and len(answer[0].value) > 1
+        if right:
+            first, second = answer[0].plain[:2]
+            right = first == hresult.signed(code) and isinstance(second, str) and second != ""
+        return "" if right else tr("an array of 0x{code:08X} and its text", code=code)
+
+    return check
+
+
+def a_text(answer: list[Variant]) -> str:
+    """A text that says something."""
+    right = len(answer) == 1 and answer[0].type == VarType.BSTR and answer[0].value
+    return "" if right else tr("a text (VT_BSTR)")
+
+
+# --- List 3-1 ---------------------------------------------------------------------------------------------------------
+
+
+def _raise_error(rc8: VirtualRC8) -> None:
+    rc8.raise_error(DEMO_ERROR)
+
+
+_CONTROLLER: Final = Handle("controller")
+_IO150: Final = Handle("IO150")
+_MODE: Final = Handle("@MODE")
+_AUTOMATIC: Final = 3
+
+# fmt: off
+LIST_3_1: Final[tuple[Step, ...]] = (
+    Step(N_("Start the service of this connection"), "RC8 3.1.1",
+         f.service_start, (), nothing),
+    Step(N_("Connect to the controller"), "RC8 3.1.2",
+         f.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+    Step(N_("Connect to the variable IO150"), "RC8 3.1.2",
+         f.controller_get_variable, (_CONTROLLER, "IO150", ""), a_handle, keep=_IO150.name),
+    Step(N_("Read it: the point is off"), "RC8 3.1.3",
+         f.variable_get_value, (_IO150,), exactly(VarType.BOOL, False)),
+    Step(N_("Write it, as the sample does: VT_I4 -1"), "RC8 3.1.7",
+         f.variable_put_value, (_IO150, Variant(VarType.I4, -1)), nothing),
+    Step(N_("Read it back: the point is on"), "RC8 3.1.3",
+         f.variable_get_value, (_IO150,), exactly(VarType.BOOL, True)),
+    Step(N_("Connect to the system variable @MODE"), "RC8 3.1.6",
+         f.controller_get_variable, (_CONTROLLER, "@MODE", ""), a_handle, keep=_MODE.name),
+    Step(N_("Read it: 3, automatic"), "RC8 2.2",
+         f.variable_get_value, (_MODE,), exactly(VarType.I4, _AUTOMATIC)),
+    Step(N_("An error has happened: how many are there?"), "RC8 3.3.6",
+         f.controller_execute, (_CONTROLLER, "GetCurErrorCount", None), exactly(VarType.I4, 1), before=_raise_error),
+    Step(N_("Which one is it?"), "RC8 3.3.6",
+         f.controller_execute, (_CONTROLLER, "GetCurErrorInfo", 0), an_error(DEMO_ERROR)),
+    Step(N_("What does that code mean?"), "RC8 3.3.6",
+         f.controller_execute, (_CONTROLLER, "GetErrorDescription", hresult.signed(DEMO_ERROR)), a_text),
+    Step(N_("Clear it"), "RC8 3.3.6",
+         f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
+    Step(N_("No error is left"), "RC8 3.3.6",
+         f.controller_execute, (_CONTROLLER, "GetCurErrorCount", None), exactly(VarType.I4, 0)),
+    Step(N_("Release @MODE"), "RC8 3.1.4",
+         f.variable_release, (_MODE,), nothing),
+    Step(N_("Release IO150"), "RC8 3.1.4",
+         f.variable_release, (_IO150,), nothing),
+    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step(N_("Stop the service"), "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+# --- List 3-2 ---------------------------------------------------------------------------------------------------------
+
+
+def _motor_on(rc8: VirtualRC8) -> None:
+    """A person switches the motor on at the pendant: the program of the list does not."""
+    rc8.pendant.motor()
+    while rc8.pendant.status()["motor"] != "on":
+        time.sleep(_LOOK)
+
+
+_LOOK: Final = 0.02
+_TASK: Final = Handle("Pro1")
+_CONTINUOUS: Final = 2
+_CYCLE_STOP: Final = 3
+_CONNECT: Final = ("", "CaoProv.DENSO.VRC", "localhost", "")
+
+# fmt: off
+LIST_3_2: Final[tuple[Step, ...]] = (
+    Step(N_("Start the service of this connection"), "RC8 3.1.1",
+         f.service_start, (), nothing),
+    Step(N_("Connect to the controller"), "RC8 3.1.2",
+         f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
+    Step(N_("Connect to the task Pro1"), "RC8 3.2.1",
+         f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, keep=_TASK.name),
+    Step(N_("Start it, continuous; the motor has been switched on at the pendant"), "RC8 3.2.2",
+         f.task_start, (_TASK, _CONTINUOUS, ""), nothing, before=_motor_on),
+    Step(N_("It runs"), "RC8 3.2",
+         f.task_execute, (_TASK, "GetStatus", None), exactly(VarType.I4, 3)),
+    Step(N_("Stop it at the end of its cycle"), "RC8 3.2.2",
+         f.task_stop, (_TASK, _CYCLE_STOP, ""), nothing),
+    Step(N_("Release the task"), "RC8 3.2.3",
+         f.task_release, (_TASK,), nothing),
+    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step(N_("Stop the service"), "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+# --- List 3-3 ---------------------------------------------------------------------------------------------------------
+
+_ROBOT: Final = Handle("Arm")
+_P1: Final = (330.0, 180.0, 320.0, 180.0, 0.0, 180.0, 5.0)
+_SLOW: Final = 20.0
+
+
+def _teach(rc8: VirtualRC8) -> None:
+    """A person has taught P1 and set the speed at the pendant."""
+    rc8.pendant.teach("P", 1, _P1)
+    rc8.pendant.speed(_SLOW)
+
+
+def near_p1(answer: list[Variant]) -> str:
+    """A position within a thousandth of P1: seven numbers."""
+    right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_P1)
+    right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, _P1, strict=True))
+    return "" if right else f"P{_P1}"
+
+
+# fmt: off
+LIST_3_3: Final[tuple[Step, ...]] = (
+    Step(N_("Start the service of this connection"), "RC8 3.1.1",
+         f.service_start, (), nothing),
+    Step(N_("Connect to the controller"), "RC8 3.1.2",
+         f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
+    Step(N_("Connect to the robot"), "RC8 3.3.1",
+         f.controller_get_robot, (_CONTROLLER, "Arm", ""), a_handle, keep=_ROBOT.name),
+    Step(N_("Take the arm, as the sample does: an empty text"), "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Takearm", ""), exactly(VarType.EMPTY)),
+    Step(N_("Switch the motor on, as the sample does: the text 1"), "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", "1"), exactly(VarType.EMPTY)),
+    Step(N_("Move to P1; the joints are read over a second connection meanwhile"), "RC8 3.3.4",
+         f.robot_move, (_ROBOT, 1, "P1", ""), nothing, before=_teach, watch=True, log=True),
+    Step(N_("It is there"), "RC8 3.3.6",
+         f.robot_execute, (_ROBOT, "DestPos", None), near_p1),
+    Step(N_("Switch the motor off"), "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", "0"), exactly(VarType.EMPTY)),
+    Step(N_("Give the arm back"), "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Givearm", ""), exactly(VarType.EMPTY)),
+    Step(N_("Release the robot"), "RC8 3.3.5",
+         f.robot_release, (_ROBOT,), nothing),
+    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step(N_("Stop the service"), "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+# --- List 4-1 ---------------------------------------------------------------------------------------------------------
+
+_JOINTS: Final = Handle("joints")
+_FIRST: Final = (45.0, 30.0, 120.0, 0.0, -60.0, 0.0)
+_PERIOD: Final = 100  # set-points
+_AMPLITUDE: Final = 10.0  # deg
+_TIMES: Final = 3
+
+
+def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
+    """Return the set-points of List 4-1: joints 1 and 2 go up and down three times; the last one once more, to stop."""
+    points = []
+    for number in [*range(_PERIOD + 1)] * _TIMES:
+        sway = _AMPLITUDE - _AMPLITUDE * math.cos(2 * math.pi * number / _PERIOD)
+        points.append((start[0] + sway, start[1] + sway, *start[2:6]))
+    return [*points, points[-1]]
+
+
+def near_first(answer: list[Variant]) -> str:
+    """Joints within a thousandth of the first pose: eight numbers, two of them unused."""
+    right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_FIRST) + 2
+    right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, (*_FIRST, 0.0, 0.0), strict=True))
+    return "" if right else f"J{_FIRST}"
+
+
+# fmt: off
+LIST_4_1: Final[tuple[Step | Stream, ...]] = (
+    Step(N_("Start the service of this connection, with a watchdog"), "RC8 3.1.1",
+         f.service_start, ("WDT=400",), nothing),
+    Step(N_("Connect to the controller"), "RC8 3.1.2",
+         f.controller_connect, ("b-CAP", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+    Step(N_("Clear errors"), "RC8 4.7.1",
+         f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
+    Step(N_("Connect to the robot"), "RC8 3.3.1",
+         f.controller_get_robot, (_CONTROLLER, "Robot", ""), a_handle, keep=_ROBOT.name),
+    Step(N_("Take the arm, and keep speeds, tool and work as they are"),
+         "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Takearm", [0, 1]), exactly(VarType.EMPTY)),
+    Step(N_("Set the external speed to 20 %"), "RC8 4.9",
+         f.robot_execute, (_ROBOT, "ExtSpeed", [20.0]), exactly(VarType.EMPTY)),
+    Step(N_("Switch the motor on"), "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", 1), exactly(VarType.EMPTY)),
+    Step(N_("Move to the first pose; the joints are read over a second connection meanwhile"), "RC8 4.6.1",
+         f.robot_move, (_ROBOT, 1, "@E J(45, 30, 120, 0, -60, 0)", ""), nothing, watch=True),
+    Step(N_("Where is it?"), "RC8 4.9",
+         f.robot_execute, (_ROBOT, "CurJnt", None), near_first, keep=_JOINTS.name),
+    Stream(N_(
+"Slave mode 0, J type: three periods of the sine, a set-point every 8 ms, and the last "
+"pose once more; then off"), "RC8 4.9",
+           _CONTROLLER, _ROBOT, _JOINTS, 0, sine),
+    Step(N_("Slave mode is off"), "RC8 4.2",
+         f.robot_execute, (_ROBOT, "slvGetMode", None), exactly(VarType.I4, 0)),
+    Step(N_("Switch the motor off"), "RC8 3.3.3",
+         f.robot_execute, (_ROBOT, "Motor", 0), exactly(VarType.EMPTY)),
+    Step(N_("Give the arm back"), "RC8 3.3.2",
+         f.robot_execute, (_ROBOT, "Givearm", None), exactly(VarType.EMPTY)),
+    Step(N_("Release the robot"), "RC8 3.3.5",
+         f.robot_release, (_ROBOT,), nothing),
+    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    Step(N_("Stop the service"), "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """One program of the document.
+
+    Attributes:
+        text: what it is about, in English, of the catalogue.
+        steps: what it does.
+    """
+
+    text: str
+    steps: tuple[Step | Stream, ...]
+
+    @property
+    def title(self) -> str:
+        """What it is about, in the current language."""
+        return tr(self.text)
+
+
+LISTS: Final[dict[str, Program]] = {
+    "List 3-1": Program(N_("variables, and a look at @MODE and at errors"), LIST_3_1),
+    "List 3-2": Program(N_("a task"), LIST_3_2),
+    "List 3-3": Program(N_("the robot"), LIST_3_3),
+    "List 4-1": Program(N_("slave mode"), LIST_4_1),
+}
+"""The programs of the RC8 document that the demo runs, by their names there."""

@@ -1,0 +1,147 @@
+"""How the demo streams set-points: with the client's own API, over the connection of the demo, every answer checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Final
+
+import orinkit
+from orinkit.cli._shared.moving import Bar
+from orinkit.cli._shared.stream_report import Report
+from orinkit.cli._shared.stream_trace import trace_of
+from orinkit.cli.commands.stream import Watch
+from orinkit.client._shared.stream_options import PERIOD
+from orinkit.core import hresult
+from orinkit.core.errors import CallError
+from orinkit.core.i18n import tr
+
+if TYPE_CHECKING:
+    from orinkit import Progress, StreamResult
+    from orinkit.client._sync.stream import Stream
+
+_NEAR: Final = 1.0  # deg that the encoders, a few cycles late, may be off at the end
+_TRIES: Final = 3
+_GOING_OFF: Final = 5.0  # s that the motor may take to go off
+_LOOK: Final = 0.05  # s
+_LINES: Final = 25  # set-points between two lines
+_ANSWERS: Final = (hresult.S_OK, hresult.S_BUF_FULL)
+
+
+def carry_out(
+    client: orinkit.Client,
+    handles: tuple[int, int],
+    points: Sequence[tuple[float, ...]],
+    mode: int,
+    say: Callable[[str], None],
+    entered: Callable[[], None],
+) -> tuple[Report, str]:
+    """Stream joints.
+
+    Args:
+        client: the connection.
+        handles: of controller and robot.
+        points: set-points.
+        mode: of slave mode.
+        say: takes lines that show where the arm is, where there is no terminal for a bar.
+        entered: is called when slave mode is on; what goes over the connection from then on is not seen.
+
+    Returns:
+        what is told of it, and what is not as the document says, ``""`` if all is.
+
+    Raises:
+        OrinError: the controller refuses, or ends it.
+    """
+    controller = orinkit.Controller(client, handles[0], "b-CAP")
+    robot = orinkit.Robot(client, handles[1], "Robot", controller)
+    tries = 0
+    while True:
+        tries += 1
+        try:
+            with robot.slave_mode(mode, "J", ("time", "joints"), idle=None) as stream:
+                entered()
+                result = _run(stream, points, say)
+            return Report(result, stream.real_time, trace_of(result.samples, "J", PERIOD)), compare(result, points)
+        except CallError as error:
+            if error.code != hresult.COMMAND_DELAY or tries == _TRIES:
+                raise
+            say(f"      {error}")
+        say(
+            tr(
+                "      This computer was too busy to send in time. Once more, as RC8 4.7 has it: errors "
+                "cleared, motor on."
+            )
+        )
+        controller.clear_error()
+        _motor_on(robot)
+        robot.move(orinkit.J.of(points[0]), "@E")
+
+
+def _motor_on(robot: orinkit.Robot) -> None:
+    """Switch the motor on, which cannot be while it goes off: the error has the arm brought to rest before."""
+    end = monotonic() + _GOING_OFF
+    while True:
+        try:
+            robot.execute("Motor", [1, 0])
+        except CallError as error:
+            if error.code != hresult.MOTOR_SWITCHING_OFF or monotonic() > end:
+                raise
+        else:
+            return
+        sleep(_LOOK)
+
+
+def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str], None]) -> StreamResult:
+    with Bar() as bar:
+        return stream.run(points, progress=Watch(stream, bar) if bar.seen else _Lines(stream, say))
+
+
+def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
+    """Return what differs from the document (RC8 4.3.1, table 4-3), ``""`` if nothing does."""
+    if result.underflows or result.missed or result.sent != len(points):
+        return tr(
+            "{sent} of {count} set-points, {underflows} underflows, {missed} answers missed",
+            sent=result.sent,
+            count=len(points),
+            underflows=result.underflows,
+            missed=result.missed,
+        )
+    commands = [sample.command for sample in result.samples]
+    wanted = [tuple(point) for point in points]
+    if not any(commands[place : place + len(wanted)] == wanted for place in range(len(commands) - len(wanted) + 1)):
+        return tr("what was sent is not what was given")
+    for sample in result.samples:
+        if sample.code not in _ANSWERS or sample.joints is None:
+            return tr("set-point {number} was answered with {answer}", number=sample.number, answer=sample)
+    if any(
+        after.time is None or before.time is None or after.time < before.time
+        for before, after in pairwise(result.samples)
+    ):
+        return tr("the controller's time goes backwards")
+    last = result.samples[-1].joints or ()
+    if any(abs(joint - wanted_joint) > _NEAR for joint, wanted_joint in zip(last, wanted[-1], strict=False)):
+        return tr("the arm ends at {joints}", joints=last)
+    return ""
+
+
+class _Lines:
+    """Shows where the arm is in lines, one of them when all has been sent."""
+
+    def __init__(self, stream: Stream, say: Callable[[str], None]) -> None:
+        self._stream = stream
+        self._say = say
+        self._next = 0
+
+    def __call__(self, progress: Progress) -> None:
+        sample = self._stream.latest
+        if progress.sent < self._next or sample is None or sample.joints is None:
+            return
+        sent, total = progress
+        self._next = sent + _LINES if total in (None, sent) else min(sent + _LINES, total)
+        self._say(f"{joints_line(sample.joints[:6])}  {sent:5}/{total}")
+
+
+def joints_line(joints: Sequence[float]) -> str:
+    """Return joints as a line among packets."""
+    return "      " + "  ".join(f"J{number} {value:8.3f}" for number, value in enumerate(joints, 1))

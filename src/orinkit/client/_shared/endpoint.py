@@ -1,0 +1,129 @@
+"""What a URL says to a client: where to connect, which protocol is spoken there, how long it may take."""
+
+from __future__ import annotations
+
+from time import monotonic
+from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
+
+from orinkit.bcap.client import Conversation
+from orinkit.bcap.wire import WIRES, Wire
+from orinkit.cao.replies import Trace
+from orinkit.cao.transport_profile import Carrier
+from orinkit.client._shared.common import check_timeout, check_tries
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.transport.address import AnyAddress, CanAddress, HttpAddress, PtyAddress, parse_address
+from orinkit.transport.credentials import Access
+from orinkit.transport.links import for_drivers, for_servers
+from orinkit.values.codec import Limits
+
+if TYPE_CHECKING:
+    from orinkit.ecap.client import Conversation as EcapConversation
+
+    AnyConversation: TypeAlias = Conversation | EcapConversation
+
+L = TypeVar("L")
+_LEAST_DEADLINE: Final = 3.0  # s
+_LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
+
+
+def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress, Carrier, float]:
+    """Return what a URL says, how calls travel there, and how many seconds opening the link may take.
+
+    Args:
+        url: of the controller.
+        timeout: seconds of a try, ``None`` for what is usual on the wire.
+        tries: how often a request is sent.
+
+    Raises:
+        InvalidAddress: the URL cannot be used by a client.
+        InvalidValue: timeout or tries cannot be used.
+    """
+    address = parse_address(url)
+    if isinstance(address, PtyAddress):
+        raise for_servers()
+    if isinstance(address, CanAddress):
+        raise for_drivers(address)
+    wire = _web() if isinstance(address, HttpAddress) else WIRES[address.scheme]
+    seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
+    return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
+
+
+def closing_deadline(timeout: float, tries: int, wire: Carrier) -> float:
+    """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
+    return max(3 * timeout * (tries if wire.lossy else 1), _LEAST_DEADLINE)
+
+
+def _web() -> Carrier:
+    from orinkit.ecap.client import HTTP  # few programs speak e-CAP
+
+    return HTTP
+
+
+def conversation(wire: Carrier, limits: Limits, trace: Trace | None) -> AnyConversation:
+    """Return the conversation for a way that calls travel: b-CAP, or e-CAP."""
+    if isinstance(wire, Wire):
+        return Conversation(limits, trace, wire, clock=monotonic)
+    from orinkit.ecap.client import Conversation as EcapConversation
+
+    return EcapConversation(limits, trace, wire, clock=monotonic)
+
+
+@runtime_checkable
+class _Repeatable(Protocol):
+    """A link over which a call cannot be left alone while something else is said."""
+
+    def another(self) -> Self: ...
+
+    def close(self) -> None: ...
+
+
+def parting(link: L) -> L:
+    """Return the link to take leave over.
+
+    Where that cannot be done beside a call that another thread or task may have at work, it is another link to the same
+    place, and this one is closed: the call ends, and no other one can come in between.
+    """
+    if isinstance(link, _Repeatable):
+        link.close()
+        return link.another()
+    return link
+
+
+@runtime_checkable
+class _Shareable(Protocol):
+    """A link over which something can be sent while a call is under way."""
+
+    def share(self) -> None: ...
+
+    def beside(self, data: bytes) -> None: ...
+
+
+def share(link: object) -> None:
+    """Prepare a link for :func:`beside`."""
+    if isinstance(link, _Shareable):
+        link.share()
+
+
+def beside(link: object, data: bytes) -> None:
+    """Send something over a link on which a call is under way, if that can be done; not over one that is lent."""
+    if isinstance(link, _Shareable):
+        link.beside(data)
+
+
+def another(link: L) -> L | None:
+    """Return another link for the same client to the same place, ``None`` where there can be none."""
+    return link.another() if isinstance(link, _Repeatable) else None
+
+
+def access_to(address: AnyAddress, token: str, cafile: str) -> Access:
+    """Return what a client shows to a server.
+
+    Raises:
+        InvalidValue: there is something that is not for this kind of address.
+    """
+    if (token or cafile) and not isinstance(address, HttpAddress):
+        raise InvalidValue(
+            tr("token and cafile are for http:// and https://; b-CAP at {address} knows none", address=address)
+        )
+    return Access(token, cafile)

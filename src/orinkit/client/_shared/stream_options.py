@@ -1,0 +1,251 @@
+"""What slave mode is asked for, checked before anything is sent. Plain data, no calls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, NoReturn, TypeAlias
+
+from orinkit.arms import model_of_type
+from orinkit.cao.dialect import VE026A, Dialect
+from orinkit.core.errors import InvalidValue, StreamError
+from orinkit.core.i18n import tr
+from orinkit.rc8.slave_formats import (
+    POSE_SIZES,
+    Receive,
+    ReceiveFormat,
+    Send,
+    SetPoint,
+    SlaveMode,
+    UserWindow,
+    encode_set_point,
+    mode_number,
+    mode_of,
+)
+from orinkit.streaming.planning.limits import Limits, PathLimits
+from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
+from orinkit.values.pose_numbers import brief, finite
+
+Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
+"""What can come back with each set-point; the controller's time and the joints are by default."""
+OnRange: TypeAlias = Literal["clamp", "refuse"]
+"""What is done with a live target beyond the arm's range."""
+
+PERIOD: Final = 0.008
+"""Seconds of a controller's cycle (RC8 4.1)."""
+
+_POSES: Final[dict[frozenset[str], int]] = {
+    frozenset(): 2,
+    frozenset({"position"}): 1,
+    frozenset({"joints"}): 2,
+    frozenset({"trans"}): 3,
+    frozenset({"position", "joints"}): 4,
+    frozenset({"trans", "joints"}): 5,
+}
+_FLAGS: Final[dict[str, Receive]] = {
+    "time": Receive.TIME,
+    "hand": Receive.HAND,
+    "current": Receive.CURRENT,
+    "mini": Receive.MINI,
+}
+_POSE_NAMES: Final = frozenset({"position", "joints", "trans"})
+_LONGEST_PERIOD: Final = 1.0  # s
+_LONGEST_IDLE: Final = 1e6  # s
+_FULL: Final = 100.0
+_MOST_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at once
+_UNEVEN: Final = 0.6  # part of the velocities that leaves room for steps of two set-points
+_PATH_SPEED: Final = 0.5  # part of the tool's limits that is taken where none are given
+_PATH_ACCELERATION: Final = 0.25
+
+
+@dataclass(slots=True)
+class Options:
+    """What slave mode is asked for; as of ``Robot.slave_mode``."""
+
+    mode: SlaveMode
+    receive: ReceiveFormat
+    send: Send
+    outputs: Outputs
+    window: UserWindow | None
+    limits: Limits | PathLimits | None
+    speed: float
+    period: float
+    queue: int
+    idle: float | None
+    on_range: OnRange
+    record: Path | None
+
+
+def read_options(
+    dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, mini: int | None, hand: int | None, user: tuple[int, bytes] | None,
+    user_window: tuple[int, int] | None, limits: Limits | PathLimits | None, speed: float, period: float, queue: int,
+    idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
+) -> Options:  # fmt: skip
+    """Return the options of slave mode.
+
+    Raises:
+        InvalidValue: one of them is none.
+    """
+    if type(mode) is not int:
+        _refuse("mode", mode, "0, 1, 2")
+    wanted = mode_of(mode_number(mode, pose))
+    assert wanted is not None
+    outputs = read_outputs(mini, hand, user)
+    window = _window(user_window)
+    number = _receive(recv) | (Receive.USER if window else 0)
+    if not dialect.slave_formats:
+        number = _plain(mode, pose, number, outputs)
+    if on_range not in ("clamp", "refuse"):
+        _refuse("on_range", on_range, "clamp, refuse")
+    if limits is not None and not isinstance(limits, Limits if wanted.kind == "J" else PathLimits):
+        raise InvalidValue(tr("limits: joints (pose J) have Limits, positions (pose P, T) have PathLimits"))
+    options = Options(
+        wanted, ReceiveFormat(number, microseconds=True), _send(outputs), outputs, window, limits,
+        _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _LONGEST_PERIOD),
+        int(_amount("queue", queue, 1, _MOST_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _LONGEST_IDLE),
+        on_range, _path(record),
+    )  # fmt: skip
+    check_outputs(options, outputs)
+    return options
+
+
+def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
+    """Return the receive format of a controller that knows no formats (VE026A 2.2).
+
+    Raises:
+        InvalidValue: something is wanted that it does not have.
+    """
+    if mode == 2 or pose != "J" or number & ~int(Receive.TIME) != _POSES[frozenset()] or outputs != Outputs():
+        raise InvalidValue(
+            tr(
+                'this controller has slave modes 0 and 1 for pose "J" only, answers the joints only, and '
+                "takes no outputs"
+            )
+        )
+    return _POSES[frozenset()]
+
+
+def check_outputs(options: Options, outputs: Outputs) -> None:
+    """Check that outputs can be sent; what is not given is as it was.
+
+    Raises:
+        InvalidValue: they cannot.
+    """
+    kind, all_ = options.mode.kind, options.outputs.changed(outputs)
+    nowhere = SetPoint((0.0,) * POSE_SIZES[kind], (), all_.mini, all_.hand, all_.user, options.window)
+    encode_set_point(kind, nowhere, options.send, options.receive)
+
+
+def read_outputs(mini: int | None, hand: int | None, user: tuple[int, bytes] | None) -> Outputs:
+    """Return outputs.
+
+    Raises:
+        InvalidValue: what is given is no number, or no number and bytes.
+    """
+    given: tuple[tuple[str, object], ...] = (("mini", mini), ("hand", hand))
+    for name, value in given:
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
+            _refuse(name, value, tr("a whole number"))
+    if user is None:
+        return Outputs(mini, hand)
+    first, data = _pair("user", user, '(128, b"\\x01")')
+    if not isinstance(first, int) or not isinstance(data, bytes | bytearray):
+        _refuse("user", user, '(128, b"\\x01")')
+    return Outputs(mini, hand, (first, bytes(data)))
+
+
+def _send(outputs: Outputs) -> Send:
+    if outputs.mini is not None and outputs.user is not None:
+        raise InvalidValue(tr("mini and user outputs cannot be sent together (RC8 table 4-1)"))
+    send = Send(0)
+    for given, flag in ((outputs.mini, Send.MINI), (outputs.hand, Send.HAND), (outputs.user, Send.USER)):
+        if given is not None:
+            send |= flag
+    return send
+
+
+def _receive(recv: Iterable[str]) -> int:
+    if not isinstance(recv, Iterable):
+        _refuse("recv", recv, ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES)))
+    given: list[object] = [recv] if isinstance(recv, str) else list(recv)
+    names = frozenset(name for name in given if isinstance(name, str))
+    for name in given:
+        if not isinstance(name, str) or name not in _FLAGS.keys() | _POSE_NAMES:
+            _refuse("recv", name, ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES)))
+    poses = _POSES.get(names & _POSE_NAMES)
+    if poses is None:
+        raise InvalidValue(
+            tr("recv: position and trans cannot come back together; joints can come with either (RC8 table 4-1)")
+        )
+    number = poses | int(Receive.TIME)
+    for name in names & _FLAGS.keys():
+        number |= int(_FLAGS[name])
+    return number
+
+
+def _window(given: tuple[int, int] | None) -> UserWindow | None:
+    if given is None:
+        return None
+    first, size = _pair("user_window", given, "(128, 2)")
+    if not isinstance(first, int) or not isinstance(size, int):
+        _refuse("user_window", given, "(128, 2)")
+    return UserWindow(first, size)
+
+
+def _pair(name: str, given: object, known: str) -> tuple[object, object]:
+    if not isinstance(given, Sequence) or len(given) != 2:
+        _refuse(name, given, known)
+    return given[0], given[1]
+
+
+def _path(record: object) -> Path | None:
+    if record is None:
+        return None
+    if not isinstance(record, str | os.PathLike) or Path(record).suffix.lower() not in (".csv", ".mcap"):
+        _refuse("record", record, "run.csv, run.mcap")
+    path = Path(record)
+    if not path.absolute().parent.is_dir():
+        raise InvalidValue(tr("record: there is no directory {directory}", directory=path.parent))
+    return path
+
+
+def _amount(name: str, value: float, least: float, most: float) -> float:
+    number = finite("slave_mode", name, value)
+    if not least <= number <= most:
+        raise InvalidValue(
+            tr("{name}: {number:g} is not from {least:g} to {most:g}", name=name, number=number, least=least, most=most)
+        )
+    return number
+
+
+def _refuse(name: str, value: object, known: str) -> NoReturn:
+    raise InvalidValue(tr("{name}: {value}; possible: {known}", name=name, value=brief(value), known=known))
+
+
+def limits_for(options: Options, type_name: object) -> Limits | PathLimits:
+    """Return the limits to stream within: as given, or those of the arm whose controller gives this type name.
+
+    Raises:
+        StreamError: no such arm is known here.
+    """
+    limits = options.limits
+    if limits is None:
+        model = model_of_type(str(type_name))
+        if model is None:
+            raise StreamError(
+                tr(
+                    "the limits of a {type} are not known here; give them: slave_mode(limits=...)",
+                    type=brief(type_name),
+                )
+            )
+        if options.mode.kind == "J" and options.mode.buffering == 1 and type_name == VE026A.name:
+            # it takes the newest set-point in each cycle: two that come in one are a step of both (VE026A 2.2)
+            limits = Limits.of_model(model).scaled(_UNEVEN, 1.0, 1.0)
+        elif options.mode.kind == "J":
+            limits = Limits.of_model(model)
+        else:  # what the tool does at its full acceleration is too much for the joints at many places
+            limits = PathLimits.of_model(model).scaled(_PATH_SPEED, _PATH_ACCELERATION, _PATH_ACCELERATION)
+    part = options.speed / _FULL
+    return limits if part == 1.0 else limits.scaled(part, part, part)

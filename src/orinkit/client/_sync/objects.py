@@ -1,0 +1,281 @@
+"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+
+Made from ``objects.py`` by ``tools/make_sync.py``: do not edit.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
+from weakref import WeakValueDictionary
+
+from orinkit.cao import functions as f
+from orinkit.cao.table import Function
+from orinkit.client._shared.common import NodeFunctions, text_list
+from orinkit.client._sync.client import Client
+from orinkit.core.errors import CallError, CallTimeout, ObjectReleased, OrinError
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Value
+
+P = ParamSpec("P")
+R = TypeVar("R")
+N = TypeVar("N", bound="Node")
+
+
+class Node:
+    """An object of the controller: what all kinds have in common.
+
+    Released by ``with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
+    released before the next object is made.
+    """
+
+    __slots__ = (
+        "__weakref__",
+        "_children",
+        "_label",
+        "_open",
+        "_parent",
+        "client",
+        "handle",
+    )  # a misspelt attribute is an error
+
+    functions: ClassVar[NodeFunctions]
+
+    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+        self.client = client
+        self.handle = handle
+        self._label = label
+        self._parent = parent  # keeps it alive as long as this object is
+        self._children: WeakValueDictionary[int, Node] = WeakValueDictionary()
+        self._open = True
+
+    def __repr__(self) -> str:
+        state = "" if self._open else " closed"
+        return f"<{type(self).__name__} {self._label!r} handle {self.handle}{state}>"
+
+    def __reduce__(self) -> str:
+        raise TypeError(
+            tr("{object!r} cannot be copied or pickled: it stands for one handle of one connection", object=self)
+        )
+
+    def __del__(self) -> None:
+        if getattr(self, "_open", False) and self._parent is not None and self.handle:
+            self.client.handles.add(self.functions.release, self.handle)
+
+    def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Call a function of this object; an error says which object it was."""
+        self._require_open()
+        try:
+            return self.client.call(function, self.handle, *args, **kwargs)
+        except CallError as error:
+            error.subject = self._label
+            raise
+
+    def _require_open(self) -> None:
+        if not self._open:  # its handle may stand for another object by now
+            raise ObjectReleased(tr("{object!r} was used after it was closed; connect to it again", object=self))
+
+    def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
+        self._require_open()
+        while (dropped := self.client.handles.take()) is not None:
+            try:
+                if self.client.handles.is_last(*dropped):
+                    self.client.call(*dropped)
+            except CallError:  # the controller had let go of it already
+                pass
+        handle = self.client.call(function, self.handle, name, option)
+        child = kind(self.client, handle, name, self)
+        self._adopt(child)
+        return child
+
+    def _adopt(self, child: Node) -> None:
+        """Have a child released with this object."""
+        self._children[id(child)] = child
+        self.client.handles.hold(child.functions.release, child.handle)
+
+    def close(self) -> None:
+        """Release the object and those below it, newest first; does nothing the second time.
+
+        An object that the controller has released already, or that went with a broken connection, is no error. Where
+        the controller does not answer in time, no more is asked of it.
+        """
+        self._let_go()
+
+    def _let_go(self) -> bool:
+        """Release; False where the controller does not answer, so that closing does not take a time-out per object."""
+        if not self._open:
+            return True
+        self._open = False
+        for reference in reversed(self._children.valuerefs()):  # a list: another thread may be adding one
+            child = reference()
+            if child is not None and not child._let_go():  # noqa: SLF001 - one of us
+                return False
+        if not self.handle:
+            return True  # a file that is not there
+        if not self.client.handles.is_last(self.functions.release, self.handle):
+            return True  # another object has the same
+        try:
+            self.client.call(self.functions.release, self.handle)
+        except CallTimeout:
+            return False
+        except OrinError:  # it went with its parent or with the connection: it is released either way
+            pass
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Named(Node):
+    """An object with attribute, help, name, tag and ID: all but messages."""
+
+    __slots__ = ()
+
+    def get_attribute(self) -> int:
+        """Attribute bits."""
+        assert self.functions.attribute is not None
+        return self._call(self.functions.attribute)
+
+    def get_help(self) -> str:
+        """Help text."""
+        assert self.functions.help is not None
+        return self._call(self.functions.help)
+
+    def get_name(self) -> str:
+        """Name that the controller gives to the object."""
+        assert self.functions.name is not None
+        return self._call(self.functions.name)
+
+    def get_tag(self) -> Any:
+        """Tag: a value of your own that the controller keeps with the object."""
+        assert self.functions.get_tag is not None
+        return self._call(self.functions.get_tag)
+
+    def put_tag(self, tag: Value) -> None:
+        """Set the tag."""
+        assert self.functions.put_tag is not None
+        self._call(self.functions.put_tag, tag)
+
+    def get_id(self) -> Any:
+        """ID; on a variable ``I*`` it is the index."""
+        assert self.functions.get_id is not None
+        return self._call(self.functions.get_id)
+
+    def put_id(self, id: Value) -> None:  # noqa: A002 - the documents' word
+        """Set the ID."""
+        assert self.functions.put_id is not None
+        self._call(self.functions.put_id, id)
+
+    @property
+    def attribute(self) -> int:
+        """Attribute bits."""
+        return self.get_attribute()
+
+    @property
+    def help(self) -> str:
+        """Help text."""
+        return self.get_help()
+
+    @property
+    def name(self) -> str:
+        """Name that the controller gives to the object."""
+        return self.get_name()
+
+    @property
+    def tag(self) -> Any:
+        """Tag: a value of your own that the controller keeps with the object."""
+        return self.get_tag()
+
+    @tag.setter
+    def tag(self, new: Value) -> None:
+        self.put_tag(new)
+
+    @property
+    def id(self) -> Any:
+        """ID; on a variable ``I*`` it is the index."""
+        return self.get_id()
+
+    @id.setter
+    def id(self, new: Value) -> None:
+        self.put_id(new)
+
+
+class Variable(Named):
+    """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
+
+    __slots__ = ()
+
+    functions = NodeFunctions(
+        f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
+        f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
+    )  # fmt: skip
+
+    def get_value(self) -> Any:
+        """The value, as plain Python (:mod:`orinkit.values.variant`)."""
+        return self._call(f.variable_get_value)
+
+    def put_value(self, value: Value) -> None:
+        """Set the value."""
+        self._call(f.variable_put_value, value)
+
+    def get_date_time(self) -> Any:
+        """When the value was taken, local ``datetime`` of the controller."""
+        return self._call(f.variable_get_date_time)
+
+    def get_microsecond(self) -> int:
+        """Microseconds of the time when the value was taken."""
+        return self._call(f.variable_get_microsecond)
+
+    @property
+    def value(self) -> Any:
+        """The value, as plain Python (:mod:`orinkit.values.variant`)."""
+        return self.get_value()
+
+    @value.setter
+    def value(self, new: Value) -> None:
+        self.put_value(new)
+
+    @property
+    def date_time(self) -> Any:
+        """When the value was taken, local ``datetime`` of the controller."""
+        return self.get_date_time()
+
+    @property
+    def microsecond(self) -> int:
+        """Microseconds of the time when the value was taken."""
+        return self.get_microsecond()
+
+
+class Owner(Named):
+    """An object with variables and extended commands of its own."""
+
+    __slots__ = ()
+
+    def variable(self, name: str, option: str = "") -> Variable:
+        """Connect to a variable by name."""
+        assert self.functions.variable is not None
+        return self._child(Variable, self.functions.variable, name, option)
+
+    def variable_names(self, option: str = "") -> list[str]:
+        """Names of the variables."""
+        assert self.functions.variable_names is not None
+        return text_list(self._call(self.functions.variable_names, option))
+
+    def execute(self, command: str, parameter: Value = None) -> Any:
+        """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
+        assert self.functions.execute is not None
+        seconds = self.client.patience(command)
+        if seconds is None:
+            return self._call(self.functions.execute, command, parameter)
+        self._require_open()
+        try:
+            reply = self.client.request(self.functions.execute, self.handle, command, parameter, timeout=seconds)
+        except CallError as error:
+            error.subject = self._label
+            raise
+        return reply.value

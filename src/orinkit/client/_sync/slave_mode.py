@@ -1,0 +1,249 @@
+"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+
+Made from ``slave_mode.py`` by ``tools/make_sync.py``: do not edit.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+from orinkit.client._shared import stream as common
+from orinkit.client._shared.common import motor_state, no_code
+from orinkit.client._shared.stream_options import Options, limits_for
+from orinkit.client._sync.motion import Mover
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, OrinError
+from orinkit.streaming.planning.limits import Limits, PathLimits
+from orinkit.streaming.process.config import Setup
+from orinkit.streaming.process.launcher import Streaming
+from orinkit.streaming.process.realtime import RealTime
+from orinkit.streaming.process.shared_memory import Order
+from orinkit.transport.runner import Deadline, pause
+
+_NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
+
+
+class SlaveMode:
+    """Slave mode while a streaming process has the connection.
+
+    Attributes:
+        limits: within which everything stays.
+        real_time: what the system has granted the process.
+    """
+
+    def __init__(self, robot: Mover, options: Options) -> None:
+        self._robot = robot
+        self._options = options
+        self._streaming: Streaming | None = None
+        self._recording: common.Recording | None = None
+        self._failure: OrinError | None = None
+        self._told = False  # whether a call has raised it
+        self._inside = False  # the block
+        self._kind = options.mode.kind
+        self._outputs = options.outputs
+        self.limits: Limits | PathLimits | None = options.limits
+        self.real_time = RealTime()
+
+    def _forget(self) -> None:
+        """Forget what was wanted before: the arm is somewhere else now."""
+
+    # --- entering and leaving -----------------------------------------------------------------------------------
+
+    def __enter__(self) -> Self:
+        self._enter()
+        self._inside = True
+        try:
+            if self._options.record is not None and self._streaming is not None:
+                self._recording = common.Recording(self._options.record, self._options)
+                self._recording.follow(self._streaming.shared)
+        except BaseException:
+            self._inside = False
+            self._leave(Order.LEAVE)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._inside = False
+        try:
+            self._leave(Order.FINISH if error is None else Order.LEAVE)
+        finally:
+            self._close_recording(quiet=error is not None)
+        if error is None and self._failure is not None and not self._told:
+            raise self._failure
+
+    def _enter(self) -> None:
+        robot, client, options = self._robot, self._robot.client, self._options
+        self._failure, self._told = None, False
+        self._forget()
+        streaming = Streaming(client.descriptor(), client.wire.name)
+        self._streaming = streaming
+        try:
+            type_name = client.dialect.name
+            if client.dialect.slave_formats:
+                robot.execute("slvSendFormat", int(options.send))
+                robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
+                type_name = "" if options.limits else robot.execute("GetRobotTypeName")
+            self.limits = limits_for(options, type_name)
+            start, beyond = self._start()
+            self._until(lambda: streaming.real_time is not None)
+        except BaseException:
+            self._give_up(streaming)
+            raise
+        self.real_time = streaming.real_time or RealTime()
+        serial = client.lend(lambda: _let_go(streaming))
+        try:
+            streaming.begin(self._setup(start, beyond, serial))
+            self._until(lambda: streaming.streaming and streaming.shared.samples > 0)
+        except BaseException:
+            self._give_up(streaming)
+            raise
+        if self._recording is not None:
+            self._recording.follow(streaming.shared)
+
+    def _setup(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> Setup:
+        options = self._options
+        assert self.limits is not None
+        return Setup(
+            self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
+            options.window, self._outputs, options.period, self.limits, start, beyond, serial, self._robot.client.timeout,
+            options.idle, os.getpid(), self._robot.client.dialect.name,
+            self._robot.client.tries,
+        )  # fmt: skip
+
+    def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return where the arm stands, once its encoders do; and the joints that there are no limits for."""
+        robot = self._robot
+        deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
+        while not deadline.passed and not robot.motion_complete(1):
+            pause(common.POLL)
+        if self._kind == "P":
+            return tuple(robot.get_position()), ()
+        if self._kind == "T":
+            return tuple(robot.get_trans()), ()
+        assert isinstance(self.limits, Limits)
+        return common.with_limits(tuple(robot.get_joints()), self.limits)
+
+    def _until(self, happened: Callable[[], bool]) -> None:
+        """Wait for something that the streaming process does."""
+        while not happened():
+            self._look()
+            pause(common.POLL)
+
+    def _leave(self, order: Order) -> None:
+        streaming = self._streaming
+        if streaming is None:
+            return
+        try:
+            streaming.look()
+            if not streaming.ended:
+                if order is Order.LEAVE:
+                    streaming.shared.forget()
+                streaming.shared.order(order)
+            while not streaming.ended:
+                pause(common.POLL)
+                streaming.look()
+        finally:
+            self._give_up(streaming)
+
+    def _give_up(self, streaming: Streaming) -> None:
+        """Take the connection back; where nobody knows what state it is in, it is closed.
+
+        A streaming process that is still at work, because whoever waited for it was interrupted, keeps it: it brings the
+        arm to rest and leaves slave mode by itself.
+        """
+        self._streaming = None
+        if self._recording is not None:
+            self._recording.pause()
+        client = self._robot.client
+        if streaming.ended and self._failure is None:
+            self._failure = streaming.error
+            if streaming.reason in ("stopped", "terminated"):
+                self._failure = common.ended_because(streaming.reason, self._options.idle)
+        streaming.close()
+        if not streaming.began:
+            return
+        if not streaming.ended:
+            client.abandon()
+            return
+        client.take_back(streaming.serial)
+        if streaming.error is not None and not isinstance(streaming.error, CallError):
+            client.close()
+
+    def _close_recording(self, *, quiet: bool) -> None:
+        recording, self._recording = self._recording, None
+        if recording is not None:
+            try:
+                recording.close()
+            except OrinError:
+                if not quiet:
+                    raise
+
+    def recover(self) -> None:
+        """Stream again after an error, from where the arm is now (RC8 4.7): errors cleared, motor on, slave mode on.
+
+        Nothing moves until there are new set-points; what was queued is forgotten.
+
+        Raises:
+            CallError: the controller refuses: somebody has to look at it.
+            StreamError: outside the block.
+        """
+        if not self._inside:
+            raise common.ended_because("", None)
+        self._leave(Order.LEAVE)
+        for attempt in range(common.TRIES):
+            try:
+                dialect = self._robot.client.dialect
+                self._robot._controller().execute("ClearError", no_code(dialect))  # noqa: SLF001 - its own controller
+                self._robot.execute("Motor", motor_state(dialect, on=True))
+                self._enter()
+            except CallError as error:
+                if error.code not in _NOT_YET or attempt == common.TRIES - 1:
+                    raise
+                pause(common.SETTLE / common.TRIES)
+            else:
+                return
+
+    # --- how it is ---------------------------------------------------------------------------------------------
+
+    @property
+    def error(self) -> OrinError | None:
+        """What ended streaming; ``None`` while all is well."""
+        if self._failure is None and self._streaming is not None:
+            self._has_ended(self._streaming)
+        return self._failure
+
+    def _alive(self) -> Streaming:
+        """Return the streaming process.
+
+        Raises:
+            OrinError: it has ended.
+        """
+        self._look()
+        assert self._streaming is not None
+        return self._streaming
+
+    def _look(self) -> None:
+        streaming = self._streaming
+        if streaming is not None and not self._has_ended(streaming):
+            return
+        self._told = True
+        raise self._failure or common.ended_because("", None)
+
+    def _has_ended(self, streaming: Streaming) -> bool:
+        """Tell whether streaming is over, and note why."""
+        streaming.look()
+        if streaming.ended:
+            self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
+        return streaming.ended
+
+
+def _let_go(streaming: Streaming) -> None:
+    """The connection is closed under the streaming process: it has the arm come to rest first."""
+    if not streaming.shared.closed:
+        streaming.shared.forget()
+        streaming.shared.order(Order.GOODBYE)

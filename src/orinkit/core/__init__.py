@@ -1,0 +1,1 @@
+"""Return codes, exceptions, languages, logging: what everything else builds on."""

@@ -1,0 +1,25 @@
+"""Devices of your own: a class whose decorated methods are served over every protocol.
+
+::
+
+    class Gripper(Device):
+        @variable("width")
+        def width(self) -> float: ...
+"""
+
+from __future__ import annotations
+
+from orinkit.device.declarations import command, command_object, extension, file, robot, task, variable
+from orinkit.device.device import Device, Part
+
+__all__ = [
+    "Device",
+    "Part",
+    "command",
+    "command_object",
+    "extension",
+    "file",
+    "robot",
+    "task",
+    "variable",
+]

@@ -1,0 +1,387 @@
+"""A device of your own, by decorators: what it serves is what its methods say.
+
+::
+
+    class Gripper(Device):
+        provider_names = ("CaoProv.Example.Gripper",)
+        width = 30.0
+
+        @variable("WIDTH", help="Opening in mm")
+        def opening(self) -> float:
+            return self.width
+
+        @opening.setter
+        def opening(self, mm: float) -> None:
+            self.width = mm
+
+        @command("Close")
+        def close_fingers(self, force: float = 10.0) -> None:
+            ...
+
+    with serve(Gripper(), "tcp://127.0.0.1:5007") as server:
+        server.wait()
+
+A plain method runs in a worker thread, so it may take its time without holding up other clients; two clients may be in
+it at once, so guard what must not be shared. An ``async def`` method runs in the server's event loop. ``quick=True``
+says that a plain method returns at once: it then runs in the event loop too, which is faster.
+
+To answer with an error code raise :func:`orinkit.core.errors.error_for`; any other exception is logged and is E_FAIL. What went
+wrong is told in words to the client that asks for it: ``controller.error_description(error.code)``, which is the command
+GetErrorDescription. A device may declare that command itself.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from types import FunctionType
+from typing import Any, Final
+from weakref import WeakKeyDictionary
+
+from orinkit.cao.dialect import Dialect
+from orinkit.cao.error_description import DESCRIBE, describe_error
+from orinkit.cao.provider import (
+    READABLE,
+    WRITABLE,
+    CaoObject,
+    ClientInfo,
+    CommandObject,
+    ControllerObject,
+    ExtensionObject,
+    FileObject,
+    OwnerObject,
+    Provider,
+    RobotObject,
+    TaskObject,
+    VariableObject,
+    not_found,
+)
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.device.declarations import Declared as Declared
+from orinkit.device.declarations import DeclaredChild as DeclaredChild
+from orinkit.device.declarations import DeclaredCommand as DeclaredCommand
+from orinkit.device.declarations import DeclaredVariable as DeclaredVariable
+from orinkit.device.declarations import declared_in
+from orinkit.values.variant import Value, Variant
+
+_DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
+"""By class, what it and its bases declare; not kept in the class, where every name is its author's."""
+
+
+class Part:
+    """Something with declared variables, commands and objects below; one instance serves all clients."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Collect what the class and its bases declare.
+
+        Raises:
+            TypeError: something is declared twice, or as a method that Python or the server itself calls.
+        """
+        super().__init_subclass__(**kwargs)
+        found: dict[tuple[str, str], Declared] = {}
+        for base in reversed(cls.__mro__):
+            found.update(declared_in(base))
+        _DECLARED[cls] = found
+        for name, member in vars(cls).items():
+            if isinstance(member, Declared) and name.startswith("__") and name.endswith("__"):
+                raise _reserved(cls, name)
+
+
+class Device(Part, Provider):
+    """A device that clients reach with Controller_Connect; declare what it has with the decorators of this module.
+
+    The names of :class:`~orinkit.cao.provider.Provider` are the server's: ``close``, ``connect``, ``dialect``,
+    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``. To use one for something else is a
+    TypeError; as they are meant they may be overridden, ``close()`` to clean up when the server has stopped.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Make sure that the server finds what it needs.
+
+        Raises:
+            TypeError: one of its names is used for something else.
+        """
+        super().__init_subclass__(**kwargs)
+        for name in _NEEDED:
+            _check_member(cls, name, inspect.getattr_static(cls, name))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute.
+
+        Raises:
+            TypeError: the server needs it for something else.
+        """
+        if name in _NEEDED and not _fits(name, value):
+            raise _misused(type(self), name)
+        super().__setattr__(name, value)
+
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
+        """Every client gets its own view of the one device."""
+        return _PartController(self, name, client.reason)
+
+
+# --- names that the server needs --------------------------------------------------------------------------------------
+
+_NEEDED: Final = {
+    "close": "close(self)",
+    "connect": "connect(self, name, machine, option, client)",
+    "dialect": "orinkit.cao.dialect.Dialect",
+    "fixed_handles": "bool",
+    "functions": "frozenset[int] | None",
+    "guard": "contextlib.AbstractContextManager",
+    "handle_of": "handle_of(self, interface, name)",
+    "provider_names": "Sequence[str]",
+}
+"""What it needs of a provider, and as what."""
+_ARGUMENTS: Final = {"close": 0, "connect": 4, "handle_of": 2}
+_OTHERWISE: Final = {"close": "close_fingers", "connect": "open_port"}
+
+
+def _check_member(cls: type, name: str, member: object) -> None:
+    """Refuse a member of a class that is not what the server needs; what a property gives is not looked at.
+
+    Raises:
+        TypeError: it is not.
+    """
+    if isinstance(member, Declared):
+        raise _reserved(cls, name)
+    if isinstance(member, FunctionType | staticmethod | classmethod):
+        member = member.__get__(object(), cls)
+    elif hasattr(member, "__get__"):
+        return
+    if not _fits(name, member):
+        raise _misused(cls, name)
+
+
+def _fits(name: str, value: object) -> bool:
+    """Whether a value, a method as its object has it, is what the server needs under a name."""
+    if name in _ARGUMENTS:
+        return callable(value) and _takes(value, _ARGUMENTS[name])
+    if name == "dialect":
+        return isinstance(value, Dialect)
+    if name == "fixed_handles":
+        return isinstance(value, bool)
+    if name == "functions":
+        return value is None or isinstance(value, frozenset)
+    if name == "guard":
+        return hasattr(value, "__enter__") and hasattr(value, "__exit__")
+    return not callable(value) and not isinstance(value, Declared)
+
+
+def _takes(method: Callable[..., Any], count: int) -> bool:
+    try:
+        signature = inspect.signature(method)
+    except (TypeError, ValueError):  # of a compiled one nothing is known
+        return True
+    try:
+        signature.bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
+def _reserved(cls: type, name: str) -> TypeError:
+    other = _OTHERWISE.get(name, f"my_{name.strip('_')}")
+    by = "Python" if name.startswith("__") else tr("the server")
+    return TypeError(
+        tr(
+            "{device}.{method} cannot be declared: {by} needs {method} itself. Try: call the method "
+            "something else, as {other}; the name in the controller is free, as in "
+            '@command("{name}")',
+            device=cls.__name__,
+            method=name,
+            by=by,
+            other=other,
+            name=name.strip("_").title(),
+        )
+    )
+
+
+def _misused(cls: type, name: str) -> TypeError:
+    other = _OTHERWISE.get(name, f"my_{name}")
+    return TypeError(
+        tr(
+            "{device}.{method} must be {needed}: the server uses it. Try: call yours something else, as {other}",
+            device=cls.__name__,
+            method=name,
+            needed=_NEEDED[name],
+            other=other,
+        )
+    )
+
+
+# --- what a client sees -----------------------------------------------------------------------------------------------
+
+
+def _declared(part: Part, kind: str, name: str) -> Declared | None:
+    """Return what is declared under a name: kind is Variable, Command, Extension, Robot, Task, File, Command object."""
+    return _DECLARED.get(type(part), {}).get((kind, name.lower()))
+
+
+def _names(part: Part, kind: str) -> list[str]:
+    """Return the names of everything declared of a kind, in order."""
+    return [member.name for (of, _), member in _DECLARED.get(type(part), {}).items() if of == kind]
+
+
+class _PartVariable(VariableObject):
+    """One client's handle of a declared variable."""
+
+    def __init__(self, part: Part, declared: DeclaredVariable) -> None:
+        super().__init__(declared.name, attribute=READABLE | (WRITABLE if declared.set else 0), help=declared.help)
+        self._part = part
+        self._variable = declared
+        self._taken: datetime | None = None
+
+    def get_value(self) -> Any:
+        """Call the getter."""
+        declared = self._variable
+        method = declared.method
+        if inspect.iscoroutinefunction(method):
+            return self._await(method)
+        return declared.run(lambda: self._typed(method(self._part)))
+
+    async def _await(self, method: Callable[..., Any]) -> Value:
+        return self._typed(await method(self._part))
+
+    def _typed(self, value: Value) -> Value:
+        self._taken = datetime.now()
+        if self._variable.type is None or isinstance(value, Variant):
+            return value
+        return Variant(self._variable.type, value)
+
+    def put_value(self, value: Variant) -> Any:
+        """Call the setter."""
+        declared = self._variable
+        if declared.set is None:
+            raise error_for(hresult.E_CAO_NOT_WRITABLE, declared.name)
+        self._taken = datetime.now()
+        return declared.run(declared.set, self._part, declared.accept(value))
+
+    def get_date_time(self) -> datetime:
+        """When the value was last read or written by this client."""
+        return (self._taken or datetime.now()).replace(microsecond=0)
+
+    def get_microsecond(self) -> int:
+        """The microseconds of that time."""
+        return (self._taken or datetime.now()).microsecond
+
+
+class _PartObject(OwnerObject):
+    """One client's handle of a part: variables, commands, objects below."""
+
+    def __init__(self, part: Part, name: str, help: str = "") -> None:  # noqa: A002 - the documents' word
+        super().__init__(name, help=help or inspect.getdoc(type(part)) or "")
+        self.part = part
+
+    def get_variable(self, name: str, option: str) -> VariableObject:
+        declared = _declared(self.part, "Variable", name)
+        if not isinstance(declared, DeclaredVariable):
+            raise not_found(_among(name, _names(self.part, "Variable")))
+        return _PartVariable(self.part, declared)
+
+    def get_variable_names(self, option: str) -> list[str]:
+        return _names(self.part, "Variable")
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        declared = _declared(self.part, "Command", command)
+        if not isinstance(declared, DeclaredCommand):
+            raise error_for(hresult.E_INVALID_CMD_NAME, _among(command, _names(self.part, "Command")))
+        return declared.run(declared.method, self.part, *declared.arguments(parameter))
+
+    def child(self, kind: str, name: str) -> Any:
+        """Return the declared object below of that name, for one more client."""
+        declared = _declared(self.part, kind, name)
+        if not isinstance(declared, DeclaredChild):
+            raise not_found(_among(name, _names(self.part, kind)))
+        below = declared.method(self.part)
+        if isinstance(below, CaoObject):
+            return below
+        if kind not in _KINDS or not isinstance(below, Part):
+            wanted = "Part, orinkit.cao.provider.CaoObject" if kind in _KINDS else "orinkit.cao.provider.CommandObject"
+            name = declared.method.__qualname__
+            raise TypeError(
+                tr("{name} must return {wanted}, not {returned}", name=name, wanted=wanted, returned=quoted(below, 100))
+            )
+        return _KINDS[kind](below, declared.name, declared.help)
+
+
+def _among(name: str, names: Sequence[str]) -> str:
+    return tr("{name}; there are: {names}", name=quoted(name), names=", ".join(names) or tr("none"))
+
+
+class _PartExtension(_PartObject, ExtensionObject):
+    pass
+
+
+class _PartRobot(_PartObject, RobotObject):
+    pass
+
+
+class _PartTask(_PartObject, TaskObject):
+    pass
+
+
+class _PartFile(_PartObject, FileObject):
+    def get_file(self, name: str, option: str) -> FileObject:
+        below: FileObject = self.child("File", name)
+        return below
+
+    def get_file_names(self, option: str) -> list[str]:
+        return _names(self.part, "File")
+
+
+class _PartController(_PartObject, ControllerObject):
+    def __init__(self, part: Part, name: str, reason: Callable[[int], str]) -> None:
+        super().__init__(part, name)
+        self._reason = reason
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        if command.lower() == DESCRIBE and _declared(self.part, "Command", command) is None:
+            return describe_error(self._reason, parameter)
+        return super().execute(command, parameter)
+
+    def get_extension(self, name: str, option: str) -> ExtensionObject:
+        below: ExtensionObject = self.child("Extension", name)
+        return below
+
+    def get_file(self, name: str, option: str) -> FileObject:
+        below: FileObject = self.child("File", name)
+        return below
+
+    def get_robot(self, name: str, option: str) -> RobotObject:
+        below: RobotObject = self.child("Robot", name)
+        return below
+
+    def get_command(self, name: str, option: str) -> CommandObject:
+        below: CommandObject = self.child("Command object", name)
+        return below
+
+    def get_task(self, name: str, option: str) -> TaskObject:
+        below: TaskObject = self.child("Task", name)
+        return below
+
+    def get_extension_names(self, option: str) -> list[str]:
+        return _names(self.part, "Extension")
+
+    def get_file_names(self, option: str) -> list[str]:
+        return _names(self.part, "File")
+
+    def get_robot_names(self, option: str) -> list[str]:
+        return _names(self.part, "Robot")
+
+    def get_command_names(self, option: str) -> list[str]:
+        return _names(self.part, "Command object")
+
+    def get_task_names(self, option: str) -> list[str]:
+        return _names(self.part, "Task")
+
+
+_KINDS: Final[dict[str, type[_PartObject]]] = {
+    "Extension": _PartExtension,
+    "Robot": _PartRobot,
+    "Task": _PartTask,
+    "File": _PartFile,
+}

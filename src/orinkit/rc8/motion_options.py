@@ -1,0 +1,213 @@
+"""The option string of motions: ``"SPEED=50,NEXT"``, ``"@0,Pose=1,TIME=200,NEXT"`` (RC8 3.3.4).
+
+===================================  ================================================================================
+option                               what it says
+===================================  ================================================================================
+``SPEED=n``, ``S=n``                 speed in percent, above 0, at most 100
+``ACCEL=n``, ``DECEL=n``             acceleration and deceleration in percent, above 0, at most 100
+``TIME=n``                           how long the motion is to take, in ms, above 0, at most 3,600,000
+``NEXT``                             the call returns at once
+``@0``, ``@E``, ``@P``, ``@n``       pass mark, where no pose carries it: Rotate, Drive
+``Pose=1``, ``Pose=2``               of Rotate
+===================================  ================================================================================
+
+A number may be a variable instead: ``SPEED=F2`` (I, F or D, also ``F[2]``). Capitals, blanks and empty parts, as from
+a leading comma, do not matter. Of an option that is given twice the last one counts. IF and UNTIL belong to PacScript
+and are refused, as is anything else.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, NotationError, error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.values.poses import PassMark
+
+MAX_PERCENT: Final = 100.0
+"""The highest speed, acceleration and deceleration, in percent."""
+MAX_TIME: Final = 3_600_000.0
+"""The longest time of a motion, in ms."""
+
+_MAX_LENGTH: Final = 1024
+_KNOWN: Final = "SPEED (S), ACCEL, DECEL, TIME, NEXT, POSE, @0, @E, @P, @n"
+_NUMBER: Final = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_VARIABLE: Final = re.compile(r"([IFDifd])[ \t]*(?:([0-9]{1,9})|\[[ \t]*([0-9]{1,9})[ \t]*\])")
+_CONDITION: Final = re.compile(r"(?:IF|UNTIL)\b")
+_FLAGS: Final = {"1": True, "TRUE": True, "0": False, "FALSE": False}
+_FIELDS: Final = {"SPEED": "speed", "S": "speed", "ACCEL": "accel", "DECEL": "decel", "TIME": "time"}
+
+
+VariableKind: TypeAlias = Literal["I", "F", "D"]
+"""The classes of variables that hold one number."""
+
+
+@dataclass(frozen=True, slots=True)
+class VariableRef:
+    """A global variable in place of a number: ``F2``.
+
+    Attributes:
+        kind: the class of the variable, I, F or D.
+        index: its number, from 0.
+        most: the highest value that is taken from it, MAX_PERCENT or MAX_TIME.
+    """
+
+    kind: VariableKind
+    index: int
+    most: float = MAX_PERCENT
+
+    def __str__(self) -> str:
+        return f"{self.kind}{self.index}"
+
+
+Amount: TypeAlias = float | VariableRef
+"""A number, or the variable that holds it."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionOptions:
+    """The options of one motion; what was not given is ``None`` or False.
+
+    Attributes:
+        speed: percent.
+        accel: percent.
+        decel: percent.
+        time: ms.
+        next: the call is to return at once.
+        mark: when the motion counts as done.
+        pose: 1 or 2, of Rotate.
+    """
+
+    speed: Amount | None = None
+    accel: Amount | None = None
+    decel: Amount | None = None
+    time: Amount | None = None
+    next: bool = False
+    mark: PassMark | None = None
+    pose: int | None = None
+
+
+def parse_options(text: str) -> MotionOptions:
+    """Return the options of a motion; the module's docstring has what there is.
+
+    Raises:
+        CallError: MOTION_OPTION_INVALID for an option that does not exist or cannot be read; VALUE_OUT_OF_RANGE for a
+            number that is too small or too large.
+    """
+    if len(text) > _MAX_LENGTH:
+        raise _invalid(
+            tr(
+                "an option string of {count} characters, at most {most} are read",
+                count=len(text),
+                most=_MAX_LENGTH,
+            ),
+        )
+    found: dict[str, Any] = {}
+    for part in text.split(","):
+        if part.strip():
+            field, value = _option(part.strip())
+            found[field] = value
+    return MotionOptions(**found)
+
+
+def resolve(amount: Amount, read: Callable[[VariableKind, int], float]) -> float:
+    """Return an amount as a number, from its variable if it is one.
+
+    Args:
+        amount: as in :class:`MotionOptions`.
+        read: gives the value of a variable from its class and number.
+
+    Raises:
+        CallError: VALUE_OUT_OF_RANGE, the variable's value is no percentage or time; whatever ``read`` raises.
+    """
+    if not isinstance(amount, VariableRef):
+        return amount
+    return _within(str(amount), float(read(amount.kind, amount.index)), amount.most)
+
+
+def _option(part: str) -> tuple[str, Any]:
+    """Return the field that an option sets, and its value."""
+    if part.startswith("@"):
+        return "mark", _mark(part)
+    name, equals, value = (piece.strip() for piece in part.partition("="))
+    name = name.upper()
+    if name in _FIELDS:
+        field = _FIELDS[name]
+        return field, _amount(part, value, MAX_TIME if field == "time" else MAX_PERCENT)
+    if name == "NEXT":
+        return "next", _flag(part, value if equals else "1")
+    if name == "POSE":
+        return "pose", _pose(part, value)
+    if _CONDITION.match(name):
+        raise _invalid(
+            tr(
+                "{part}: IF and UNTIL are for programs on the controller; the options here are {known}",
+                part=quoted(part),
+                known=_KNOWN,
+            ),
+        )
+    raise _invalid(
+        tr("{part} is no option of a motion; there are {known}", part=quoted(part), known=_KNOWN),
+    )
+
+
+def _mark(part: str) -> PassMark:
+    try:
+        return PassMark.parse(part)
+    except NotationError as error:
+        raise error_for(hresult.MOTION_OPTION_INVALID, f"{quoted(part)}: {error}") from None
+
+
+def _amount(part: str, value: str, most: float) -> Amount:
+    variable = _VARIABLE.fullmatch(value)
+    if variable:
+        kind: Any = variable[1].upper()
+        return VariableRef(kind, int(variable[2] or variable[3]), most)
+    return _within(part, _number(part, value), most)
+
+
+def _flag(part: str, value: str) -> bool:
+    flag = _FLAGS.get(value.upper())
+    if flag is None:
+        raise _invalid(
+            tr("{part}: NEXT has no value, or 1 or 0", part=quoted(part)),
+        )
+    return flag
+
+
+def _pose(part: str, value: str) -> int:
+    number = _number(part, value)
+    if number not in (1, 2):
+        raise error_for(
+            hresult.VALUE_OUT_OF_RANGE,
+            tr("{part}: 1 or 2 is wanted", part=quoted(part)),
+        )
+    return int(number)
+
+
+def _number(part: str, value: str) -> float:
+    if _NUMBER.fullmatch(value) is None:
+        raise _invalid(
+            tr(
+                "{part}: a number is wanted behind the equals sign, or a variable like F2 where it is an amount",
+                part=quoted(part),
+            ),
+        )
+    return float(value)
+
+
+def _within(part: str, number: float, most: float) -> float:
+    if not 0 < number <= most:  # NaN is not either
+        raise error_for(
+            hresult.VALUE_OUT_OF_RANGE,
+            tr("{part:.40}: {number:.10g} is not above 0 and at most {most:.0f}", part=part, number=number, most=most),
+        )
+    return number
+
+
+def _invalid(text: str) -> CallError:
+    return error_for(hresult.MOTION_OPTION_INVALID, text)

@@ -1,0 +1,241 @@
+"""The pose of Robot_Move and of commands like OutRange, in every form that clients send (RC8 3.3.4, 4.6.1).
+
+===========================================  ====================================================================
+argument                                     read as
+===========================================  ====================================================================
+``"@E P1"``, ``"P1, @E P2"``                 text, one target or several (:mod:`orinkit.values.poses`)
+``["P1", "@E P2"]``                          such texts, one after the other
+``[value, type, pass, extra]``               one target; everything behind the value may be left out or VT_EMPTY
+``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    targets of any of these forms
+numbers                                      by how many they are: 7 a P, 8 a J, 9 or 10 a T, 3 a V; of 6 nobody told
+                                             whether they are joints or a position
+===========================================  ====================================================================
+
+=====  ===============================================================================================================
+part   forms
+=====  ===============================================================================================================
+value  a number: that variable, of class P if no type is told. An array of numbers of any numeric type, or a VARIANT
+       array of them: the values, of the kind that goes with how many they are if no type is told
+type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: values that are to be taken as the function sees fit
+pass   -1, -2, 0, n for @P, @E, @0, @n (mm); or the text, ``"@E"``
+extra  ``[mode, [joint, value], ...]``: mode 1 or ``"EX"`` relative, 2 or ``"EXA"`` absolute, as DENSO's ROS driver
+       numbers them; 0: none
+=====  ===============================================================================================================
+
+So ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. Three or fewer numbers of which the
+first is of an integer type are value, type, pass: clients send ``[1, 0, -1]`` as a VT_I4 array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from orinkit.cao import coerce
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue, NotationError, error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target, parse_targets
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, type_name
+
+MAX_TARGETS: Final = 16
+"""How many targets one argument may have."""
+
+_INTEGERS: Final = frozenset(
+    map(int, (VarType.I1, VarType.I2, VarType.I4, VarType.I8, VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8))
+)
+_NUMBERS: Final = _INTEGERS | {int(VarType.R4), int(VarType.R8), int(VarType.CY)}
+_NOTHING: Final = (VarType.EMPTY, VarType.NULL)
+_BSTR_ARRAY: Final = VarType.BSTR | ARRAY
+_MOST_NUMBERS: Final = 10
+_MOST_PARTS: Final = 4
+_MOST_OF_ONE_TYPE: Final = 3  # of value, type, pass, extra: the last is an array
+
+_LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
+_TYPES: Final[dict[int, Kind]] = {0: "P", 1: "T", 2: "J", 3: "V", -1: ""}
+_BY_COUNT: Final[dict[int, Kind]] = {3: "V", 6: "", 7: "P", 8: "J", 9: "T", 10: "T"}
+_MARKS: Final[dict[int, PassMark]] = {-1: PASSING, -2: AT_ENCODER, 0: AT_COMMAND}
+_MODES: Final[dict[int | str, bool | None]] = {0: None, 1: False, 2: True, "EX": False, "EXA": True}
+
+
+def read_targets(given: Variant) -> tuple[Target, ...]:
+    """Return the targets that an argument stands for; the module's docstring has the forms.
+
+    Raises:
+        CallError: DISP_E_TYPEMISMATCH for a type that can be no pose; E_INVALIDARG for a text that cannot be read,
+            a number that is out of range or not finite, more than MAX_TARGETS targets.
+    """
+    if given.type == _BSTR_ARRAY:
+        return _several([trusted(VarType.BSTR, text) for text in given.value[: MAX_TARGETS + 1]])
+    if given.type == VARIANT_ARRAY and _are_targets(given.value):
+        return _several(given.value)
+    return _bounded(_one(given))
+
+
+def _are_targets(elements: Sequence[Variant]) -> bool:
+    """Tell targets from value, type, pass: they begin with a text, or with an array and another target behind it."""
+    if not elements or elements[0].type == VarType.BSTR:
+        return bool(elements)
+    if not elements[0].type & ARRAY:
+        return False
+    if len(elements) == 1 or elements[1].type & ARRAY:
+        return True
+    return elements[1].type == VarType.BSTR and len(elements[1].value.strip()) > 1  # longer than the letter of a type
+
+
+def _several(elements: Sequence[Variant]) -> tuple[Target, ...]:
+    targets: list[Target] = []
+    for place, element in enumerate(elements, start=1):
+        try:
+            targets += _one(element)
+        except CallError as error:
+            detail = tr("pose {place}: {detail}", place=place, detail=error.detail)
+            raise error_for(error.code, detail) from None
+        if len(targets) > MAX_TARGETS:
+            break
+    return _bounded(tuple(targets))
+
+
+def _bounded(targets: tuple[Target, ...]) -> tuple[Target, ...]:
+    if not targets:
+        raise _invalid(tr("an array without a pose"))
+    if len(targets) > MAX_TARGETS:
+        raise _invalid(tr("more than {most} poses", most=MAX_TARGETS))
+    return targets
+
+
+def _one(given: Variant) -> tuple[Target, ...]:
+    """Read a text, which may have several targets, or one target as an array."""
+    try:
+        return parse_targets(given.value) if given.type == VarType.BSTR else (_from_array(given),)
+    except (NotationError, InvalidValue) as error:
+        raise error_for(hresult.E_INVALIDARG, str(error)) from None
+
+
+def _from_array(given: Variant) -> Target:
+    elements = _elements(given)
+    if not elements:
+        raise _invalid(tr("an empty array is no pose"))
+    if all(element.type in _NUMBERS for element in elements) and (
+        len(elements) > _MOST_OF_ONE_TYPE or elements[0].type not in _INTEGERS
+    ):
+        values = _numbers(given)
+        return Target(_kind_by_count(values), values)
+    return _from_parts(elements)
+
+
+def _elements(given: Variant) -> Sequence[Variant]:
+    if given.type == VARIANT_ARRAY:
+        elements: Sequence[Variant] = given.value
+        return elements
+    base = given.type & ~ARRAY
+    if given.type & ARRAY and base in _NUMBERS:
+        return [trusted(base, value) for value in given.value[: _MOST_NUMBERS + 1]]
+    raise _mismatch(given, tr("a pose: VT_BSTR, an array of numbers or a VARIANT array"))
+
+
+def _from_parts(parts: Sequence[Variant]) -> Target:
+    if len(parts) > _MOST_PARTS:
+        raise _invalid(
+            tr("a pose of {count} elements; it has at most 4: value, type, pass, extra joints", count=len(parts)),
+        )
+    value, kind_part, mark_part, extra_part = [*parts, *[trusted(VarType.EMPTY, None)] * (_MOST_PARTS - len(parts))]
+    kind, mark, extra = _kind(kind_part), _mark(mark_part), _extra(extra_part)
+    if value.type in _NUMBERS:
+        return Target("P" if kind is None else kind, coerce.to_integer(value), mark, extra)
+    values = _numbers(value)
+    return Target(_kind_by_count(values) if kind is None else kind, values, mark, extra)
+
+
+def _numbers(given: Variant) -> tuple[float, ...]:
+    elements = _elements(given)
+    if len(elements) > _MOST_NUMBERS:
+        raise _invalid(tr("more than {most} numbers", most=_MOST_NUMBERS))
+    for element in elements:
+        if element.type not in _NUMBERS:
+            raise _mismatch(element, tr("a number of a pose"))
+    return tuple(float(element.value) for element in elements)
+
+
+def _kind_by_count(values: Sequence[float]) -> Kind:
+    kind = _BY_COUNT.get(len(values))
+    if kind is None:
+        raise _invalid(
+            tr("{count} numbers without a type; 7 are a P, 8 a J, 9 or 10 a T, 3 a V", count=len(values)),
+        )
+    return kind
+
+
+def _kind(given: Variant) -> Kind | None:
+    """Read the type of a value; ``None`` where it is not told."""
+    word = _word(given, tr("the type of a pose"))
+    if word == "":
+        return None
+    kind = _LETTERS.get(word) if isinstance(word, str) else _TYPES.get(coerce.to_integer(given))
+    if kind is None:
+        raise _invalid(
+            tr("{word} is no type of a pose: 0 or P, 1 or T, 2 or J, 3 or V, -1 for none", word=quoted(word)),
+        )
+    return kind
+
+
+def _mark(given: Variant) -> PassMark | None:
+    word = _word(given, tr("a pass mark"))
+    if isinstance(word, str):
+        return PassMark.parse(word) if word else None
+    number = coerce.to_real(given)
+    if number > 0:
+        return PassMark("n", number)
+    mark = _MARKS.get(int(number)) if number.is_integer() else None
+    if mark is None:
+        raise _invalid(
+            tr("{word} is no pass mark: -1 is @P, -2 @E, 0 @0, n above 0 @n", word=quoted(word)),
+        )
+    return mark
+
+
+def _extra(given: Variant) -> Extra | None:
+    if given.type in _NOTHING:
+        return None
+    mode, *joints = _elements(given) or [trusted(VarType.EMPTY, None)]
+    word = _word(mode, tr("the mode of extra joints"))
+    key = word if isinstance(word, str) else coerce.to_integer(mode)
+    if key not in _MODES or len(joints) > len(_MODES):
+        raise _invalid(
+            tr(
+                "extra joints of mode {word}, {count} of them: [1 (EX) or 2 (EXA), [7, value], [8, value]]",
+                word=quoted(word),
+                count=len(joints),
+            ),
+        )
+    absolute = _MODES[key]
+    return None if absolute is None else Extra(absolute, tuple(map(_joint, joints)))
+
+
+def _joint(given: Variant) -> tuple[int, float]:
+    numbers = _numbers(given)
+    if len(numbers) != 2 or not numbers[0].is_integer():
+        raise _invalid(
+            tr("an extra joint is [number, value], like [7, 30.5]"),
+        )
+    return int(numbers[0]), numbers[1]
+
+
+def _word(given: Variant, wanted: str) -> str | float:
+    """Return a text in capitals, or a number, for telling what it means; ``""`` for nothing."""
+    if given.type in _NOTHING:
+        return ""
+    if given.type == VarType.BSTR:
+        return str(given.value).strip().upper()
+    if given.type in _NUMBERS:
+        return coerce.to_number(given)
+    raise _mismatch(given, wanted)
+
+
+def _invalid(text: str) -> CallError:
+    return error_for(hresult.E_INVALIDARG, text)
+
+
+def _mismatch(given: Variant, wanted: str) -> CallError:
+    name = type_name(given.type)
+    return error_for(hresult.DISP_E_TYPEMISMATCH, tr("{type} was given, {wanted} is wanted", type=name, wanted=wanted))

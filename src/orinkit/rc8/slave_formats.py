@@ -1,0 +1,240 @@
+"""Slave mode in numbers: modes, formats, what slvMove takes and what it answers (RC8 4.2, tables 4-1 to 4-5).
+
+Server and client both read and build from here. slvMove's parameter and its answer are made of parts; those in brackets
+are there if a format has their bit. A pose with nothing beside it is a bare array of VT_R8, otherwise all are elements of
+a VARIANT array::
+
+    parameter   pose, [mini I/O], [user I/O to send: offset, size, bytes], [user I/O to receive: offset, size], [hand I/O]
+    answer      [timestamp], pose, [mini I/O], [user I/O], [hand I/O], [motor currents]
+
+Two poses of one answer, P and J or T and J, are one array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntFlag
+from functools import lru_cache
+from itertools import islice
+from typing import Final
+
+from orinkit.core.errors import CallError, InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.rc8.slave_feedback import CURRENTS as CURRENTS
+from orinkit.rc8.slave_feedback import POSE_MASK as POSE_MASK
+from orinkit.rc8.slave_feedback import POSE_PARTS as POSE_PARTS
+from orinkit.rc8.slave_feedback import Receive as Receive
+from orinkit.rc8.slave_feedback import ReceiveFormat as ReceiveFormat
+from orinkit.rc8.slave_feedback import SlaveAnswer as SlaveAnswer
+from orinkit.rc8.slave_feedback import build_answer as build_answer
+from orinkit.rc8.slave_feedback import read_answer as read_answer
+from orinkit.rc8.slave_feedback import read_receive_parameter as read_receive_parameter
+from orinkit.rc8.slave_feedback import receive_format as receive_format
+from orinkit.rc8.slave_values import LARGEST as LARGEST
+from orinkit.rc8.slave_values import MOST_USER_BYTES as MOST_USER_BYTES
+from orinkit.rc8.slave_values import (
+    PARTS,
+    ExtraAxes,
+    called,
+    hexadecimal,
+    invalid,
+    numbers_to_send,
+    read_numbers,
+    read_pose,
+)
+from orinkit.rc8.slave_values import POSE_SIZES as POSE_SIZES
+from orinkit.rc8.slave_values import USER_STEP as USER_STEP
+from orinkit.rc8.slave_values import PoseKind as PoseKind
+from orinkit.rc8.slave_values import UserWindow as UserWindow
+from orinkit.values.pose_numbers import brief
+from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Variant, trusted
+
+# --- modes and formats (table 4-1) ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SlaveMode:
+    """What slvChangeMode sets (RC8 4.3).
+
+    Attributes:
+        number: as slvChangeMode has it, 0x001 to 0x203.
+        kind: what the set-points are.
+        buffering: 0 a queue that answers at once, 1 one set-point that is overwritten, 2 a queue that answers when there
+            is room.
+    """
+
+    number: int
+    kind: PoseKind
+    buffering: int
+
+
+OFF: Final = 0
+"""slvChangeMode's number for leaving slave mode."""
+_LOW_BYTES: Final[dict[int, PoseKind]] = {1: "P", 2: "J", 3: "T"}
+SLAVE_MODES: Final[dict[int, SlaveMode]] = {
+    buffering << 8 | low: SlaveMode(buffering << 8 | low, kind, buffering)
+    for buffering in (0, 1, 2)
+    for low, kind in _LOW_BYTES.items()
+}
+"""The nine modes by their numbers."""
+
+
+def mode_of(number: int) -> SlaveMode | None:
+    """Return the mode of a number of slvChangeMode, ``None`` for OFF.
+
+    Raises:
+        CallError: E_INVALIDARG, there is none.
+    """
+    if number == OFF:
+        return None
+    if number not in SLAVE_MODES:
+        raise _unknown(tr("slave mode"), number, (OFF, *SLAVE_MODES))
+    return SLAVE_MODES[number]
+
+
+def mode_number(buffering: int, kind: str) -> int:
+    """Return slvChangeMode's number of a mode.
+
+    Raises:
+        InvalidValue: there is none.
+    """
+    for mode in SLAVE_MODES.values():
+        if (mode.buffering, mode.kind) == (buffering, kind):
+            return mode.number
+    raise InvalidValue(
+        tr("slave mode {buffering} for {kind}: there are 0, 1 and 2, each for \"P\", \"J\" and \"T\"", buffering=brief(buffering), kind=brief(kind))
+    )  # fmt: skip
+
+
+class Send(IntFlag):
+    """What slvMove carries beside the pose."""
+
+    HAND = 0x20
+    MINI = 0x100
+    USER = 0x200
+
+
+SEND_FORMATS: Final = (0x0000, 0x0020, 0x0100, 0x0120, 0x0200, 0x0220)
+"""The numbers that slvSendFormat takes: mini I/O and user I/O exclude each other."""
+
+
+def send_format(number: int) -> Send:
+    """Return the format of a number of slvSendFormat.
+
+    Raises:
+        CallError: E_INVALIDARG, there is none.
+    """
+    if number not in SEND_FORMATS:
+        raise _unknown(tr("send format"), number, SEND_FORMATS)
+    return Send(number)
+
+
+_ASKS_USER: Final = int(Receive.USER)
+
+
+# --- slvMove's parameter (tables 4-2 and 4-5) -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SetPoint:
+    """One slvMove.
+
+    Attributes:
+        pose: P: x, y, z in mm, rx, ry, rz in degrees, fig. J: joints 1 to 8 in degrees. T: x, y, z, ox, oy, oz, ax, ay,
+            az, fig.
+        extra: extra axes, 7 before 8, and where they go. Of joints they are values of the pose itself; where the two
+            differ this one is sent.
+        mini: states of the mini I/O, bit by bit.
+        hand: states of the hand I/O, bit by bit.
+        user: number of the first user I/O, a multiple of USER_STEP, and the bytes to set.
+        window: the user I/O that is asked for.
+    """
+
+    pose: tuple[float, ...]
+    extra: ExtraAxes = ()
+    mini: int | None = None
+    hand: int | None = None
+    user: tuple[int, bytes] | None = None
+    window: UserWindow | None = None
+
+
+def encode_set_point(kind: PoseKind, point: SetPoint, send: Send, receive: ReceiveFormat) -> Value:
+    """Return slvMove's parameter, the client's side; joints that are left out are 0, a figure is FIG_AUTO.
+
+    Raises:
+        InvalidValue: something is missing that the formats want, or given that they have no place for; a wrong count; a
+            number that is not finite or above LARGEST; user I/O beyond its bounds.
+    """
+    parts = _parts_of_set_point(int(send), receive.number & _ASKS_USER)
+    numbers = numbers_to_send(kind, point.pose, point.extra)
+    if not parts and (point.mini, point.hand, point.user, point.window) == _NOTHING:
+        return numbers
+    parameter = [trusted(R8_ARRAY, numbers)]
+    for name, part in PARTS.items():
+        value = getattr(point, name)
+        if (value is None) == (name in parts):
+            raise _not_as_formats(name, name in parts)
+        if value is not None:
+            parameter += part.write(name, value)
+    return trusted(VARIANT_ARRAY, parameter)
+
+
+def read_set_point(kind: PoseKind, parameter: Variant, send: Send, receive: ReceiveFormat) -> SetPoint:
+    """Return the set-point of slvMove's parameter, the server's side.
+
+    Numbers may be of any numeric type, a pose an array of any of them. A J may end behind joint 6, P and T before the
+    figure. Behind a whole pose there may be flags and extra axes (table 4-5), or zeros.
+
+    Raises:
+        CallError: DISP_E_TYPEMISMATCH, no array or no number; E_INVALIDARG, a wrong count, flags that are none or do not
+            agree with what follows them, a number that is not finite or above LARGEST, user I/O beyond its bounds.
+    """
+    parts = _parts_of_set_point(int(send), receive.number & _ASKS_USER)
+    if not parts and parameter.type == R8_ARRAY:  # the commonest by far
+        return SetPoint(*read_pose(kind, parameter.value))
+    given = iter(_split(parameter, parts))
+    pose, extra = read_pose(kind, read_numbers(kind, next(given)))
+    return SetPoint(pose, extra, **{part: PARTS[part].read(part, *islice(given, PARTS[part].span)) for part in parts})
+
+
+_NOTHING: Final = (None, None, None, None)
+
+
+@lru_cache(maxsize=64)
+def _parts_of_set_point(send: int, asks_user: int) -> tuple[str, ...]:
+    """Return what stands behind the pose, in the order of table 4-2."""
+    has = {"mini": send & Send.MINI, "user": send & Send.USER, "window": asks_user, "hand": send & Send.HAND}
+    return tuple(part for part in PARTS if has[part])
+
+
+def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:
+    """Return the elements of a parameter, the pose first."""
+    wanted = 1 + sum(PARTS[part].span for part in parts)
+    given: Sequence[Variant] = [parameter]  # a pose alone, also one whose numbers are VARIANTs
+    if parameter.type == VARIANT_ARRAY and parameter.value:
+        begins_with_array = parameter.value[0].type & ARRAY
+        given = parameter.value if begins_with_array or len(parameter.value) == wanted > 1 else given
+    if len(given) != wanted and parameter.type & ARRAY:
+        names = ", ".join(map(called, ("pose", *parts)))
+        raise invalid(
+            tr(
+                "slvMove has {count} elements, the formats in force want {wanted}: {names}",
+                count=len(given),
+                wanted=wanted,
+                names=names,
+            ),
+        )
+    return given  # what is no array is refused as a pose
+
+
+def _not_as_formats(part: str, is_wanted: bool) -> InvalidValue:
+    name = called(part)
+    if is_wanted:
+        return InvalidValue(tr("{name}: the formats in force want it", name=name))
+    return InvalidValue(tr("{name}: the formats in force have no place for it", name=name))
+
+
+def _unknown(what: str, number: int, known: Iterable[int]) -> CallError:
+    shown, names = hexadecimal(number), ", ".join(map(hexadecimal, known))
+    return invalid(tr("{what} {number}; there are {known}", what=what, number=shown, known=names))

@@ -1,0 +1,386 @@
+"""The parts of slvMove's parameter, each from and to its VARIANTs (RC8 4.2 and 4.4, tables 4-2 and 4-5).
+
+The numbers of a pose:
+
+====  =====================  =================  ==================================================================
+kind  whole                  may be left out    may follow
+====  =====================  =================  ==================================================================
+P     x to fig, 7            fig                flags, then the values of the extra axes that they name
+J     J1 to J8, 8            J7 and J8          flags, which name those of J7 and J8 that are extra axes
+T     x to fig, 10           fig                as for P
+====  =====================  =================  ==================================================================
+
+Zeros may follow as well: some clients send arrays of a fixed length.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+from orinkit.cao import coerce
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, InvalidValue, error_for
+from orinkit.core.i18n import N_, tr
+from orinkit.values.pose_numbers import FIELDS, FIG_AUTO, brief
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, type_name
+
+PoseKind: TypeAlias = Literal["P", "J", "T"]
+"""What the numbers of a set-point are: a position, joints, a homogeneous transformation."""
+ExtraAxes: TypeAlias = tuple[tuple[int, float], ...]
+"""Extra axes and where they go: ``((7, 120.0), (8, -5.0))``, in degrees or mm."""
+
+POSE_SIZES: Final[dict[PoseKind, int]] = {"P": 7, "J": 8, "T": 10}
+"""How many numbers a whole pose has."""
+LARGEST: Final = 1e6
+"""The largest magnitude of a number of a pose, mm or degrees."""
+
+_FEWEST: Final[dict[PoseKind, int]] = {"P": 6, "J": 6, "T": 9}
+_MOST: Final[dict[PoseKind, int]] = {"P": 10, "J": 9, "T": 13}
+_AXES: Final[dict[float, tuple[int, ...]]] = {0x400000: (), 0x400040: (7,), 0x400080: (8,), 0x4000C0: (7, 8)}
+_FLAGS: Final = {axes: float(flags) for flags, axes in _AXES.items()}
+_IS_WITHIN: Final = LARGEST.__ge__
+_NUMERIC: Final = frozenset(
+    map(int, (VarType.R8, VarType.R4, VarType.I4, VarType.I2, VarType.I1, VarType.I8, VarType.CY,
+              VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8))
+)  # fmt: skip
+
+
+def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
+    """Return the numbers of an array of any numeric type, or of a VARIANT array of such numbers.
+
+    Raises:
+        CallError: DISP_E_TYPEMISMATCH, it is none; E_INVALIDARG, it is longer than any pose of this kind.
+    """
+    if not given.type & ARRAY:
+        raise _mismatch(given)
+    if len(given.value) > _MOST[kind]:
+        raise invalid(_wrong_count(kind, len(given.value)))
+    numbers = elements(given, _MOST[kind])
+    for number in numbers:
+        if number.type not in _NUMERIC:
+            raise _mismatch(number)
+    return [float(number.value) for number in numbers]
+
+
+def read_pose(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ...], ExtraAxes]:
+    """Return the pose that numbers are, with everything that was left out, and its extra axes.
+
+    Raises:
+        CallError: E_INVALIDARG, a wrong count, flags that are none or do not agree with what follows them, a number that
+            is not finite or above LARGEST.
+    """
+    pose, extra = (tuple(numbers), ()) if len(numbers) == POSE_SIZES[kind] else _read_unusual(kind, numbers)
+    if fault := _fault(kind, pose, extra):
+        raise error_for(hresult.E_INVALIDARG, fault)
+    return pose, extra
+
+
+def numbers_to_send(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> list[float]:
+    """Return the numbers that slvMove carries; joints that are left out are 0, a figure is FIG_AUTO.
+
+    Raises:
+        InvalidValue: a wrong count; a number that is none, not finite or above LARGEST; axes other than 7, 8, or both in
+            this order.
+    """
+    try:
+        numbers = list(map(float, pose))
+        axes, values = tuple([axis for axis, _ in extra]), [float(value) for _, value in extra]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidValue(
+            tr("pose {pose}, extra axes {extra}: not all are numbers", pose=brief(pose), extra=brief(extra))
+        ) from None
+    if len(numbers) != POSE_SIZES[kind]:
+        if not _FEWEST[kind] <= len(numbers) <= POSE_SIZES[kind]:
+            raise InvalidValue(_wrong_count(kind, len(numbers)))
+        numbers = list(_completed(kind, numbers))
+    if not axes:
+        return _checked(kind, numbers, ())
+    if axes not in _FLAGS:
+        raise InvalidValue(tr("extra axes {axes}: 7, or 8, or 7 and 8 in this order are wanted", axes=brief(axes)))
+    if kind != "J":
+        return [*_checked(kind, numbers, tuple(zip(axes, values, strict=True))), _FLAGS[axes], *values]
+    for axis, value in zip(axes, values, strict=True):
+        numbers[axis - 1] = value
+    return [*_checked(kind, numbers, ()), _FLAGS[axes]]
+
+
+def _read_unusual(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ...], ExtraAxes]:
+    """Read a pose from which something was left out, or that something follows."""
+    if not _FEWEST[kind] <= len(numbers) <= _MOST[kind]:
+        raise invalid(_wrong_count(kind, len(numbers)))
+    size = POSE_SIZES[kind]
+    pose, behind = _completed(kind, numbers[:size]), numbers[size:]
+    if not any(behind):
+        return pose, ()
+    flags, *values = behind
+    axes = _AXES.get(flags)
+    shown = hexadecimal(int(flags)) if flags.is_integer() else str(flags)
+    if axes is None:
+        raise invalid(
+            tr(
+                "value {place} of a {kind} is {shown}; extra axes are told by 0x400040 (7), 0x400080 (8), "
+                "0x4000C0 (both)",
+                place=size + 1,
+                kind=kind,
+                shown=shown,
+            ),
+        )
+    if kind == "J":
+        values = [pose[axis - 1] for axis in axes]
+    if len(values) != len(axes):
+        raise invalid(
+            tr(
+                "extra axes {flags} need {wanted} values behind them, {given} were given",
+                flags=shown,
+                wanted=len(axes),
+                given=len(values),
+            ),
+        )
+    return pose, tuple(zip(axes, values, strict=True))
+
+
+def _completed(kind: PoseKind, numbers: Sequence[float]) -> tuple[float, ...]:
+    missing = POSE_SIZES[kind] - len(numbers)
+    return (*numbers, *[0.0 if kind == "J" else float(FIG_AUTO)] * missing)
+
+
+def _checked(kind: PoseKind, numbers: list[float], extra: ExtraAxes) -> list[float]:
+    if fault := _fault(kind, numbers, extra):
+        raise InvalidValue(fault)
+    return numbers
+
+
+def _fault(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> str:
+    """Return what is wrong with the numbers of a whole pose, an empty text if nothing is."""
+    if not extra and all(map(_IS_WITHIN, map(abs, pose))) and (kind == "J" or pose[-1].is_integer()):
+        return ""  # nearly always
+    named = [*zip(FIELDS[kind], pose, strict=True), *((f"J{axis}", value) for axis, value in extra)]
+    for place, (name, value) in enumerate(named, start=1):
+        if not _IS_WITHIN(abs(value)):
+            at = place + (place > len(pose))  # the flags stand between
+            return tr(
+                "{name} (value {place}) of a {kind} is {value}; a finite number of at most {largest:.0f} is wanted",
+                name=name,
+                place=at,
+                kind=kind,
+                value=value,
+                largest=LARGEST,
+            )
+        if name == "fig" and not value.is_integer():
+            return tr(
+                "fig (value {place}) of a {kind} is {value}; a whole number is wanted",
+                place=place,
+                kind=kind,
+                value=value,
+            )
+    return ""
+
+
+def _wrong_count(kind: PoseKind, count: int) -> str:
+    return tr(
+        "{count} numbers for a {kind}: {few} to {size} are a pose, up to {most} with extra axes",
+        count=count,
+        kind=kind,
+        few=_FEWEST[kind],
+        size=POSE_SIZES[kind],
+        most=_MOST[kind],
+    )
+
+
+def _mismatch(given: Variant) -> CallError:
+    name = type_name(given.type)
+    return error_for(
+        hresult.DISP_E_TYPEMISMATCH,
+        tr("pose: {name} was given, an array of numbers is wanted", name=name),
+    )
+
+
+# --- what stands beside the pose --------------------------------------------------------------------------------------
+
+USER_STEP: Final = 8
+"""User I/O is sent and asked for in bytes: the number of the first one is a multiple of this."""
+MOST_USER_BYTES: Final = 64
+"""The most bytes of user I/O in one slvMove and in its answer (RC8 4.2, note 3: many of them make it late)."""
+
+
+@dataclass(frozen=True, slots=True)
+class UserWindow:
+    """The user I/O that an answer is to have.
+
+    Attributes:
+        offset: number of the first one, a multiple of USER_STEP.
+        size: how many bytes, 1 to MOST_USER_BYTES.
+    """
+
+    offset: int
+    size: int
+
+
+_NAMES: Final = {
+    "pose": N_("pose"),
+    "mini": N_("mini I/O"),
+    "hand": N_("hand I/O"),
+    "user": N_("user I/O to send"),
+    "user offset": N_("offset of user I/O to send"),
+    "user size": N_("size of user I/O to send"),
+    "window": N_("user I/O to receive"),
+    "window offset": N_("offset of user I/O to receive"),
+    "window size": N_("size of user I/O to receive"),
+    "format": N_("receive format"),
+    "unit": N_("unit of timestamps"),
+    "timestamp": N_("timestamp"),
+    "answer": N_("the whole"),
+    "joints": N_("pose of type J"),
+    "position": N_("pose of type P"),
+    "trans": N_("pose of type T"),
+    "states": N_("user I/O"),
+    "current": N_("motor currents"),
+}
+_BYTE: Final = 255
+
+
+def _read_state(part: str, given: Variant) -> int:
+    return whole(given, part)
+
+
+def _read_window(part: str, offset: Variant, size: Variant) -> UserWindow:
+    window = UserWindow(whole(offset, f"{part} offset"), whole(size, f"{part} size"))
+    if fault := _window_fault(part, window.offset, window.size):
+        raise error_for(hresult.E_INVALIDARG, fault)
+    return window
+
+
+def _read_user(part: str, offset: Variant, size: Variant, given: Variant) -> tuple[int, bytes]:
+    window = _read_window(part, offset, size)
+    states = [whole(each, part) for each in (elements(given, window.size) if given.type & ARRAY else [given])]
+    if len(states) < window.size:
+        raise invalid(
+            tr(
+                "{part}: {count} bytes, of which {size} are to be sent",
+                part=called(part),
+                count=len(states),
+                size=window.size,
+            ),
+        )
+    for place, state in enumerate(states, start=1):
+        if not 0 <= state <= _BYTE:
+            raise invalid(
+                tr("{part}: byte {place} is {state}, 0 to 255 is wanted", part=called(part), place=place, state=state),
+            )
+    return window.offset, bytes(states)
+
+
+def _write_state(part: str, state: int) -> list[Variant]:
+    bits = operator.index(state)
+    if not -(2**31) <= bits < 2**32:
+        name, shown = called(part), brief(bits)
+        raise InvalidValue(tr("{name}: {shown} is more than 32 bits", name=name, shown=shown))
+    return [trusted(VarType.I4, as_i4(bits))]
+
+
+def _write_window(part: str, window: UserWindow) -> list[Variant]:
+    if fault := _window_fault(part, window.offset, window.size):
+        raise InvalidValue(fault)
+    return [Variant(VarType.I4, window.offset), Variant(VarType.I4, window.size)]
+
+
+def _write_user(part: str, user: tuple[int, bytes]) -> list[Variant]:
+    offset, states = user[0], Variant(VarType.UI1 | ARRAY, user[1])
+    return [*_write_window(part, UserWindow(offset, len(states.value))), states]
+
+
+def _window_fault(part: str, offset: int, size: int) -> str:
+    """Return what is wrong with bounds of user I/O, an empty text if nothing is."""
+    if offset < 0 or offset % USER_STEP:
+        name = called(f"{part} offset")
+        return tr("{name} is {offset}, a multiple of {step} is wanted", name=name, offset=offset, step=USER_STEP)
+    if not 1 <= size <= MOST_USER_BYTES:
+        name = called(f"{part} size")
+        return tr(
+            "{name} is {size}, 1 to {most} bytes are possible",
+            name=name,
+            size=size,
+            most=MOST_USER_BYTES,
+        )
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What may stand behind the pose (table 4-2).
+
+    Attributes:
+        span: how many elements of the parameter it has.
+        read: its value of its name and its elements.
+        write: its elements of its name and its value.
+    """
+
+    span: int
+    read: Callable[..., Any]
+    write: Callable[[str, Any], list[Variant]]
+
+
+PARTS: Final = {
+    "mini": Part(1, _read_state, _write_state),
+    "user": Part(3, _read_user, _write_user),
+    "window": Part(2, _read_window, _write_window),
+    "hand": Part(1, _read_state, _write_state),
+}
+"""What may stand behind the pose, in the order of table 4-2, by its name in a set-point.
+
+Reading raises CallError: DISP_E_TYPEMISMATCH, no number; E_INVALIDARG, a fraction, user I/O beyond its bounds. Writing
+raises InvalidValue.
+"""
+
+
+# --- what others read with --------------------------------------------------------------------------------------------
+
+
+def called(part: str) -> str:
+    """Return what a message calls a part of slvMove."""
+    return tr(_NAMES[part])
+
+
+def whole(given: Variant, part: str) -> int:
+    """Return a whole number of VT_I4's range from any number or text, also ``"0x11"``.
+
+    Raises:
+        CallError: DISP_E_TYPEMISMATCH, it is no number; E_INVALIDARG, it is a fraction or out of range.
+    """
+    given = coerce.single(given)
+    if given.type == VarType.BSTR and (found := _HEXADECIMAL.fullmatch(given.value.strip())):
+        return as_i4(int(found[1], 16))
+    try:
+        return coerce.to_integer(given)
+    except CallError as error:
+        code = hresult.E_INVALIDARG if error.code == hresult.E_INVALIDARG else hresult.DISP_E_TYPEMISMATCH
+        raise error_for(code, f"{called(part)}: {error.detail}") from None
+
+
+_HEXADECIMAL: Final = re.compile(r"0[xX]([0-9A-Fa-f]{1,8})")
+
+
+def as_i4(bits: int) -> int:
+    """Return the lowest 32 bits as the number that VT_I4 makes of them."""
+    return (bits + 2**31) % 2**32 - 2**31
+
+
+def elements(given: Variant, most: int) -> list[Variant]:
+    """Return the elements of an array, no more than ``most`` of them."""
+    if given.type == VARIANT_ARRAY:
+        return list(given.value[:most])
+    return [trusted(given.type & ~ARRAY, value) for value in given.value[:most]]
+
+
+def invalid(text: str) -> CallError:
+    """Return the exception for a value that cannot be meant; ``text`` says why."""
+    return error_for(hresult.E_INVALIDARG, text)
+
+
+def hexadecimal(number: int) -> str:
+    """Return a number as the document writes formats and flags, ``0x0120``."""
+    return f"0x{number:04X}" if 0 <= number < 2**32 else brief(number)

@@ -1,0 +1,28 @@
+"""How long a client without a connection may be silent while its motions run; :mod:`orinkit.server.liveness` watches."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+
+ALIVE: Final = 2.0
+"""Seconds of silence after which a client without a connection is taken to have gone whose motions run."""
+
+_LEAST: Final = 0.5
+_MOST: Final = 3600.0
+
+
+def check_alive(seconds: float) -> float:
+    """Return the seconds that a client without a connection may be silent while its motions run.
+
+    Raises:
+        InvalidValue: it is no number from 0.5 to 3,600.
+    """
+    given: object = seconds
+    if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST <= given <= _MOST:
+        raise InvalidValue(
+            tr("alive must be {least:g} to {most:g} seconds, not {given!r:.40}", least=_LEAST, most=_MOST, given=given)
+        )
+    return float(given)

@@ -1,0 +1,454 @@
+"""The ASGI application behind e-CAP: who is let in, what a request asks for, and its answer.
+
+Every answer of a function has status 200 and a return code in its body. Other statuses say that the request never got as
+far as a function.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from functools import partial
+from typing import Final
+from urllib.parse import quote
+
+from starlette.responses import PlainTextResponse
+from starlette.types import Message, Receive, Scope, Send
+
+from orinkit.bcap.server import LARGE
+from orinkit.cao.functions import robot_halt, robot_hold, task_stop
+from orinkit.cao.service_options import ServiceOptions, read_options
+from orinkit.cao.session import Pending, Reply, Session
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.ecap.message import Request, read_request, write_reply
+from orinkit.server.capacity import Partial
+from orinkit.server.context import Connections
+from orinkit.server.http.access import Door, Headers, ambiguous, closed, full, plain, too_long, too_many_guesses
+from orinkit.server.http.limits import GuardedProtocol
+from orinkit.server.http.options import HttpOptions
+from orinkit.server.http.sessions import CALLS, Call, HttpSession, HttpSessions
+from orinkit.server.large_values import is_large
+from orinkit.server.log_limiter import CLIENT
+
+logger = logging.getLogger("orinkit.server")
+
+_SERVICE_START: Final = 1
+_SERVICE_STOP: Final = 2
+_STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # however much is at work
+_CONNECT: Final = 3
+_WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
+_NO_TOKEN: Final = 401
+_HELD: Final = 32  # answers to wrong tokens that are held back for an address
+_SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
+_NOTHING: Final = -1  # bytes of a body that are waited for
+_LONGEST_DETAIL: Final = 500  # characters
+_PIECE: Final = 1024 * 1024  # bytes of an answer that are sent at a time
+_BEATS: Final = range(80, 60_001)  # ms
+_PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
+_TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
+_BEATING: Final = b"orinkit-executing"
+
+
+class _Gone(Exception):
+    """The client has closed its connection."""
+
+
+class App:
+    """The application of one listener.
+
+    Args:
+        shared: what all clients of the server share.
+        options: who is let in.
+        secure: it is https.
+    """
+
+    def __init__(self, shared: Connections, options: HttpOptions, *, secure: bool) -> None:
+        self._shared = shared
+        self._sessions = HttpSessions(shared, options.idle)
+        self._door = Door(options, secure=secure)
+        self._secure = secure
+        self._cookie = b""
+        self._takes_options = shared.host.dialect.takes_options
+        self._codes = shared.host.dialect.codes
+
+    def listens_at(self, port: int) -> None:
+        """Say which port it is; the cookies of servers on other ports of a host are others."""
+        self._cookie = b"orinkit-%d" % port
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        exchange = Exchange(scope, receive, send)
+        CLIENT.set(exchange.connection.host)
+        try:
+            unclear = ambiguous(scope["headers"])
+            if unclear is not None:
+                self._log(exchange, unclear.status_code)
+                await exchange.refuse(unclear, _NOTHING)
+                return
+            refusal = self._refusal(scope["method"], exchange)
+            if refusal is None:
+                refusal = await self._serve(exchange)
+            if refusal is not None:
+                self._log(exchange, refusal.status_code)
+                if refusal.status_code == _NO_TOKEN:
+                    await self._slow_down(exchange)
+                await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _NOTHING)
+        except _Gone:
+            pass
+        except asyncio.CancelledError:
+            if not exchange.connection.gone:
+                raise
+            # else the server is being closed, and nobody is there who could be told
+        except Exception:
+            logger.exception("%s: answering a request", exchange.connection.name)
+            if not exchange.begun:
+                text = tr("the server made a mistake; its log says which")
+                await exchange.refuse(plain(500, text), 0)
+
+    def _refusal(self, method: str, exchange: Exchange) -> PlainTextResponse | None:
+        """Return the answer to a request that is not let in; None if it is."""
+        if self._shared.closing:
+            return closed()
+        if self._shared.held[exchange.connection.network] >= _HELD and not self._session_of(exchange):
+            return too_many_guesses()
+        return self._door.refusal(method, exchange.headers)
+
+    def _session_of(self, exchange: Exchange) -> HttpSession | None:
+        """Return the session that the request's cookie names."""
+        key = self._key(exchange.headers.get(b"cookie", b""))
+        return self._sessions.by_key(key) if key else None
+
+    def _log(self, exchange: Exchange, status: int) -> None:
+        level = logging.INFO
+        if status in _SUSPICIOUS:
+            level = self._shared.refusal_level(asyncio.get_running_loop().time())
+        logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
+
+    async def _slow_down(self, exchange: Exchange) -> None:
+        """Hold the answer to a wrong token back if its address has sent several."""
+        shared = self._shared
+        network = exchange.connection.network
+        failure = shared.guesses.failed(network, asyncio.get_running_loop().time())
+        if failure.reported:
+            logger.warning("%s: %d requests over HTTP with a wrong token, or with none", network, failure.reported)
+        if not failure.delay or shared.closing:
+            return
+        shared.held[network] += 1
+        try:
+            await asyncio.sleep(failure.delay)
+        finally:
+            shared.held[network] -= 1
+            if not shared.held[network]:
+                del shared.held[network]
+
+    async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
+        """Answer a request that may come in; returns what refuses it, because of its length."""
+        key = self._key(exchange.headers.get(b"cookie", b""))
+        session = self._sessions.by_key(key) if key else None
+        if session is not None:
+            self._enter(session, exchange)
+        try:
+            try:
+                body = await exchange.body(self._shared.limits.packet, self._shared.partial)
+                if body is None:
+                    return too_long(self._shared.limits.packet) if exchange.has_room else full()
+                request = await self._read(body)
+            except CallError as error:
+                await self._answer(exchange, Reply(error.code, detail=error.detail))
+                return None
+            finally:  # what waits to be read counts too
+                exchange.give_room(self._shared.partial)
+            if session is None or session.ended:  # while its request was read
+                session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
+                if session is not None:
+                    self._enter(session, exchange)
+            reply = await self._reply(exchange, session, request)
+            if key and request.function.id == _SERVICE_STOP:
+                exchange.add(b"set-cookie", self._set_cookie("", b"; Max-Age=0"))
+            await self._answer(exchange, reply)
+        finally:
+            if session is not None:
+                session.leave(broken=exchange.connection.gone)
+        return None
+
+    def _enter(self, session: HttpSession, exchange: Exchange) -> None:
+        connection = exchange.connection
+        session.enter(connection)
+        connection.carried.add(session)
+
+    # --- who it is ------------------------------------------------------------------------------------------------
+
+    def _key(self, cookies: bytes) -> str:
+        """Return what the client's cookie says; ``""`` where it has none."""
+        for cookie in cookies.split(b";"):
+            name, mark, value = cookie.partition(b"=")
+            if mark and name.strip() == self._cookie:
+                return value.strip().decode("latin-1")
+        return ""
+
+    def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
+        """Return the client of a request that no cookie tells of; ``None`` where there is none and will be none."""
+        address, port = exchange.scope["client"] or ("", 0)
+        if _BEATING in exchange.headers and function_id in _WITHOUT_HANDLE:  # as orinkit's own clients begin
+            keeps_cookies = True
+        if function_id == _SERVICE_STOP:  # nobody comes only to leave
+            return None if keeps_cookies else self._sessions.at(address)
+        if keeps_cookies:
+            session = self._sessions.newcomer(address, port)
+        elif function_id == _SERVICE_START:
+            session = self._sessions.beginning(address, port)
+        else:
+            session = self._sessions.without_cookie(address, port)
+        if session is not None and not session.plain:
+            exchange.add(b"set-cookie", self._set_cookie(session.key))
+        return session
+
+    def _set_cookie(self, value: str, more: bytes = b"") -> bytes:
+        secure = b"; Secure" if self._secure else b""
+        return b"%s=%s; HttpOnly; SameSite=Strict; Path=/%s%s" % (self._cookie, value.encode(), secure, more)
+
+    # --- a call ---------------------------------------------------------------------------------------------------
+
+    async def _read(self, body: bytes) -> Request:
+        if len(body) <= LARGE:
+            return read_request(body, self._shared.limits)
+        return await self._shared.worker.run(partial(read_request, body, self._shared.limits))
+
+    async def _reply(self, exchange: Exchange, session: HttpSession | None, request: Request) -> Reply:
+        function_id = request.function.id
+        if session is None:
+            if function_id == _SERVICE_STOP:
+                return _immediately(Session(self._shared.host), request)
+            return Reply(hresult.E_MAX_CONNECT, detail=_too_many(self._shared.clients))
+        if function_id == _SERVICE_STOP:
+            reply = _immediately(session.session, request)
+            if not hresult.failed(reply.code):
+                session.end()
+            return reply
+        if session.busy and function_id not in _STOPPING:
+            detail = tr("{calls} calls of this client are at work", calls=CALLS)
+            return Reply(hresult.E_BUSY_PROC, detail=detail)
+        if function_id == _SERVICE_START:
+            return self._start(session, request)
+        outcome = session.session.invoke(function_id, request.arguments)
+        if type(outcome) is Reply:
+            return outcome
+        assert isinstance(outcome, Pending)
+        return await self._wait(exchange, session, session.begin(outcome))
+
+    def _start(self, session: HttpSession, request: Request) -> Reply:
+        try:
+            options = read_options(request.arguments) if self._takes_options else ServiceOptions()
+        except CallError as error:
+            return Reply(error.code, detail=error.detail)
+        session.set_options(options)
+        return _immediately(session.session, request)
+
+    async def _wait(self, exchange: Exchange, session: HttpSession, call: Call) -> Reply:
+        """Return the answer of a call that takes its time, and let the client know meanwhile that it is at work."""
+        seconds = session.invoke_timeout
+        timer = asyncio.get_running_loop().call_later(seconds, _be_late, call, seconds)
+        exchange.connection.when_gone = call.give_up
+        if exchange.connection.gone:  # while the request was read
+            call.give_up()
+        try:
+            if exchange.beat:
+                await exchange.beats(call.reply)
+            reply = await call.reply
+        finally:
+            timer.cancel()
+            exchange.connection.when_gone = None
+        if reply is None:
+            raise _Gone
+        return reply
+
+    async def _answer(self, exchange: Exchange, reply: Reply) -> None:
+        code, result = self._codes.get(reply.code, reply.code), reply.result
+        if (
+            result is not None
+            and isinstance(result.value, bytes)
+            and 2 * len(result.value) > self._shared.limits.packet
+        ):
+            code, result = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
+        try:
+            if result is not None and is_large(result):
+                body = await self._shared.worker.run(partial(write_reply, code, result))
+            else:
+                body = write_reply(code, result)
+        except Exception:
+            logger.exception("a result cannot be sent")
+            code = hresult.E_FAIL
+            body = write_reply(code, None)
+        if len(body) > self._shared.limits.packet:
+            code = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
+            body = write_reply(code, None)
+        await exchange.answer(body, code, reply.detail)
+
+
+class Exchange:
+    """One request and its answer.
+
+    Args:
+        scope: of ASGI.
+        receive: of ASGI.
+        send: of ASGI.
+
+    Attributes:
+        scope: of ASGI.
+        headers: of the request, by their names in lower case.
+        connection: that it has come on.
+        beat: milliseconds between signs that the server is at work; 0 where the client does not ask for them.
+        begun: the answer has begun.
+        has_room: there is room for its body.
+    """
+
+    __slots__ = (
+        "_counted",
+        "_more",
+        "_receive",
+        "_send",
+        "_whole",
+        "beat",
+        "begun",
+        "connection",
+        "has_room",
+        "headers",
+        "scope",
+    )
+
+    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.scope = scope
+        self.headers: Headers = dict(scope["headers"])
+        self.connection: GuardedProtocol = scope["state"]["connection"]
+        beat = self.headers.get(_BEATING, b"")
+        self.beat = int(beat) if beat.isdigit() and len(beat) < 6 and int(beat) in _BEATS else 0
+        self.begun = False
+        self._receive = receive
+        self._send = send
+        self.has_room = True
+        self._counted = 0
+        self._whole = False
+        self._more: list[tuple[bytes, bytes]] = []
+
+    def add(self, name: bytes, value: bytes) -> None:
+        """Have the answer tell something more in its header."""
+        self._more.append((name, value))
+
+    def _tell(self, name: bytes, text: str) -> None:
+        self.add(name, quote(text[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace").encode())
+
+    async def _next(self) -> bytes:
+        message = await self._receive()
+        if message["type"] != "http.request":
+            raise _Gone
+        self._whole = not message["more_body"]
+        body: bytes = message["body"]
+        return body
+
+    def _length(self) -> int:
+        return int(self.headers.get(b"content-length", b"0"))
+
+    def give_room(self, partial: Partial) -> None:
+        """Count the request's body no more."""
+        partial.change(self._counted, 0)
+        self._counted = 0
+
+    async def body(self, most: int, partial: Partial) -> bytes | None:
+        """Return the request's body; ``None`` where it is longer than that, or there is no room for it (``has_room``).
+
+        Args:
+            most: bytes.
+            partial: counts its bytes, until :meth:`give_room`.
+        """
+        if self._length() > most:
+            return None
+        pieces: list[bytes] = []
+        count = 0
+        while not self._whole and count <= most:
+            pieces.append(await self._next())
+            count += len(pieces[-1])
+            self.has_room = partial.change(self._counted, count)
+            self._counted = count
+            if not self.has_room:
+                return None
+        if count > most:
+            return None
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+    async def refuse(self, refusal: PlainTextResponse, most: int) -> None:
+        """Answer without a return code.
+
+        Reads the body first, and throws it away: a client that is still sending would not see the answer. One that is too
+        long even so, or that is only sent if the server wants it, is not waited for; then the connection is closed.
+        """
+        count = 0
+        waited_for = b"expect" not in self.headers and self._length() <= 2 * most
+        while waited_for and not self._whole and count <= 2 * most:
+            count += len(await self._next())
+        if not self._whole or self.scope["method"] == "CONNECT":
+            refusal.headers["connection"] = "close"
+        self.begun = True
+        await refusal(self.scope, self._receive, self._send)
+
+    async def beats(self, reply: asyncio.Future[Reply | None]) -> None:
+        """Send line feeds until the reply is there."""
+        while True:
+            await asyncio.wait((reply,), timeout=self.beat / 1000)
+            if reply.done():
+                return
+            if not self.begun:
+                await self._begin([])
+            await self._send({"type": "http.response.body", "body": b"\n", "more_body": True})
+
+    async def answer(self, body: bytes, code: int, detail: str) -> None:
+        """Answer with a return code.
+
+        Args:
+            body: with the code.
+            code: of the device.
+            detail: what went wrong, in words.
+        """
+        if not self.begun:
+            if hresult.failed(code):  # what a person with curl would not know otherwise
+                self._tell(b"orinkit-error", str(error_for(code)))
+            if detail:
+                self._tell(b"orinkit-detail", detail)
+            await self._begin([(b"content-length", b"%d" % len(body))])
+        elif detail and hresult.failed(code):  # the header is through: who asked for signs reads it behind the code
+            body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
+        at = 0
+        while len(body) - at > _PIECE:  # at once it would be copied several times in one go
+            await self._send({"type": "http.response.body", "body": body[at : at + _PIECE], "more_body": True})
+            await asyncio.sleep(0)
+            at += _PIECE
+        await self._send({"type": "http.response.body", "body": body[at:]})
+
+    async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
+        self.begun = True
+        headers.append(_TEXT)
+        if self.beat:
+            headers.append((_BEATING, b"%d" % self.beat))
+        headers += self._more
+        message: Message = {"type": "http.response.start", "status": 200, "headers": headers}
+        await self._send(message)
+
+
+# --- small things ------------------------------------------------------------------------------------------------------
+
+
+def _be_late(call: Call, seconds: float) -> None:
+    detail = tr("not done within {seconds:g} s", seconds=seconds)
+    call.give_up(Reply(hresult.E_TIMEOUT, detail=detail))
+
+
+def _too_many(clients: int) -> str:
+    return tr("{clients} clients are connected", clients=clients)
+
+
+def _immediately(session: Session, request: Request) -> Reply:
+    """Call a function of the session itself; none of them takes its time."""
+    outcome = session.invoke(request.function.id, request.arguments)
+    assert isinstance(outcome, Reply)
+    return outcome

@@ -1,0 +1,108 @@
+"""Large packets and results: what takes long to read or to write is done beside the event loop, one after the other.
+
+Python runs one thread at a time. While the worker runs Python code the event loop gets its turn every 5 ms; so one worker
+for all clients, not one for each, and no call into C that takes long (:mod:`orinkit.values.codec` reads and writes arrays
+in slices).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final, Generic, TypeVar
+
+from orinkit.bcap.server import LARGE
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+
+T = TypeVar("T")
+
+_ELEMENT: Final = 16  # bytes that an element of an array counts for: a date of eight bytes takes long
+_BYTES: Final = VarType.UI1 | ARRAY
+
+
+def is_large(result: Variant) -> bool:
+    """Return whether a result takes long to be written, in bytes or as text; looks at no more of it than it has to."""
+    left = LARGE
+    rest: list[Any] = [result]
+    while rest and left >= 0:
+        item = rest.pop()
+        value = item.value if isinstance(item, Variant) else item
+        if isinstance(value, str | bytes):
+            left -= len(value)
+        elif isinstance(value, list):
+            left -= _ELEMENT * len(value)
+            if left >= 0 and value and (item.type == VARIANT_ARRAY or isinstance(value[0], str)):
+                rest += value
+    return left < 0
+
+
+class _Job(Generic[T]):
+    """One piece of work."""
+
+    __slots__ = ("done", "error", "function", "loop", "result")
+
+    def __init__(self, function: Callable[[], T], loop: asyncio.AbstractEventLoop) -> None:
+        self.function: Callable[[], T] | None = function
+        self.loop = loop
+        self.done: asyncio.Future[None] = loop.create_future()
+        self.result: T | None = None
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        function, self.function = self.function, None
+        if function is None:  # given up before it began
+            return
+        try:
+            self.result = function()
+        except BaseException as error:  # noqa: BLE001 - raised again where it is awaited
+            self.error = error
+        del function  # with the packet that it has read
+        try:
+            self.loop.call_soon_threadsafe(self._finish)
+        except RuntimeError:  # the server has been closed meanwhile
+            pass
+
+    def _finish(self) -> None:
+        if not self.done.done():
+            self.done.set_result(None)
+
+
+class Worker:
+    """Does one piece of work after the other in a daemon thread, which there is only while there is work."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._jobs: deque[_Job[Any]] = deque()
+        self._running = False
+
+    async def run(self, function: Callable[[], T]) -> T:
+        """Return what a function returns, or raise what it raises. One that is cancelled before it begins is left out."""
+        job = _Job(function, asyncio.get_running_loop())
+        with self._lock:
+            self._jobs.append(job)
+            starts = not self._running
+            self._running = True
+        if starts:
+            threading.Thread(target=self._work, name="orinkit-large", daemon=True).start()
+        del function
+        try:
+            await job.done
+        except asyncio.CancelledError:
+            job.function = None
+            raise
+        if job.error is not None:
+            raise job.error
+        result: T = job.result  # type: ignore[assignment]  # set where there is no error
+        return result
+
+    def _work(self) -> None:
+        while True:
+            with self._lock:
+                if not self._jobs:
+                    self._running = False
+                    return
+                job = self._jobs.popleft()
+            job.run()
+            del job

@@ -1,0 +1,128 @@
+"""Serving beside an ordinary program: :func:`serve`. asyncio is imported only when something is served."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from orinkit.cao.provider import Provider
+from orinkit.server.alive_option import ALIVE
+from orinkit.server.capacity import DEFAULT_CLIENTS
+from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
+from orinkit.transport.tcp_keepalive import DEAD_AFTER
+from orinkit.values.codec import DEFAULT_LIMITS, Limits
+
+if TYPE_CHECKING:
+    from orinkit.server.aio_server import AsyncServer
+
+
+class Server:
+    """A server that runs beside the program, in a thread of its own; :func:`serve` makes one."""
+
+    def __init__(self, server: AsyncServer) -> None:
+        import asyncio
+
+        from orinkit.server.accepting import watch
+
+        self._asyncio = asyncio
+        self._server = server
+        self._loop = asyncio.new_event_loop()
+        watch(self._loop)
+        self._thread = threading.Thread(target=self._run, name="orinkit-server", daemon=True)
+        self._closed = False
+        self._thread.start()
+        try:
+            self._asyncio.run_coroutine_threadsafe(server.start(), self._loop).result()
+        except BaseException:
+            self._stop()
+            raise
+
+    def _run(self) -> None:
+        self._asyncio.set_event_loop(self._loop)
+        self._loop.run_forever()
+        self._loop.close()
+
+    def _stop(self) -> None:
+        self._closed = True
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    @property
+    def url(self) -> str:
+        """The first address that is served, with its real port or path."""
+        return self._server.url
+
+    @property
+    def urls(self) -> list[str]:
+        """Every address that is served."""
+        return list(self._server.urls)
+
+    @property
+    def clients(self) -> int:
+        """How many clients are connected."""
+        return self._server.clients
+
+    def wait(self, seconds: float | None = None) -> None:
+        """Wait until the server is closed by another thread, the seconds have passed, or Ctrl-C is pressed.
+
+        Ctrl-C ends the wait quietly, so that ``with serve(...) as server: server.wait()`` is a whole program.
+        """
+        try:
+            self._thread.join(seconds)
+        except KeyboardInterrupt:
+            pass
+
+    def close(self) -> None:
+        """Stop listening, let every client go, close the providers; does nothing the second time."""
+        if not self._closed and self._thread.is_alive():
+            self._asyncio.run_coroutine_threadsafe(self._server.close(), self._loop).result()
+            self._stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def serve(
+    providers: Provider | Iterable[Provider],
+    *urls: str,
+    clients: int = DEFAULT_CLIENTS,
+    per_address: int | None = None,
+    objects: int = 1000,
+    limits: Limits = DEFAULT_LIMITS,
+    invoke_timeout: float = 180.0,
+    dead_after: float = DEAD_AFTER,
+    alive: float = ALIVE,
+    http: HttpOptions = DEFAULT_HTTP,
+) -> Server:
+    """Serve providers beside the program until the server is closed; use it in a ``with`` statement.
+
+    The arguments are those of :class:`AsyncServer`.
+
+    Raises:
+        InvalidAddress: a URL cannot be used.
+        ConnectFailed: an address cannot be opened; none is then.
+        MissingExtra: a package is not there that serial ports, or HTTP, need.
+    """
+    from orinkit.server.aio_server import AsyncServer
+
+    return Server(
+        AsyncServer(
+            providers,
+            *urls,
+            clients=clients,
+            per_address=per_address,
+            objects=objects,
+            limits=limits,
+            invoke_timeout=invoke_timeout,
+            dead_after=dead_after,
+            alive=alive,
+            http=http,
+        )
+    )

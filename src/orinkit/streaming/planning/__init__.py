@@ -1,0 +1,1 @@
+"""Planners: commands that stay within the limits of an arm."""

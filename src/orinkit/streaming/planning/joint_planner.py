@@ -1,0 +1,306 @@
+"""Commands for a stream of joints that the controller never has a reason to stop (RC8 4).
+
+The controller stops an arm whose set-points are further apart than its velocity allows, whose steps change by more than
+its acceleration allows, or that leaves its range. Whatever is asked of a :class:`JointPlanner`, none of it happens.
+
+Ruckig plans motions that are smooth, which is limited in jerk too. What it plans goes through a law for each axis by
+itself, :class:`orinkit.streaming.planning.axis_limiter.Axis`: the next step is within velocity and acceleration, and one from which the axis
+can still be braked before the end of its range. There always is such a step, as braking on is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.streaming.planning.axis_limiter import Axis, Course, State
+from orinkit.streaming.planning.jerk_limited import SLOWEST, SNAP, Smooth, keeping_up
+from orinkit.streaming.planning.limits import Limits
+from orinkit.values.pose_numbers import brief, finite
+
+_SURELY_FINITE: Final = 1e300
+_NOTHING: Final = State(0.0, 0.0, 0.0)
+_FLOATS: Final = {float}
+
+
+class JointPlanner:
+    """Makes the commands of a stream of joints, one in each period, from rest.
+
+    :meth:`follow`, :meth:`take` and :meth:`stop` each make the next command; they may be called in any order. For
+    commands that come after each other, and whatever numbers are given, up to a relative 10^-9::
+
+        lower <= c[k] <= upper
+        |c[k] - c[k-1]| <= velocity * period
+        |c[k] - 2 c[k-1] + c[k-2]| <= acceleration * period^2
+
+    Args:
+        limits: of the arm.
+        period: seconds from one command to the next.
+        joints: where the arm stands, deg (mm), one value for each axis. An axis that is outside its range by no more
+            than it could come back in one period is taken to be at the end of its range.
+
+    Attributes:
+        command: the last command, deg (mm).
+        at_rest: whether the last two commands are equal, and what was wanted has been reached.
+
+    Raises:
+        InvalidValue: the period is not a finite number above 0, or so short that a limit is lost in rounding; the arm
+            is outside its range.
+        MissingExtra: ruckig is not installed.
+    """
+
+    def __init__(self, limits: Limits, period: float, joints: Sequence[float]) -> None:
+        self._period = checked_period(period)
+        rows = zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk, strict=True)
+        self._axes = [Axis(f"J{number}", *row, self._period) for number, row in enumerate(rows, start=1)]
+        start = self._numbers(joints)
+        self.command: tuple[float, ...] = tuple(
+            axis.start(joint) for axis, joint in zip(self._axes, start, strict=True)
+        )
+        self.at_rest = True
+        self._before = self._earlier = self.command  # the commands before the last one
+        self._velocity = [0.0] * len(start)  # at the last command
+        self._acceleration = [0.0] * len(start)
+        self._known = True  # whether these two are up to date
+        self._halting = False  # whether stop made the last command
+        # What take knows of a program's set-points: the last two, each moved into the range; how far the command is
+        # from the last one, if it is; and how they moved, while it is.
+        self._asked: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+        self._behind: list[float] | None = None
+        self._courses: list[Course] | None = None
+        self._make_smooth()
+
+    def follow(self, target: Sequence[float]) -> tuple[float, ...]:
+        """Return the next command of a smooth motion that ends at a target; the target may be another one each time.
+
+        All axes arrive together; from rest on a straight line in joint space.
+
+        Args:
+            target: deg (mm), one value for each axis; the nearest one in its range counts.
+
+        Raises:
+            InvalidValue: wrong number of values, or one is not finite.
+        """
+        goal = self._inside(self._numbers(target))
+        self._asked = self._behind = self._courses = None
+        self._halting = False
+        if self.at_rest and goal == self.command:
+            return self._advance(goal)
+        self._know()
+        smooth = self._towards
+        smooth.aim(list(goal))
+        ended = smooth.step(list(self.command), self._velocity, self._acceleration)
+        if ended is None:
+            self._send_roughly(goal)
+        elif ended:
+            reached = [aim if abs(aim - x) <= SNAP else x for aim, x in zip(goal, smooth.position, strict=True)]
+            self._send(reached, self._zeros(), self._zeros())
+        else:
+            self._send(smooth.position, smooth.velocity, smooth.acceleration)
+        self.at_rest = self.command == self._before == goal
+        return self.command
+
+    def take(self, point: Sequence[float]) -> tuple[float, ...]:
+        """Return the next command for a program's own set-point: just this point, if :meth:`admits` it.
+
+        Otherwise each axis that cannot be there comes as near as it smoothly can, and does so until it has caught up.
+
+        Args:
+            point: deg (mm), one value for each axis.
+
+        Raises:
+            InvalidValue: wrong number of values, or one is not finite.
+        """
+        values = self._numbers(point)
+        self._halting = False
+        rows = zip(self._axes, self._before, self.command, values, strict=True)
+        if self._behind is None:
+            fits = [axis.fits(before, now, value) for axis, before, now, value in rows]
+        else:
+            fits = [
+                abs(behind) <= axis.near and axis.fits(before, now, value)
+                for (axis, before, now, value), behind in zip(rows, self._behind, strict=True)
+            ]
+        if all(fits):
+            self._behind = self._courses = None
+            self._asked = (self._asked or (values, values))[1], values
+            self._known = False
+            self.at_rest = values == self.command
+            return self._advance(values)
+        return self._approach(values, fits)
+
+    def stop(self) -> tuple[float, ...]:
+        """Return the next command of coming to rest, the last one for ever when the arm is.
+
+        Smoothly where the range leaves room for it, otherwise as hard as the acceleration allows.
+        """
+        self._asked = self._behind = self._courses = None
+        self._know()
+        smooth = self._to_rest
+        if not self._halting:
+            self._halting = True
+            smooth.restart()
+        if self._stands():
+            self._send(list(self.command), self._zeros(), self._zeros())
+        else:
+            ended = smooth.step(list(self.command), self._velocity, self._acceleration)
+            if ended is None:
+                self._send_roughly(self.command)
+            elif ended:
+                self._send(smooth.position, self._zeros(), self._zeros())
+            else:
+                self._send(smooth.position, smooth.velocity, smooth.acceleration)
+        self.at_rest = self.command == self._before and self._stands()
+        return self.command
+
+    def admits(self, point: Sequence[float]) -> None:
+        """Check that :meth:`take` would pass a set-point on as it is; for those who refuse instead of coming near.
+
+        Args:
+            point: deg (mm), one value for each axis.
+
+        Raises:
+            InvalidValue: it would not: which axis, what is exceeded, by how much, and the limit.
+        """
+        values = self._numbers(point)
+        for number, (axis, before, now, value) in enumerate(
+            zip(self._axes, self._before, self.command, values, strict=True)
+        ):
+            behind = self._behind[number] if self._behind is not None else 0.0
+            if abs(behind) > axis.near or not axis.fits(before, now, value):
+                raise InvalidValue(axis.complaint(before, now, value, behind))
+
+    def _approach(self, values: tuple[float, ...], fits: list[bool]) -> tuple[float, ...]:
+        """Return the next command where not all axes can be at a set-point.
+
+        Planned as seen from the moving set-points, where it is a way to rest: so it ends though they go on. Where they
+        have an acceleration of their own, the motion may have more jerk, to keep up with its changes.
+        """
+        self._know()
+        axes, now, period = self._axes, self.command, self._period
+        aims = self._inside(values)
+        first, last = self._asked or (aims, aims)
+        held: Sequence[Course | None] = self._courses or [None] * len(axes)
+        courses = [
+            axis.course(before, at, aim, course)
+            for axis, before, at, aim, course in zip(axes, first, last, aims, held, strict=True)
+        ]
+        seen = [
+            _NOTHING if fit else course.outward(at - aim, v, a, period)
+            for fit, course, at, aim, v, a in zip(
+                fits, courses, now, aims, self._velocity, self._acceleration, strict=True
+            )
+        ]
+        smooth = self._catching_up
+        self._limit(smooth, courses)
+        ended = smooth.step(*zip(*seen, strict=True))
+        if ended is None:
+            wanted = [axis.towards(at, aim) for axis, at, aim in zip(axes, now, aims, strict=True)]
+        else:
+            wanted = [aim + (x if abs(x) > SNAP else 0.0) for aim, x in zip(aims, smooth.position, strict=True)]
+        self._send(
+            [value if fit else x for fit, value, x in zip(fits, values, wanted, strict=True)],
+            [v + c.velocity + c.acceleration * period for v, c in zip(smooth.velocity, courses, strict=True)],
+            [a + c.acceleration for a, c in zip(smooth.acceleration, courses, strict=True)],
+            exact=fits,
+            planned=ended is not None,
+        )
+        self._asked, self._courses = (last, aims), courses
+        behind = [aim - at for aim, at in zip(aims, self.command, strict=True)]
+        self._behind = behind if any(behind) else None
+        self.at_rest = self.command == self._before == aims
+        return self.command
+
+    def _make_smooth(self) -> None:
+        axes = self._axes
+        count, ranges = len(axes), ([axis.lower for axis in axes], [axis.upper for axis in axes])
+        self._towards = Smooth(count, self._period, ranges=ranges)
+        self._to_rest = Smooth(count, self._period, ranges=ranges, halting=True)
+        self._catching_up = Smooth(count, self._period)
+        self._catching_up.aim(self._zeros())
+        for smooth in (self._towards, self._to_rest):
+            self._limit(smooth, [Course()] * count)
+
+    def _limit(self, smooth: Smooth, courses: Sequence[Course]) -> None:
+        """Set limits as they are seen from something that moves."""
+        rows = list(zip(self._axes, courses, strict=True))
+        smooth.limit(
+            [max(axis.velocity - course.velocity, SLOWEST * axis.velocity) for axis, course in rows],
+            [max(axis.velocity + course.velocity, SLOWEST * axis.velocity) for axis, course in rows],
+            [axis.acceleration - course.acceleration for axis, course in rows],
+            [axis.acceleration + course.acceleration for axis, course in rows],
+            [keeping_up(axis.jerk, abs(course.acceleration) / axis.acceleration) for axis, course in rows],
+        )
+
+    def _send(
+        self,
+        wanted: Sequence[float],
+        velocity: list[float],
+        acceleration: list[float],
+        exact: Sequence[bool] = (),
+        *,
+        planned: bool = True,
+    ) -> None:
+        """Make the command nearest to a wanted one, which has these derivatives if it was ``planned``."""
+        before, now = self._before, self.command
+        exact = exact or (False,) * len(now)
+        rows = zip(self._axes, before, now, wanted, exact, strict=True)
+        command = self._advance(
+            tuple(value if fit else axis.within(last, at, value) for axis, last, at, value, fit in rows)
+        )
+        for number, axis in enumerate(self._axes):
+            off_plan = abs(command[number] - wanted[number]) > axis.slight
+            if off_plan or exact[number] or not planned:
+                velocity[number], acceleration[number] = axis.motion(before[number], now[number], command[number])
+        self._velocity, self._acceleration, self._known = velocity, acceleration, True
+
+    def _send_roughly(self, goal: Sequence[float]) -> None:
+        """Make a command where ruckig gives none: towards a goal within all limits but jerk."""
+        wanted = [axis.towards(now, aim) for axis, now, aim in zip(self._axes, self.command, goal, strict=True)]
+        self._send(wanted, self._zeros(), self._zeros(), planned=False)
+
+    def _advance(self, command: tuple[float, ...]) -> tuple[float, ...]:
+        self._earlier, self._before, self.command = self._before, self.command, command
+        return command
+
+    def _know(self) -> None:
+        """Make out velocity and acceleration where the last command was a program's own."""
+        if not self._known:
+            rows = zip(self._axes, self._earlier, self._before, self.command, strict=True)
+            motions = [axis.motion(*commands) for axis, *commands in rows]
+            self._velocity = [velocity for velocity, _ in motions]
+            self._acceleration = [acceleration for _, acceleration in motions]
+            self._known = True
+
+    def _stands(self) -> bool:
+        return not any(self._velocity) and not any(self._acceleration)
+
+    def _inside(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(axis.inside(value) for axis, value in zip(self._axes, values, strict=True))
+
+    def _zeros(self) -> list[float]:
+        return [0.0] * len(self._axes)
+
+    def _numbers(self, values: Sequence[float]) -> tuple[float, ...]:
+        count = len(self._axes)
+        if len(values) != count:
+            raise InvalidValue(
+                tr("{given} values were given, the stream has {axes} axes", given=len(values), axes=count)
+            )
+        if set(map(type, values)) == _FLOATS and -_SURELY_FINITE < sum(values) < _SURELY_FINITE:
+            return tuple(values)  # the quick way for most
+        return tuple(finite(tr("set-point"), axis.name, value) for axis, value in zip(self._axes, values, strict=True))
+
+
+def checked_period(period: float) -> float:
+    """Return the seconds from one set-point to the next.
+
+    Raises:
+        InvalidValue: it is not a finite number above 0.
+    """
+    seconds = finite(tr("stream"), "period", period)
+    if seconds <= 0.0:
+        raise InvalidValue(tr("the period of a stream is {period} s, it has to be above 0", period=brief(period)))
+    return seconds

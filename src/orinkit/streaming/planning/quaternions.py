@@ -1,0 +1,148 @@
+"""Orientations as unit quaternions (w, x, y, z), without numpy: the streaming process has to start quickly.
+
+P has R = Rz(RZ) * Ry(RY) * Rx(RX); T has the tool's Y axis (O) and Z axis (A).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+
+Quaternion: TypeAlias = tuple[float, float, float, float]
+"""w, x, y, z; of length 1."""
+Vector: TypeAlias = tuple[float, float, float]
+"""Three numbers."""
+
+DEGREE: Final = 180.0 / math.pi
+"""Degrees of one radian."""
+
+_HALF: Final = 0.5 / DEGREE
+_GIMBAL: Final = 1e-15  # cosine of RY below which RX and RZ turn about the same axis
+_PARALLEL: Final = 1e-9  # sine of the angle between two vectors that are taken as parallel
+_NO_TURN: Final = 1e-150
+
+
+def of_angles(rx: float, ry: float, rz: float) -> Quaternion:
+    """Return the orientation of RX, RY, RZ, in degrees."""
+    x, y, z = rx * _HALF, ry * _HALF, rz * _HALF
+    cx, cy, cz = math.cos(x), math.cos(y), math.cos(z)
+    sx, sy, sz = math.sin(x), math.sin(y), math.sin(z)
+    return (
+        cx * cy * cz + sx * sy * sz,
+        sx * cy * cz - cx * sy * sz,
+        cx * sy * cz + sx * cy * sz,
+        cx * cy * sz - sx * sy * cz,
+    )
+
+
+def angles_of(turn: Quaternion) -> Vector:
+    """Return RX, RY, RZ in degrees: -180 < RX, RZ <= 180, RY from -90 to 90.
+
+    Where RY is near its end, RX and RZ turn about nearly the same axis: RX is worked out with RZ as it is then, so that
+    together they are as exact as elsewhere.
+    """
+    (r00, r01, r02), (r10, r11, r12), (r20, _, _) = _matrix(turn)
+    rz = math.atan2(r10, r00) if math.hypot(r00, r10) >= _GIMBAL else math.atan2(-r01, r11)
+    c, s = math.cos(rz), math.sin(rz)
+    rx = math.atan2(s * r02 - c * r12, c * r11 - s * r01)
+    ry = math.atan2(-r20, c * r00 + s * r10)
+    return _above(rx * DEGREE), max(-90.0, min(ry * DEGREE, 90.0)), _above(rz * DEGREE)
+
+
+def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion:
+    """Return the orientation of O and A: A gives the direction of Z; O, made square to it, that of Y.
+
+    Raises:
+        InvalidValue: one of them is zero, or they are parallel.
+    """
+    az = _unit(approach)
+    oy = _unit(orient)
+    along = oy[0] * az[0] + oy[1] * az[1] + oy[2] * az[2]
+    across = oy[0] - along * az[0], oy[1] - along * az[1], oy[2] - along * az[2]
+    if math.hypot(*across) < _PARALLEL:
+        raise InvalidValue(tr("orient and approach vector are parallel"))
+    b, e, h = _unit(across)
+    c, f, i = az
+    a, d, g = e * i - h * f, h * c - b * i, b * f - e * c
+    # the largest of the four parts is never near zero
+    candidates = (
+        (a + e + i, (1.0 + a + e + i, h - f, c - g, d - b)),
+        (a, (h - f, 1.0 + a - e - i, b + d, c + g)),
+        (e, (c - g, b + d, 1.0 + e - a - i, f + h)),
+        (i, (d - b, c + g, f + h, 1.0 + i - a - e)),
+    )
+    w, x, y, z = max(candidates)[1]
+    size = math.hypot(w, x, y, z)
+    return w / size, x / size, y / size, z / size
+
+
+def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, float]:
+    """Return O and A, each of length 1."""
+    (_, r01, r02), (_, r11, r12), (_, r21, r22) = _matrix(turn)
+    return r01, r11, r21, r02, r12, r22
+
+
+def turn_between(first: Quaternion, second: Quaternion) -> Vector:
+    """Return the rotation that turns one into the other: its axis in the base times its angle in degrees, 0 to 180."""
+    a, b, c, d = first
+    w, x, y, z = second
+    real = w * a + x * b + y * c + z * d
+    i = x * a - w * b - y * d + z * c
+    j = y * a - w * c - z * b + x * d
+    k = z * a - w * d - x * c + y * b
+    sine = math.sqrt(i * i + j * j + k * k)
+    if sine < _NO_TURN:
+        return 0.0, 0.0, 0.0
+    size = math.copysign(2.0 * DEGREE * math.atan2(sine, abs(real)) / sine, real)
+    return i * size, j * size, k * size
+
+
+def turned(orientation: Quaternion, turn: Vector) -> Quaternion:
+    """Return an orientation after a rotation.
+
+    Args:
+        orientation: before it.
+        turn: axis in the base, times the angle in degrees.
+    """
+    x, y, z = turn
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle == 0.0:
+        return orientation
+    half = 0.5 * angle / DEGREE
+    part = math.sin(half) / angle
+    a, b, c, d = math.cos(half), x * part, y * part, z * part
+    w, i, j, k = orientation
+    p, q, r, s = (
+        a * w - b * i - c * j - d * k,
+        a * i + b * w + c * k - d * j,
+        a * j + c * w + d * i - b * k,
+        a * k + d * w + b * j - c * i,
+    )
+    size = 1.0 / math.sqrt(p * p + q * q + r * r + s * s)
+    return p * size, q * size, r * size, s * size
+
+
+def _matrix(turn: Quaternion) -> tuple[Vector, Vector, Vector]:
+    w, x, y, z = turn
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+def _unit(vector: Sequence[float]) -> Vector:
+    x, y, z = vector
+    size = math.hypot(x, y, z)
+    if size < _NO_TURN:
+        raise InvalidValue(tr("orient or approach vector is zero"))
+    return x / size, y / size, z / size
+
+
+def _above(angle: float) -> float:
+    """Return 180 for -180, and no negative zero."""
+    return 180.0 if angle <= -180.0 else angle + 0.0

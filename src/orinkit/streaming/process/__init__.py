@@ -1,0 +1,1 @@
+"""The streaming process, and the side of it that a program has."""

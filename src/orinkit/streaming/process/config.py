@@ -1,0 +1,90 @@
+"""What a streaming process is told when it begins, and the form in which that goes to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+from orinkit.cao.dialect import DIALECTS, RC8
+from orinkit.rc8.slave_formats import ReceiveFormat, Send, SlaveMode, UserWindow, mode_of
+from orinkit.streaming.planning.limits import Limits, PathLimits
+from orinkit.streaming.process.shared_memory import Outputs
+
+
+@dataclass(slots=True)
+class Setup:
+    """What the streaming process has to know.
+
+    Attributes:
+        controller: handle of the controller object.
+        handle: of the Robot object.
+        mode: how and what it sends.
+        send, receive, window: formats of slvMove.
+        outputs: that go with the first set-point.
+        period: seconds of a cycle.
+        limits: of the planner.
+        start: pose at which the arm stands, as many values as the planner has.
+        beyond: values of the joints that there are no limits for; they stay as they are.
+        serial: of the next packet.
+        timeout: seconds that an answer may take.
+        idle: seconds without a set-point in the queue after which slave mode is left, ``None`` for never.
+        program: number of the program's process.
+        dialect: name of the controller's.
+        tries: how often a request is sent in all where packets may be lost.
+    """
+
+    controller: int
+    handle: int
+    mode: SlaveMode
+    send: Send
+    receive: ReceiveFormat
+    window: UserWindow | None
+    outputs: Outputs
+    period: float
+    limits: Limits | PathLimits
+    start: tuple[float, ...]
+    beyond: tuple[float, ...]
+    serial: int
+    timeout: float
+    idle: float | None
+    program: int
+    dialect: str = RC8.name
+    tries: int = 1
+
+    @property
+    def plain(self) -> bool:
+        """Whether slvMove takes the joints and nothing else (VE026A 2.2)."""
+        return not DIALECTS[self.dialect].slave_formats
+
+    def to_message(self) -> dict[str, Any]:
+        """Return it as JSON can have it; :meth:`from_message` is the other way."""
+        message: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
+        user = self.outputs.user
+        message |= {
+            "mode": self.mode.number,
+            "send": int(self.send),
+            "receive": (self.receive.number, self.receive.microseconds),
+            "window": self.window and (self.window.offset, self.window.size),
+            "outputs": (self.outputs.mini, self.outputs.hand, user and (user[0], user[1].hex())),
+            "limits": [getattr(self.limits, each.name) for each in fields(self.limits)],
+        }
+        return message
+
+    @classmethod
+    def from_message(cls, message: dict[str, Any]) -> Self:
+        """Return what a message says."""
+        mode = mode_of(message["mode"])
+        assert mode is not None
+        window, limits = message["window"], message["limits"]
+        mini, hand, user = message["outputs"]
+        parts: dict[str, Any] = {
+            "mode": mode,
+            "send": Send(message["send"]),
+            "receive": ReceiveFormat(*message["receive"]),
+            "window": window and UserWindow(*window),
+            "outputs": Outputs(mini, hand, user and (user[0], bytes.fromhex(user[1]))),
+            "limits": Limits(*map(tuple, limits)) if mode.kind == "J" else PathLimits(*limits),
+            "start": tuple(message["start"]),
+            "beyond": tuple(message["beyond"]),
+        }
+        return cls(**message | parts)

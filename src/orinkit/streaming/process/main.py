@@ -1,0 +1,70 @@
+"""The streaming process itself: ``python -c "...; orinkit.streaming.process.main.main(3, 4, 5, 'tcp')"``, started by ``launch``."""
+
+from __future__ import annotations
+
+import signal
+import socket
+from typing import Any
+
+from orinkit.core.errors import CallError, ConnectionLost, OrinError, StreamError
+from orinkit.rc8.slave_formats import OFF
+from orinkit.streaming.planning.planners import planner_for
+from orinkit.streaming.process import realtime
+from orinkit.streaming.process.channel import Channel, describe
+from orinkit.streaming.process.config import Setup
+from orinkit.streaming.process.shared_memory import Shared
+from orinkit.streaming.process.streamer import Connection, Streamer, Watch
+from orinkit.transport.links import adopt
+
+_FOREVER = 1e6
+
+
+def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int, kind: str) -> None:
+    """Stream for the program at the other end of the channel, over a link of a kind of :data:`orinkit.bcap.wire.WIRES`."""
+    for name in ("SIGINT", "SIGHUP"):  # Ctrl-C, the end of the terminal: for the program, which says what is to be done
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    channel = Channel(socket.socket(fileno=channel_descriptor))
+    shared = Shared(memory_descriptor)
+    link = adopt(kind, link_descriptor)
+    obtained = realtime.obtain()
+    channel.send({"ready": True, "priority": obtained.priority, "locked": obtained.locked})
+    message = channel.receive(_FOREVER)
+    if message is None:
+        return
+    setup = Setup.from_message(message)
+    connection = Connection(link, setup, kind)
+    watch = Watch(channel, setup.program)
+    signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
+    outcome: dict[str, Any] = {"reason": "", "error": None}
+    try:
+        _stream(setup, connection, shared, watch, channel, outcome)
+    except CallError as error:
+        first = connection.first_error(error)
+        connection.leave()
+        outcome["error"] = describe(first)
+    except ConnectionLost as error:
+        outcome["error"] = describe(error)
+    except OrinError as error:
+        connection.leave()
+        outcome["error"] = describe(error)
+    except Exception as error:  # noqa: BLE001 - the program is told
+        outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
+    if outcome["reason"] in ("gone", "abandoned") or not channel.open:
+        connection.say_goodbye()
+    outcome["ended"] = True
+    outcome["serial"] = connection.conversation.serial
+    channel.send(outcome)
+    link.release()
+    channel.receive(_FOREVER)  # until the program lets go: what it asks of this process's memory is then done
+
+
+def _stream(
+    setup: Setup, connection: Connection, shared: Shared, watch: Watch, channel: Channel, outcome: dict[str, Any]
+) -> None:
+    planner = planner_for(setup.limits, setup.period, setup.start, setup.mode.kind)
+    tells = connection.lateness(0) is not None
+    connection.execute("slvChangeMode", setup.mode.number)
+    channel.send({"streaming": True})
+    outcome["reason"] = Streamer(setup, connection, shared, watch, planner, tells=tells).run()
+    connection.execute("slvChangeMode", OFF)

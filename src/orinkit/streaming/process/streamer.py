@@ -1,0 +1,396 @@
+"""What runs in the streaming process: from set-points, or a live target, to slvMove in each cycle of the controller."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any, Final, Literal
+
+from orinkit.bcap.client import Conversation
+from orinkit.bcap.wire import SILENCE, WIRES
+from orinkit.cao import functions
+from orinkit.cao.dialect import DIALECTS
+from orinkit.cao.table import Function
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, CallTimeout, InvalidValue, OrinError, error_for
+from orinkit.core.i18n import N_, tr
+from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveAnswer, encode_set_point, read_answer
+from orinkit.rc8.slave_lateness import COMMAND as LATENESS
+from orinkit.rc8.slave_lateness import Lateness, read_lateness
+from orinkit.streaming.planning.planners import Planner
+from orinkit.streaming.process.channel import Channel
+from orinkit.streaming.process.config import Setup
+from orinkit.streaming.process.pacing import FLOWS, Call, Delivery
+from orinkit.streaming.process.shared_memory import RESTS, Feed, Order, RawSample, Shared
+from orinkit.transport.runner import Link, run, say_goodbye
+from orinkit.values.variant import ARRAY, Variant, VarType
+
+_AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
+_WATCH: Final = 0.02  # s between two looks at the program's process
+_MOST_SECONDS: Final = 3.0  # for the answer to a set-point
+_CYCLES: Final = 1.5  # that a set-point waits for its answer before it is sent again, where packets may be lost
+_TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
+_WRAP_US: Final = 1 << 31
+_ROBOT_AXES: Final = 6
+_STOPPED: Final = frozenset(b"Tt")
+_STALL: Final = 0.25  # s for which a program may be stopped: the machine, or a debugger that looks around
+_STOPS: Final = {  # bits of SysState (reference: SysState)
+    10: N_("the emergency stop is on"),
+    12: N_("the protective stop is on"),
+    18: N_("the controller is in manual mode"),
+}
+
+
+Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated"]
+"""Why streaming ended: not by itself (an error), as the program wanted, which may have given up the connection, because its process was stopped (SIGSTOP) for longer than
+a machine may stall, has gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
+
+
+class Watch:
+    """Looks whether the program still runs."""
+
+    def __init__(self, channel: Channel, process: int) -> None:
+        self._channel = channel
+        self._program = process
+        self._next = 0.0
+        self._stopped_at: float | None = None
+        self.terminated = False
+        try:
+            self._stat = os.open(f"/proc/{process}/stat", os.O_RDONLY)
+        except OSError:  # another system than Linux: a program that is stopped is not noticed
+            self._stat = -1
+
+    def look(self) -> Reason:
+        """Return why to end, ``""`` for going on."""
+        if self.terminated:
+            return "terminated"
+        now = monotonic()
+        if now < self._next:
+            return ""
+        self._next = now + _WATCH
+        self._channel.receive(0)
+        orphan = os.getppid() != self._program  # a child that it forked may keep the channel open
+        if orphan or not self._channel.open:
+            return "gone"
+        return "stopped" if self._has_stopped(now) else ""
+
+    def _has_stopped(self, now: float) -> bool:
+        """Tell whether the program has been stopped for longer than a machine may stall."""
+        if not self._is_stopped():
+            self._stopped_at = None
+        elif self._stopped_at is None:
+            self._stopped_at = now
+        return self._stopped_at is not None and now - self._stopped_at > _STALL
+
+    def _is_stopped(self) -> bool:
+        if self._stat < 0:
+            return False
+        try:
+            text = os.pread(self._stat, 512, 0)
+        except OSError:  # it has gone
+            return False
+        state = text.rpartition(b")")[2].split()[:1]
+        return bool(state) and state[0][0] in _STOPPED
+
+
+class Connection:
+    """The connection, while this process has it.
+
+    Args:
+        link: to the controller.
+        setup: what this process was told.
+        kind: how packets travel, of :data:`orinkit.bcap.wire.WIRES`.
+    """
+
+    def __init__(self, link: Link, setup: Setup, kind: str) -> None:
+        self._link = link
+        self._controller = setup.controller
+        self._handle = setup.handle
+        self._timeout = setup.timeout
+        self._tries = setup.tries
+        self._cycle = setup.period
+        self._trip = 0.0  # s that a command took
+        self._receive = setup.receive
+        self.conversation = Conversation(wire=WIRES[kind], dialect=DIALECTS[setup.dialect], clock=monotonic)
+        self.conversation.serial = setup.serial
+
+    def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
+        """Execute a command of the robot; returns code and result."""
+        began = monotonic()
+        answer = self._call(functions.robot_execute, (self._handle, command, parameter), self._timeout, self._tries)
+        self._trip = monotonic() - began
+        return answer
+
+    def move(self, parameter: Any) -> Delivery:
+        """Send slvMove."""
+        arguments = (self._handle, "slvMove", parameter)
+        seconds, tries = self._patience()
+        # where noise has put a line out of step, the controller finds its place again when the line is silent
+        later = SILENCE + self._cycle if self.conversation.wire.shared else 0.0
+        sent = monotonic()
+        code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
+        return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
+
+    def lateness(self, leave_out: int) -> Lateness | None:
+        """Return how late set-points were, but for the first ones; ``None`` where the controller does not tell.
+
+        A real controller does not know the command: it is to be asked before slave mode is on, and then never again.
+        """
+        try:
+            return read_lateness(self.execute(LATENESS, leave_out)[1])
+        except (CallError, CallTimeout):
+            return None
+
+    def _patience(self) -> tuple[float, int]:
+        """Return how long to wait for the answer to a set-point, and how often it is sent: one that is lost is soon felt."""
+        wire = self.conversation.wire
+        if not wire.lossy:
+            return min(self._timeout, _MOST_SECONDS), 1
+        seconds = _CYCLES * self._cycle
+        if wire.shared:  # a slow line is busy with one set-point for longer than that
+            seconds = max(seconds, min(_TRIPS * self._trip, self._timeout))
+        return seconds, max(1, int(_MOST_SECONDS / seconds))
+
+    def say_goodbye(self) -> None:
+        """Tell the controller that nobody has the connection any more, where its end does not."""
+        say_goodbye(self._link, self.conversation.farewell())
+
+    def leave(self) -> None:
+        """Turn slave mode off after an error; most errors have done so already."""
+        try:
+            self.execute("slvChangeMode", OFF)
+        except OrinError:
+            pass
+
+    def _call(
+        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, tries: int, later: float = 0.0
+    ) -> tuple[int, Any]:
+        try:
+            return run(self.conversation.call(function, arguments, seconds, tries=tries, later=later), self._link)
+        except CallError as error:  # which command it was says more than the function
+            raise error_for(error.code, error.detail, str(arguments[1])) from None
+
+    def first_error(self, error: CallError) -> CallError:
+        """Return the first of the controller's errors: what follows it only tells that slave mode is off (RC8 4.7).
+
+        Args:
+            error: what slvMove was answered with; returned where the controller tells of none.
+        """
+        try:
+            count = self._ask("GetCurErrorCount", None)
+            info = self._ask("GetCurErrorInfo", int(count) - 1) if count else None
+            state = 0 if count else int(self._ask("SysState", None))
+        except (OrinError, TypeError, ValueError):
+            return error
+        if isinstance(info, list) and len(info) > 1 and isinstance(info[0], int):
+            code = hresult.unsigned(info[0])
+            return error_for(code, str(info[1]) if info[1] != hresult.lookup(code).text else "", error.function)
+        reasons = [tr(text) for bit, text in _STOPS.items() if state >> bit & 1]
+        if not reasons:
+            return error
+        return error_for(error.code, "; ".join(filter(None, (*reasons, error.detail))), error.function)
+
+    def _ask(self, command: str, parameter: Any) -> Any:
+        arguments = (self._controller, command, parameter)
+        return self._call(functions.controller_execute, arguments, self._timeout, self._tries)[1]
+
+
+@dataclass(slots=True)
+class _Clock:
+    """The controller's time, from stamps that wrap (RC8 table 4-1: VT_I4)."""
+
+    microseconds: bool
+    _last: int | None = None
+    _ticks: int = field(default=0)
+
+    def read(self, stamp: int | None) -> float | None:
+        """Return seconds."""
+        if stamp is None:
+            return None
+        last = stamp if self._last is None else self._last
+        self._ticks = stamp if self._last is None else self._ticks + (stamp - last) % _WRAP_US
+        self._last = stamp
+        return self._ticks / (1e6 if self.microseconds else 1e3)
+
+
+class Streamer:
+    """Streams until it is told to leave, or there is a reason to.
+
+    Args:
+        setup: what and how.
+        connection: to the controller.
+        shared: memory that the program writes to and reads from.
+        watch: looks at the program.
+        planner: within whose limits all is done.
+        tells: whether the controller tells how late set-points were.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        connection: Connection,
+        shared: Shared,
+        watch: Watch,
+        planner: Planner,
+        *,
+        tells: bool = False,
+    ) -> None:
+        self._setup = setup
+        self._shared = shared
+        self._watch = watch
+        self._planner = planner
+        self._connection = connection
+        call: Call = connection.move
+        buffering = setup.mode.buffering
+        if setup.plain and buffering == 0:  # a VE026A lets its answer wait for the cycle (VE026A 2.2.1: response style)
+            buffering = 2
+        self._flow = FLOWS[buffering](call, setup.period)
+        self._clock = _Clock(setup.receive.microseconds)
+        self._outputs = setup.outputs
+        self._outputs_seen = 0
+        self._target: tuple[float, ...] | None = None  # the last that could be read
+        self._target_seen = 0
+        self._delay_from = 0  # when the live target was set that has not been sent yet
+        self._sent = 0
+        self._dry = 0
+        self._was_dry = True
+        self._patience = _AHEAD
+        self._waits_since = monotonic()
+        self._rests = 0
+        self._late = 0 if tells else None  # how many late set-points the controller has told of
+        self._moved = False  # since it was asked
+        self._previous: tuple[float, ...] = ()
+        self._aim: tuple[float, ...] | None = None
+
+    def run(self) -> Reason:
+        """Stream; slave mode is on before and after."""
+        reason: Reason = ""
+        while True:
+            reason = reason or self._reason()
+            self._deliver(self._command(reason))
+            if self._rests >= RESTS:
+                if reason:
+                    return reason
+                if self._shared.wanted is Order.HALT:
+                    self._shared.has_done()
+
+    def _reason(self) -> Reason:
+        order = self._shared.wanted
+        if order is Order.GOODBYE:
+            return "abandoned"
+        if order is Order.LEAVE or (order is Order.FINISH and self._finished()):
+            return "left"
+        if not self._waits():
+            self._waits_since = monotonic()
+        elif self._setup.idle is not None and monotonic() - self._waits_since > self._setup.idle:
+            return "idle"
+        return self._watch.look()
+
+    def _finished(self) -> bool:
+        """Whether all set-points of the queue have been sent; a live target is not waited for."""
+        shared = self._shared
+        return shared.feed is not Feed.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
+
+    def _waits(self) -> bool:
+        """Whether set-points were sent, the arm stands, and no more come."""
+        shared = self._shared
+        return shared.feed is Feed.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
+
+    def _command(self, reason: Reason) -> tuple[float, ...]:
+        if reason or self._shared.wanted is Order.HALT:
+            self._aim, self._was_dry, self._target = None, True, None
+            return self._planner.stop()
+        feed = self._shared.feed
+        if feed is Feed.TARGET:
+            return self._to_target()
+        self._target = None
+        return self._from_queue() if feed is Feed.QUEUE else self._come_to_rest()
+
+    def _to_target(self) -> tuple[float, ...]:
+        newer = self._shared.target(self._target_seen)
+        if newer is not None:
+            self._target_seen, self._delay_from, self._target = newer
+        # one that is just being written, by a program that may be kept from finishing it, is no reason to brake
+        return self._come_to_rest() if self._target is None else self._planner.follow(self._target)
+
+    def _from_queue(self) -> tuple[float, ...]:
+        taken = self._shared.take() if self._ready() else None
+        if taken is None:
+            if self._aim is not None:
+                return self._towards(self._aim, self._planner.follow(self._aim))
+            return self._come_to_rest()
+        self._was_dry = False
+        values, outputs = taken
+        self._outputs = self._outputs.changed(outputs)
+        self._sent += 1
+        return self._towards(values, self._planner.take(values))
+
+    def _ready(self) -> bool:
+        """Whether to begin: with a few set-points there, one that comes a little late is not felt."""
+        waiting = self._shared.waiting
+        if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is Order.FINISH:
+            return True
+        self._patience = self._patience - 1 if waiting else _AHEAD
+        return self._patience <= 0
+
+    def _come_to_rest(self) -> tuple[float, ...]:
+        """There are no more set-points: stay at the last one if the arm is slow enough, or bring it to rest."""
+        if self._was_dry:
+            return self._planner.stop()
+        self._was_dry = True
+        last = self._planner.command
+        try:
+            self._planner.admits(last)
+        except InvalidValue:
+            self._dry += 1
+            return self._planner.stop()
+        return self._planner.take(last)
+
+    def _towards(self, point: tuple[float, ...], command: tuple[float, ...]) -> tuple[float, ...]:
+        """Remember the last set-point where the command is not there yet."""
+        self._aim = None if command == point else point
+        return command
+
+    def _deliver(self, command: tuple[float, ...]) -> None:
+        newer = self._shared.outputs(self._outputs_seen)
+        if newer is not None:
+            self._outputs_seen, outputs = newer
+            self._outputs = self._outputs.changed(outputs)
+        delivery = self._flow.deliver(self._parameter(command))
+        self._rests = self._rests + 1 if command == self._previous else 0
+        self._moved = self._moved or not self._rests
+        self._previous = command
+        if self._rests >= RESTS and self._moved:
+            self._moved = False
+            self._ask_lateness()
+        self._shared.add(self._sample(command, delivery))
+        self._shared.note(sent=self._sent, dry=self._dry, rests=self._rests if self._planner.at_rest else 0)
+
+    def _ask_lateness(self) -> None:
+        late = None if self._late is None else self._connection.lateness(self._late)
+        if self._late is not None and late is not None and late.count:
+            self._late += late.count
+            self._shared.add_lateness(late)
+
+    def _parameter(self, command: tuple[float, ...]) -> Any:
+        setup, outputs = self._setup, self._outputs
+        if setup.plain:
+            return Variant(VarType.R4 | ARRAY, [*command, *setup.beyond])
+        extra: tuple[tuple[int, float], ...] = ()
+        if setup.mode.kind == "J":
+            extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
+            command = (*command, *setup.beyond)
+        point = SetPoint(command, extra, outputs.mini, outputs.hand, outputs.user, setup.window)
+        return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
+
+    def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
+        answer: SlaveAnswer = delivery.answer
+        sent = round(delivery.sent * 1e9)
+        delay = -1
+        if self._delay_from:
+            delay, self._delay_from = sent - self._delay_from, 0
+        return RawSample(
+            sent, round(delivery.answered * 1e9), delivery.code, command, delay, self._clock.read(answer.timestamp),
+            answer.joints, answer.position, answer.trans, answer.current, answer.mini, answer.hand, answer.user,
+        )  # fmt: skip

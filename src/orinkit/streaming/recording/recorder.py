@@ -1,0 +1,343 @@
+"""What was sent and answered, sample by sample, in a file: CSV, or MCAP for Foxglove, PlotJuggler and the like."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import N_, tr
+from orinkit.core.optional_deps import require
+from orinkit.streaming.recording.samples import Sample
+from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME
+from orinkit.streaming.trajectory.limit_violations import check_period
+from orinkit.values.pose_numbers import FIELDS, brief
+
+if TYPE_CHECKING:
+    from orinkit.rc8.slave_formats import PoseKind
+
+SAMPLE_TOPIC: Final = "/slave/sample"
+"""Channel of an MCAP file with a message for each set-point."""
+INFO_TOPIC: Final = "/slave/info"
+"""Channel with one message: what is the same for all of them."""
+
+_NANO: Final = 1_000_000_000
+_CHUNK: Final = 64 * 1024  # bytes, about a second: what a process that is killed loses
+_LATEST: Final = 2**63  # ns: times of an MCAP file have 64 bits, and the sample's own is added
+_ROBOT_JOINTS: Final = 6
+_VALUE: Final = ".6f"
+_EXACT: Final = ".9f"  # commands, so that a recording can be streamed again; parts of a unit vector
+_TIME: Final = ".6f"
+
+
+class Recorder:
+    """Writes samples into a file; :func:`open_recorder` makes it.
+
+    Nothing that goes wrong while it writes is an exception, as the arm moves then: it is told in ``error``.
+
+    Attributes:
+        path: of the file.
+        count: how many samples have been written.
+        error: why it has stopped writing; ``None`` while nothing is wrong.
+    """
+
+    def __init__(self, path: Path, file: _File) -> None:
+        self.path = path
+        self.count = 0
+        self.error: str | None = None
+        self._file: _File | None = file
+
+    def write(self, sample: Sample) -> None:
+        """Write a sample; nothing happens after an error, and after the file was closed."""
+        if self._file is None or self.error is not None:
+            return
+        try:
+            self._file.write(sample)
+            self.count += 1
+        except Exception as error:  # noqa: BLE001 - a recording never stops a motion
+            self._failed(error)
+
+    def close(self) -> None:
+        """Complete the file; what goes wrong is in ``error``. Nothing happens the second time."""
+        file, self._file = self._file, None
+        if file is None:
+            return
+        try:
+            file.close(complete=self.error is None)
+        except Exception as error:  # noqa: BLE001 - as in write()
+            self._failed(error)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _failed(self, error: Exception) -> None:
+        if self.error is None:
+            reason = _reason(error)
+            self.error = tr(
+                "cannot write {path}: {reason}; the recording ends after {count} samples",
+                path=self.path,
+                reason=reason,
+                count=self.count,
+            )
+
+
+def open_recorder(path: str | Path, *, kind: PoseKind, period: float, start_ns: int | None = None) -> Recorder:
+    """Open a file for a recording; one that is there is overwritten.
+
+    Args:
+        path: ends in ``.csv`` or ``.mcap``.
+        kind: what the set-points are.
+        period: s between two of them.
+        start_ns: when the first set-point is sent, ns since 1970, for the times of an MCAP file; ``None``: from the
+            clock when the first sample is written.
+
+    Raises:
+        InvalidValue: another end of the name, no such directory, no right to write there.
+        MissingExtra: for MCAP, the package ``mcap`` is not installed (extra ``log``).
+    """
+    check_period(period)
+    if kind not in ("J", "P", "T"):
+        raise InvalidValue(tr('kind {kind}: "J", "P" or "T" is wanted', kind=brief(kind)))
+    if start_ns is not None and not 0 <= start_ns <= _LATEST:
+        raise InvalidValue(tr("start_ns {start_ns} is no time", start_ns=brief(start_ns)))
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".mcap"):
+        raise InvalidValue(tr("{path}: the name of a recording ends in .csv or .mcap", path=path))
+    if not path.parent.is_dir():
+        raise InvalidValue(tr("there is no directory {parent}", parent=path.parent))
+    try:
+        return Recorder(path, _Csv(path, kind, period) if suffix == ".csv" else _Mcap(path, kind, period, start_ns))
+    except (OSError, ValueError) as error:
+        raise InvalidValue(tr("cannot write {path}: {error}", path=path, error=_reason(error))) from None
+
+
+class _File(Protocol):
+    """One format."""
+
+    def write(self, sample: Sample) -> None:
+        """Add a sample."""
+
+    def close(self, *, complete: bool) -> None:
+        """Close the file; without ``complete`` nothing more is written."""
+
+
+# --- CSV --------------------------------------------------------------------------------------------------------------
+
+
+class _Csv:
+    """A row for each sample, written at once: a process that is killed loses none.
+
+    ``time_s`` is the time of the set-point, its number times the period: the controller takes one each period, whenever
+    it was sent (``sent_s``), and differences of it give the velocity that was commanded.
+    """
+
+    def __init__(self, path: Path, kind: PoseKind, period: float) -> None:
+        self._kind = kind
+        self._period = period
+        self._file: TextIO = path.open("w", newline="", encoding="utf-8", buffering=1)
+        self._writer = csv.writer(self._file)
+        self._groups: list[_Group] | None = None
+
+    def write(self, sample: Sample) -> None:
+        if self._groups is None:
+            self._groups = _groups(self._kind, sample)
+            names = [name for group in self._groups for name in group.names]
+            self._writer.writerow([TIME, *names])
+        row = [format(sample.number * self._period, _TIME)]
+        for group in self._groups:
+            row.extend(group.texts(sample))
+        self._writer.writerow(row)
+
+    def close(self, *, complete: bool) -> None:  # noqa: ARG002 - nothing waits to be written
+        self._file.close()
+
+
+class _Group:
+    """Columns that come from one attribute of a sample.
+
+    Args:
+        attribute: its name.
+        names: of the columns.
+        form: of a number.
+    """
+
+    __slots__ = ("_attribute", "_form", "names")
+
+    def __init__(self, attribute: str, names: Sequence[str], form: str = _VALUE) -> None:
+        self.names = names
+        self._attribute = attribute
+        self._form = form
+
+    def texts(self, sample: Sample) -> list[str]:
+        """Return as many texts as there are names, empty ones for what the sample has not."""
+        value = getattr(sample, self._attribute)
+        if value is None:
+            return [""] * len(self.names)
+        if isinstance(value, bytes):
+            return [value.hex()]
+        if not isinstance(value, tuple):
+            return [format(value, self._form)]
+        texts = [format(number, self._form) for number in value[: len(self.names)]]
+        return texts + [""] * (len(self.names) - len(texts))
+
+
+def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
+    """Return the columns after the time, for what the first sample has."""
+    count = len(sample.command)
+    names = [*_titles(kind), *(f"extra_{number}" for number in range(1, count))][:count]
+    groups = [_Group("command", [f"{name}{COMMAND}" for name in names], _EXACT)]
+    if sample.joints is not None:
+        if kind != "J":
+            count = len(sample.joints) if any(sample.joints[_ROBOT_JOINTS:]) else _ROBOT_JOINTS
+        groups.append(_Group("joints", [f"{name}{ENCODER}" for name in FIELDS["J"][:count]]))
+    groups.append(_Group("sent", ["sent_s"], _TIME))
+    if sample.time is not None:
+        groups.append(_Group("time", ["controller_s"], _TIME))
+    groups.append(_Group("code", ["code"], "#010x"))
+    if sample.position is not None:
+        groups.append(_Group("position", _titles("P")))
+    elif sample.trans is not None:
+        groups.append(_Group("trans", _titles("T"), _EXACT))
+    groups += [_Group(name, [name], "d") for name in ("mini", "hand", "user") if getattr(sample, name) is not None]
+    if sample.current is not None:
+        groups.append(_Group("current", [f"current_{joint}" for joint in range(1, len(sample.current) + 1)]))
+    return groups
+
+
+def _titles(kind: PoseKind) -> list[str]:
+    return [name.capitalize() if name == "fig" else name.upper() for name in FIELDS[kind]]
+
+
+# --- MCAP -------------------------------------------------------------------------------------------------------------
+
+
+class _Mcap:
+    """A JSON message for each sample, in chunks that are written when they are full."""
+
+    def __init__(self, path: Path, kind: PoseKind, period: float, start_ns: int | None) -> None:
+        writer = _mcap_writer()
+        self._start = start_ns
+        self._waiting = 0
+        self._file = path.open("wb")
+        self._writer = writer(self._file)
+        try:
+            self._samples = self._begin(kind, period)
+        except OSError:
+            with suppress(OSError):
+                self._file.close()
+            raise
+
+    def write(self, sample: Sample) -> None:
+        if self._start is None:
+            self._start = time.time_ns() - round(sample.sent * _NANO)
+        moment = self._start + round(sample.sent * _NANO)
+        data = _json(_as_json(sample))
+        self._writer.add_message(self._samples, moment, data, moment, sample.number)
+        self._waiting += len(data)
+        if self._waiting >= _CHUNK:
+            self._waiting = 0
+            self._writer.flush()
+
+    def close(self, *, complete: bool) -> None:
+        try:
+            if complete:
+                self._writer.finish()
+        finally:
+            self._file.close()
+
+    def _begin(self, kind: PoseKind, period: float) -> int:
+        """Write what comes before the samples; return their channel."""
+        self._writer.start(profile="", library="orinkit")
+        samples = self._channel(SAMPLE_TOPIC, "orinkit.streaming.Sample", _sample_schema())
+        info = self._channel(INFO_TOPIC, "orinkit.streaming.Info", _info_schema())
+        now = time.time_ns() if self._start is None else self._start
+        self._writer.add_message(info, now, _json({"kind": kind, "period": period}), now)
+        self._writer.flush()
+        return samples
+
+    def _channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
+        number: int = self._writer.register_schema(name, "jsonschema", _json(schema))
+        channel: int = self._writer.register_channel(topic, "json", number)
+        return channel
+
+
+def _mcap_writer() -> Any:
+    """Return the class that writes MCAP; its methods have no types."""
+    require(tr("a recording in MCAP"), "log", "mcap")
+    from mcap.writer import Writer
+
+    return Writer
+
+
+def _as_json(sample: Sample) -> dict[str, Any]:
+    """Return what a sample has."""
+    found = {name: value for name in _SAMPLE if (value := getattr(sample, name)) is not None}
+    if sample.user is not None:
+        found["user"] = sample.user.hex()
+    return found
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    try:
+        return json.dumps(value, allow_nan=False, ensure_ascii=False).encode()
+    except ValueError:  # JSON has no NaN
+        return _json({name: _finite(entry) for name, entry in value.items()})
+
+
+def _finite(entry: Any) -> Any:
+    if isinstance(entry, tuple):
+        return [_finite(number) for number in entry]
+    return None if isinstance(entry, float) and not math.isfinite(entry) else entry
+
+
+_SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
+    "number": ("integer", N_("number of the set-point, from 0")),
+    "sent": ("number", N_("when it was sent, s since the first one")),
+    "command": ("array", N_("what was sent: joints in deg, or X, Y, Z in mm, angles in deg and Fig, or a T")),
+    "code": ("integer", N_("return code")),
+    "time": ("number", N_("the controller's time, s")),
+    "joints": ("array", N_("where the arm is, deg (mm for linear joints)")),
+    "position": ("array", N_("where the tool is: X, Y, Z in mm, RX, RY, RZ in deg, Fig")),
+    "trans": ("array", N_("the same: X, Y, Z in mm, orient and approach vector, Fig")),
+    "mini": ("integer", N_("states of the mini I/O")),
+    "hand": ("integer", N_("states of the hand I/O")),
+    "user": ("string", N_("states of the user I/O, hexadecimal bytes")),
+    "current": ("array", N_("of the motors, A")),
+    "delay": ("number", N_("from when a live target was set until this set-point, the first one towards it, was sent, s")),
+    "answered": ("number", N_("when the answer was there, s since the first one was sent")),
+}  # fmt: skip
+_INFO: Final[dict[str, tuple[str, str]]] = {
+    "kind": ("string", N_("what the set-points are: J, P or T")),
+    "period": ("number", N_("time between two set-points, s")),
+}
+
+
+def _sample_schema() -> dict[str, Any]:
+    return _schema(tr("A set-point and what came back"), _SAMPLE)
+
+
+def _info_schema() -> dict[str, Any]:
+    return _schema(tr("What is the same for all set-points"), _INFO)
+
+
+def _schema(title: str, fields: dict[str, tuple[str, str]]) -> dict[str, Any]:
+    properties: dict[str, dict[str, Any]] = {}
+    for name, (kind, text) in fields.items():
+        properties[name] = {"type": kind, "description": tr(text)}
+        if kind == "array":
+            properties[name]["items"] = {"type": "number"}
+    return {"title": title, "type": "object", "properties": properties}
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__

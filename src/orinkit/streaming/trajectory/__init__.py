@@ -1,0 +1,1 @@
+"""Trajectories: reading, checking, slowing down, resampling."""

@@ -1,0 +1,75 @@
+"""What a controller sees of a trajectory: the differences of neighbouring set-points, and the differences of these.
+
+The arm stands at ``start`` before, and stands still at the last point after. Each list has an entry for every sample
+and one more: what changes when the arm stands after the last one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from operator import sub
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from orinkit.streaming.planning.quaternions import Quaternion, of_angles, of_vectors, turn_between
+
+if TYPE_CHECKING:
+    from orinkit.rc8.slave_formats import PoseKind
+
+Points: TypeAlias = Sequence[tuple[float, ...]]
+"""Set-points, one per period."""
+
+
+class Differences(NamedTuple):
+    """Of one quantity.
+
+    Attributes:
+        steps: each sample minus the one before.
+        changes: each step minus the one before.
+    """
+
+    steps: list[float]
+    changes: list[float]
+
+
+def of_column(column: Sequence[float], start: float) -> Differences:
+    """Return the differences of one joint."""
+    steps = list(map(sub, column, (start, *column[:-1])))
+    return Differences([*steps, 0.0], list(map(sub, (*steps, 0.0), (0.0, *steps))))
+
+
+def of_path(points: Points, start: Sequence[float], kind: PoseKind) -> tuple[Differences, Differences]:
+    """Return those of the position (lengths, mm) and of the orientation (angles, degrees) of P or T.
+
+    Raises:
+        InvalidValue: the orientation of a T cannot be made out.
+    """
+    columns = list(zip(start, *points, strict=True))
+    x, y, z = (of_column(column[1:], column[0]) for column in columns[:3])
+    turns = orientations(columns, kind)
+    a, b, c = zip(*map(turn_between, turns[:-1], turns[1:]), strict=True)
+    return (
+        Differences(_lengths(x.steps, y.steps, z.steps), _lengths(x.changes, y.changes, z.changes)),
+        Differences([*_lengths(a, b, c), 0.0], _lengths(*map(_changes, (a, b, c)))),
+    )
+
+
+def orientations(columns: Sequence[Sequence[float]], kind: PoseKind) -> list[Quaternion]:
+    """Return the orientation of each point of P or T, given as columns.
+
+    Raises:
+        InvalidValue: that of a T cannot be made out.
+    """
+    if kind == "P":
+        return list(map(of_angles, *columns[3:6]))
+    return list(
+        map(of_vectors, zip(*columns[3:6], strict=True), zip(*columns[6:9], strict=True))  # O, A
+    )
+
+
+def _changes(steps: Sequence[float]) -> list[float]:
+    return list(map(sub, (*steps, 0.0), (0.0, *steps)))
+
+
+def _lengths(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> list[float]:
+    return list(map(math.hypot, x, y, z))

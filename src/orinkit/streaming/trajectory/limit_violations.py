@@ -1,0 +1,237 @@
+"""Which sample of a trajectory breaks a limit first, and what is said about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import N_, tr
+from orinkit.streaming.trajectory import finite_differences
+from orinkit.values.pose_numbers import brief, rounded
+
+if TYPE_CHECKING:
+    from orinkit.rc8.slave_formats import PoseKind
+    from orinkit.streaming.planning.limits import Limits, PathLimits
+
+MOST_SAMPLES: Final = 1_000_000
+"""The most set-points of a trajectory: more than two hours of 8 ms."""
+
+
+class TrajectoryError(InvalidValue):
+    """A trajectory that cannot be used; nothing was sent.
+
+    Attributes:
+        sample: number of the set-point, from 0; ``None`` where it is not about one.
+        axis: number of the joint, or of the value of a P or T, from 1; ``None`` where it is not about one.
+    """
+
+    def __init__(self, message: str, sample: int | None = None, axis: int | None = None) -> None:
+        super().__init__(message)
+        self.sample = sample
+        self.axis = axis
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (*self.args, self.sample, self.axis)
+
+
+def check_period(period: object) -> None:
+    """Make sure that there can be such a period.
+
+    Raises:
+        InvalidValue: it is not above 0 and up to 10 s.
+    """
+    if isinstance(period, bool) or not isinstance(period, int | float) or not 0 < period <= 10:
+        raise InvalidValue(tr("period {period}: seconds above 0, up to 10, are wanted", period=brief(period)))
+
+
+RANGE: Final = -1
+"""Rank of a breach that is told before all others of the same sample: a joint is out of its range."""
+
+_ROUNDING: Final = 1e-9  # deg, mm
+_POSITION_TOLERANCE: Final = 1e-6  # mm
+_ANGLE_TOLERANCE: Final = 1e-4  # deg: vectors with six decimals
+_ROBOT_JOINTS: Final = 6
+_SHOWN: Final = 3  # decimals
+
+
+class Breach(NamedTuple):
+    """The first sample that breaks a limit. The smallest of several is told.
+
+    Attributes:
+        sample: its number from 0; the number of samples where the arm would have to stop after the last one.
+        rank: which of several of the same sample comes first.
+        axis: number of the joint from 1, 0 for a tool.
+        value: what is beyond the limit.
+    """
+
+    sample: int
+    rank: int
+    axis: int
+    value: float
+
+
+class Rule(NamedTuple):
+    """A limit that differences have to keep.
+
+    Attributes:
+        rank, axis: as of the breach.
+        values: the differences, one per sample and one after the last.
+        most: of such a difference.
+        limit: in its own unit.
+        per: what a difference is divided by to have that unit.
+        unit: its name.
+        text: what is limited; it is translated where it is shown.
+    """
+
+    rank: int
+    axis: int
+    values: Sequence[float]
+    most: float
+    limit: float
+    per: float
+    unit: str
+    text: str
+
+    def breach(self) -> Breach | None:
+        """Return where it is broken first."""
+        most = self.most
+        if max(self.values) <= most and min(self.values) >= -most:
+            return None
+        sample = next(place for place, value in enumerate(self.values) if not -most <= value <= most)
+        return Breach(sample, self.rank, self.axis, abs(self.values[sample]))
+
+
+def joint_rules(
+    column: Sequence[float], start: float, axis: int, limits: Limits, period: float, tolerance: float
+) -> tuple[Rule, Rule]:
+    """Return what is asked of a joint, ``axis`` from 0, that stands at ``start`` before."""
+    steps, changes = finite_differences.of_column(column, start)
+    velocity, acceleration = limits.velocity[axis], limits.acceleration[axis]
+    more = 1.0 + tolerance
+    unit = "deg" if axis < _ROBOT_JOINTS else "deg (mm)"
+    return (
+        Rule(0, axis + 1, steps, velocity * period * more, velocity, period, f"{unit}/s", N_("velocity")),
+        Rule(
+            1, axis + 1, changes, acceleration * period**2 * more, acceleration, period**2, f"{unit}/s^2",
+            N_("acceleration"),
+        ),
+    )  # fmt: skip
+
+
+def path_rules(
+    place: finite_differences.Differences, turn: finite_differences.Differences, limits: PathLimits, period: float
+) -> list[Rule]:
+    """Return what is asked of a tool, by the differences of its position and its orientation."""
+    rows = (
+        (place.steps, limits.speed, 1, "mm/s", N_("speed of the tool"), _POSITION_TOLERANCE),
+        (turn.steps, limits.rotation, 1, "deg/s", N_("speed of rotation"), _ANGLE_TOLERANCE),
+        (place.changes, limits.acceleration, 2, "mm/s^2", N_("acceleration of the tool"),
+         _POSITION_TOLERANCE),
+        (turn.changes, limits.rotation_acceleration, 2, "deg/s^2", N_("acceleration of rotation"),
+         _ANGLE_TOLERANCE),
+    )  # fmt: skip
+    return [
+        Rule(
+            rank,
+            0,
+            values,
+            limit * period**order + 2 * order * tolerance,
+            limit,
+            period**order,
+            unit,
+            text,
+        )
+        for rank, (values, limit, order, unit, text, tolerance) in enumerate(rows)
+    ]
+
+
+def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[Breach]:
+    """Return where joints leave their range first."""
+    breaches = []
+    for axis, column in enumerate(columns):
+        lower, upper = limits.lower[axis] - _ROUNDING, limits.upper[axis] + _ROUNDING
+        if min(column) < lower or max(column) > upper:
+            sample = next(place for place, value in enumerate(column) if not lower <= value <= upper)
+            breaches.append(Breach(sample, RANGE, axis + 1, column[sample]))
+    return breaches
+
+
+def broken(rules: Sequence[Rule]) -> list[Breach]:
+    """Return where rules are broken first."""
+    return [breach for rule in rules if (breach := rule.breach()) is not None]
+
+
+def text_of(breach: Breach, rules: Sequence[Rule], count: int, period: float) -> str:
+    """Return what is said about a breach of a rule."""
+    rule = next(rule for rule in rules if (rule.rank, rule.axis) == (breach.rank, breach.axis))
+    name = f"J{rule.axis}: " if rule.axis else ""
+    value = f"{breach.value / rule.per:.1f} {rule.unit}"
+    if breach.sample == count:
+        return (
+            _at(count - 1, period)
+            + name
+            + tr(
+                "the trajectory ends while the arm moves, and to stop there takes {value} of {limit:g}; "
+                "try: slow down before the end, or retime (retime=True, --retime)",
+                value=value,
+                limit=rule.limit,
+            )
+        )
+    return (
+        _at(breach.sample, period)
+        + name
+        + tr(
+            "{what} {value} of {limit:g}; try: retime (retime=True, --retime), which slows down where it is needed",
+            what=tr(rule.text),
+            value=value,
+            limit=rule.limit,
+        )
+    )
+
+
+def outside(breach: Breach, limits: Limits, period: float) -> str:
+    """Return what is said about a joint out of its range."""
+    lower, upper = limits.lower[breach.axis - 1], limits.upper[breach.axis - 1]
+    return _at(breach.sample, period) + tr(
+        "J{axis}: {value:.{digits}f} is outside its range, {lower:g} to {upper:g}; try: another "
+        "trajectory, or limits of your own if the arm's are set wider",
+        axis=breach.axis,
+        digits=_SHOWN,
+        value=breach.value,
+        lower=lower,
+        upper=upper,
+    )
+
+
+def joints_away(start: Sequence[float], first: Sequence[float]) -> str:
+    """Return what is said about an arm that is not where the trajectory begins."""
+    far = max(range(len(first)), key=lambda axis: abs(first[axis] - start[axis]))
+    by = f"{abs(first[far] - start[far]):.{_SHOWN}f}"
+    return tr(
+        "the arm is at {here}, the trajectory begins at {first}, with J{axis} {by} away: move there first",
+        here=_short("J", start),
+        first=_short("J", first),
+        axis=far + 1,
+        by=by,
+    )
+
+
+def tool_away(start: Sequence[float], first: Sequence[float], distance: float, angle: float, kind: PoseKind) -> str:
+    """Return the same of a tool, ``distance`` in mm, ``angle`` in degrees."""
+    by = f"{distance:.{_SHOWN}f} mm, {angle:.{_SHOWN}f} deg"
+    return tr(
+        "the tool is at {here}, the trajectory begins at {first}, {by} away: move there first",
+        here=_short(kind, start),
+        first=_short(kind, first),
+        by=by,
+    )
+
+
+def _at(sample: int, period: float) -> str:
+    time = sample * period
+    return tr("sample {sample} (counted from 0, at {time:.3f} s), ", sample=sample, time=time)
+
+
+def _short(kind: str, values: Sequence[float]) -> str:
+    return rounded(kind, [round(value, _SHOWN) for value in values])

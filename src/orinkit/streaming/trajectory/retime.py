@@ -1,0 +1,227 @@
+"""The same path, slowed down where it is too fast for the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Final, Protocol
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.streaming.planning.limits import Limits, PathLimits
+from orinkit.streaming.trajectory import finite_differences
+from orinkit.streaming.trajectory.limit_violations import MOST_SAMPLES, TrajectoryError, check_period
+from orinkit.streaming.trajectory.spline import Curve
+from orinkit.streaming.trajectory.topp_ra import Bends, JointBends, PathBends, cells_of, profile_of
+from orinkit.streaming.trajectory.trajectory import check_path, check_range, check_trajectory, read_trajectory
+from orinkit.values.pose_numbers import brief
+
+if TYPE_CHECKING:
+    from orinkit.rc8.slave_formats import PoseKind
+    from orinkit.streaming.trajectory.finite_differences import Points
+
+_ROUNDS: Final = 20  # of slowing down a little more
+_MORE: Final = 0.005  # of the limits, with each round, where they are broken
+_LITTLE: Final = 0.002  # the same where they are not
+
+
+def retime(
+    points: Sequence[Sequence[float]], limits: Limits | PathLimits, period: float, kind: PoseKind = "J"
+) -> list[tuple[float, ...]]:
+    """Return a trajectory along the same path that keeps the limits: as fast as it may be, nowhere faster than given.
+
+    It begins at the first point and ends at the last one, at rest. A jump between two points becomes a straight motion
+    (of the joints for J, of the tool for P and T). A trajectory that keeps the limits is returned as it is.
+
+    Args:
+        points: the trajectory, one point per period.
+        limits: of the joints for J, of the path for P and T.
+        period: s between two set-points.
+        kind: what the points are.
+
+    Raises:
+        TrajectoryError: a point is none, or out of range; the figure of a P or T changes on the way; the result would
+            be too long, or cannot be made to keep the limits.
+        InvalidValue: there can be no such period.
+    """
+    check_period(period)
+    arm = _arm(limits, period, kind)
+    given = read_trajectory(points, kind, arm.axes)
+    if arm.fault(given) is None or len(given) == 1:
+        return given
+    arm.check_range(given)
+    curve = Curve(given, kind, arm.ranges)
+    bends = arm.bends(curve)
+    cells = cells_of(bends)
+    allowed = [1.0] * (len(given) - 1)
+    for number in range(1, _ROUNDS + 1):
+        profile = profile_of(bends, cells, allowed)
+        if profile.periods > MOST_SAMPLES - 1:
+            raise _too_long(profile.periods * period)
+        samples, fractions = profile.sampled()
+        result = [given[0], *map(arm.within, curve.at(samples, fractions)), given[-1]]
+        fault = arm.fault(result)
+        if fault is None:
+            return result
+        _slow_down(allowed, cells.free, samples, arm.excesses(result), number)
+    raise _impossible(fault)
+
+
+class _Arm(Protocol):
+    """Limits, and what is done with them."""
+
+    axes: int
+    ranges: Sequence[tuple[float, float]]
+
+    def fault(self, points: Points) -> TrajectoryError | None:
+        """Return what breaks a limit."""
+
+    def check_range(self, points: Points) -> None:
+        """Refuse points that no slowing down helps."""
+
+    def bends(self, curve: Curve) -> Bends:
+        """Return what the limits say about a curve."""
+
+    def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
+        """Return a point that lies beyond a range by a curve between two points, at the end of that range."""
+
+    def excesses(self, points: Points) -> list[float]:
+        """Return how much of its limits each sample uses, and the rest after the last one; 1 is all of it."""
+
+
+class _Joints:
+    def __init__(self, limits: Limits, period: float) -> None:
+        self.axes = len(limits.lower)
+        self.ranges: Sequence[tuple[float, float]] = list(zip(limits.lower, limits.upper, strict=True))
+        self._limits = limits
+        self._period = period
+        self._velocity = [limit * period for limit in limits.velocity]
+        self._acceleration = [limit * period**2 for limit in limits.acceleration]
+
+    def fault(self, points: Points) -> TrajectoryError | None:
+        return _caught(lambda: check_trajectory(points, self._limits, None, self._period))
+
+    def check_range(self, points: Points) -> None:
+        check_range(points, self._limits, self._period)
+
+    def bends(self, curve: Curve) -> Bends:
+        return JointBends(curve.coordinates, self._velocity, self._acceleration)
+
+    def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(map(min, map(max, point, self._limits.lower), self._limits.upper))
+
+    def excesses(self, points: Points) -> list[float]:
+        rows = []
+        for axis, column in enumerate(zip(*points, strict=True)):
+            steps, changes = finite_differences.of_column(column, column[0])
+            rows.append(_parts(steps, self._velocity[axis]))
+            rows.append(_parts(changes, self._acceleration[axis]))
+        return list(map(max, *rows))
+
+
+class _Tool:
+    axes = 6
+
+    def __init__(self, limits: PathLimits, period: float, kind: PoseKind) -> None:
+        self.ranges: Sequence[tuple[float, float]] = ()
+        self._limits = limits
+        self._period = period
+        self._kind = kind
+        self._velocities = limits.speed * period, limits.rotation * period
+        self._accelerations = limits.acceleration * period**2, limits.rotation_acceleration * period**2
+
+    def fault(self, points: Points) -> TrajectoryError | None:
+        return _caught(lambda: check_path(points, self._limits, None, self._period, self._kind))
+
+    def check_range(self, points: Points) -> None:
+        """There is no range in space."""
+
+    def bends(self, curve: Curve) -> Bends:
+        return PathBends(
+            curve.coordinates,
+            self._velocities[0], self._accelerations[0], self._velocities[1], self._accelerations[1],
+        )  # fmt: skip
+
+    def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
+        return point
+
+    def excesses(self, points: Points) -> list[float]:
+        rows = []
+        for differences, velocity, acceleration in zip(
+            finite_differences.of_path(points, points[0], self._kind),
+            self._velocities,
+            self._accelerations,
+            strict=True,
+        ):
+            rows.append(_parts(differences.steps, velocity))
+            rows.append(_parts(differences.changes, acceleration))
+        return list(map(max, *rows))
+
+
+def _arm(limits: object, period: float, kind: PoseKind) -> _Arm:
+    if kind == "J" and isinstance(limits, Limits):
+        return _Joints(limits, period)
+    if kind in ("P", "T") and isinstance(limits, PathLimits):
+        return _Tool(limits, period, kind)
+    raise InvalidValue(
+        tr(
+            "{name} with set-points of kind {kind}: J wants Limits, P and T want PathLimits",
+            name=type(limits).__name__,
+            kind=brief(kind),
+        )
+    )
+
+
+def _slow_down(
+    allowed: list[float], free: Sequence[bool], samples: Sequence[int], excesses: Sequence[float], number: int
+) -> None:
+    """Lower what may be used of the limits around each sample that breaks one, and a little of it everywhere.
+
+    The little, from the second round on, is for places that are just within the limits and would break them because
+    another one has moved.
+    """
+    last = len(allowed) - 1
+    places = [0, *samples, last]
+    lowered: dict[int, float] = {}
+    for sample, excess in enumerate(excesses):
+        if excess > 1.0:
+            begin, end = (places[min(max(other, 0), len(places) - 1)] for other in (sample - 2, sample + 1))
+            for interval in range(max(begin - 1, 0), min(end + 1, last) + 1):
+                lowered[interval] = max(excess, lowered.get(interval, 1.0))
+    everywhere = 1.0 - _LITTLE * (number - 1)
+    for interval, known in enumerate(free):
+        if interval in lowered:
+            allowed[interval] *= (1.0 - _MORE * number) / lowered[interval]
+        elif not known:
+            allowed[interval] *= everywhere
+
+
+def _parts(values: Sequence[float], most: float) -> list[float]:
+    return [abs(value) / most for value in values]
+
+
+def _caught(check: Callable[[], None]) -> TrajectoryError | None:
+    try:
+        check()
+    except TrajectoryError as error:
+        return error
+    return None
+
+
+def _too_long(seconds: float) -> TrajectoryError:
+    return TrajectoryError(
+        tr(
+            "within these limits the trajectory would take {seconds:.0f} s, more than {most} samples",
+            seconds=seconds,
+            most=MOST_SAMPLES,
+        )
+    )
+
+
+def _impossible(fault: TrajectoryError | None) -> TrajectoryError:
+    return TrajectoryError(
+        tr(
+            "the trajectory could not be slowed down so that it keeps the limits: {fault}; try: smoother points",
+            fault=fault,
+        ),
+        *((fault.sample, fault.axis) if fault is not None else ()),
+    )

@@ -1,0 +1,408 @@
+"""How fast a curve can be passed through within limits: time-optimal path parametrisation by reachability analysis.
+
+The place on the curve is s, the number of the sample. Its rate ds/dt is at most 1 sample per period. What limits say
+of it is linear in z = (ds/dt)^2 and u = d2s/dt2: with q' and q'' of one coordinate, ``|q' u + q'' z| <= acceleration``
+and ``q'^2 z <= velocity^2``. s is divided into cells, u is constant in each. A pass from the end to the start finds at
+each place the greatest z from which the arm still can keep all limits that follow; a pass from the start to the end
+takes the greatest u that stays below it. A second difference of set-points is a mean of accelerations, so set-points
+keep what the motion keeps. Time is in periods, accelerations are in parts of their limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import Final, NamedTuple, Protocol, TypeAlias
+
+from orinkit.streaming.planning.quaternions import DEGREE
+from orinkit.streaming.trajectory.spline import Cubic
+
+Terms: TypeAlias = list[tuple[float, float]]
+"""Factors (of u, of z) of accelerations; each sum is to be from -1 to 1."""
+
+_MOST_CELLS: Final = 64  # of one interval between samples
+_MARGIN: Final = 0.998  # between the ends of a cell an acceleration can be a little more than there
+_BENT: Final = 4.0  # where q'' is less, it is the path that bends, and not only how s goes along it
+_STEEPNESS: Final = 5.0  # times the root of q'' / q' at the end: then q' changes by a tenth in the first cell
+_SMOOTH: Final = 0.2  # q'' / q': then q' hardly changes from sample to sample
+_NOTHING: Final = 1e-12
+_LEAST: Final = 0.01  # of the greatest z of a place: so much has to be left of it on the way
+_ENOUGH: Final = 30  # Newton steps; each is exact where the same limits hold, two or three are usual
+_CORNERS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
+_INSIDE: Final = 1.0 / math.cos(math.pi / 12)  # the polygon that these make lies within the circle
+
+
+class Bends(Protocol):
+    """What limits say about a curve."""
+
+    def free(self) -> list[bool]:
+        """Return for each interval between samples whether it can be passed through at full rate."""
+
+    def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
+        """Return the terms of the accelerations, and the greatest z that the velocities allow."""
+
+
+class JointBends:
+    """The limits of joints: each on its own.
+
+    Args:
+        coordinates: of the curve, one per joint.
+        velocity: of each joint, per period.
+        acceleration: of each joint, per period squared.
+    """
+
+    __slots__ = ("_count", "_joints")
+
+    def __init__(self, coordinates: Sequence[Cubic], velocity: Sequence[float], acceleration: Sequence[float]) -> None:
+        self._joints = [
+            (_scaled(cubic.b, most), _scaled(cubic.c, most), _scaled(cubic.d, most), (most / fastest) ** 2)
+            for cubic, fastest, most in zip(coordinates, velocity, acceleration, strict=True)
+            if any(cubic.b) or any(cubic.c)
+        ]
+        self._count = len(coordinates[0].b)
+
+    def free(self) -> list[bool]:
+        """Return for each interval between samples whether it can be passed through at full rate."""
+        free = [True] * self._count
+        for b, c, d, scale in self._joints:
+            fastest = 1.0 / math.sqrt(scale)
+            free = [
+                known
+                and -0.5 <= bend <= 0.5
+                and -0.5 <= bend + 3.0 * change <= 0.5
+                and -fastest <= slope <= fastest
+                and -fastest <= slope + bend + 0.75 * change <= fastest
+                and -fastest <= slope + 2.0 * bend + 3.0 * change <= fastest
+                for known, slope, bend, change in zip(free, b, c, d, strict=True)
+            ]
+        return free
+
+    def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
+        """Return the terms of the accelerations, and the greatest z that the velocities allow."""
+        terms = []
+        fastest = 1.0
+        for b, c, d, scale in self._joints:
+            bend, change = c[interval], 3.0 * fraction * d[interval]
+            slope = b[interval] + fraction * (2.0 * bend + change)
+            terms.append((slope, 2.0 * (bend + change)))
+            speed = slope * slope * scale
+            if speed > fastest:
+                fastest = speed
+        return terms, 1.0 / fastest
+
+
+class PathBends:
+    """The limits of a tool: of the lengths of its velocity and acceleration, and of those of its rotation.
+
+    Args:
+        coordinates: of the curve: three of the position, four of a quaternion.
+        speed: mm per period.
+        acceleration: mm per period squared.
+        rotation: degrees per period.
+        rotation_acceleration: degrees per period squared.
+    """
+
+    __slots__ = ("_acceleration", "_place", "_rotation", "_rotation_acceleration", "_speed", "_turn")
+
+    def __init__(
+        self,
+        coordinates: Sequence[Cubic],
+        speed: float,
+        acceleration: float,
+        rotation: float,
+        rotation_acceleration: float,
+    ) -> None:
+        self._place, self._turn = coordinates[:3], coordinates[3:]
+        self._speed, self._acceleration = speed, acceleration
+        self._rotation, self._rotation_acceleration = rotation, rotation_acceleration
+
+    def free(self) -> list[bool]:
+        """Return for each interval between samples whether it can be passed through at full rate."""
+        free = []
+        for interval in range(len(self._place[0].b)):
+            rows = [self.at(interval, place) for place in (0.0, 0.5, 1.0)]
+            free.append(all(cap >= 1.0 and all(abs(bend) <= 1.0 for _, bend in terms) for terms, cap in rows))
+        return free
+
+    def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
+        """Return the terms of the accelerations, and the greatest z that the velocities allow."""
+        rows = [_derivatives(cubic, interval, fraction) for cubic in self._place]
+        slope, along, across = _along(rows)
+        terms = _circle(slope, along, across, self._acceleration)
+        fastest = max(1.0, (slope / self._speed) ** 2)
+        rows = _on_sphere([_derivatives(cubic, interval, fraction) for cubic in self._turn])
+        slope, along, across = _along(rows)
+        terms += _circle(slope, along, across, self._rotation_acceleration)
+        return terms, 1.0 / max(fastest, (slope / self._rotation) ** 2)
+
+
+class Profile(NamedTuple):
+    """How fast the curve is passed through.
+
+    Attributes:
+        squares: z at the end of each cell, from the start on.
+        cells: how many of them each interval has.
+        periods: how long it takes.
+    """
+
+    squares: Sequence[float]
+    cells: Sequence[int]
+    periods: float
+
+    def sampled(self) -> tuple[list[int], list[float]]:
+        """Return where the arm is after each period, the first and the last place left out: sample and fraction.
+
+        The last place is reached after a whole number of periods: everything is slowed down by a part of one.
+        """
+        count = math.ceil(self.periods - 1e-6)
+        pace = self.periods / count
+        samples: list[int] = []
+        fractions: list[float] = []
+        number, wanted, began = 1, pace, 0.0
+        for interval, begin, width, first, last in self._walk():
+            took = 2.0 * width / (math.sqrt(first) + math.sqrt(last))
+            while wanted < began + took and number < count:
+                time = wanted - began
+                far = time * (math.sqrt(first) + time * (last - first) / (4.0 * width))
+                samples.append(interval)
+                fractions.append(begin + min(far, width))
+                number += 1
+                wanted = number * pace
+            began += took
+        missing = count - 1 - len(samples)  # rounding
+        return samples + [len(self.cells) - 1] * missing, fractions + [1.0] * missing
+
+    def _walk(self) -> Iterator[tuple[int, float, float, float, float]]:
+        place = 0
+        for interval, count in enumerate(self.cells):
+            for begin, end in pairwise(_places(count)):
+                yield interval, begin, end - begin, self.squares[place], self.squares[place + 1]
+                place += 1
+
+
+class Cells(NamedTuple):
+    """The cells of a curve.
+
+    Attributes:
+        free: for each interval between samples, whether it can be passed through at full rate.
+        counts: for each, how many cells it has.
+    """
+
+    free: Sequence[bool]
+    counts: Sequence[int]
+
+
+def cells_of(bends: Bends) -> Cells:
+    """Return how a curve is divided: where it is slow, into about as many cells as it takes periods."""
+    free = bends.free()
+    last = len(free) - 1
+    return Cells(
+        free,
+        [
+            1 if known and 0 < interval < last else _count(bends, interval, at_end=interval in (0, last))
+            for interval, known in enumerate(free)
+        ],
+    )
+
+
+def profile_of(bends: Bends, cells: Cells, allowed: Sequence[float]) -> Profile:
+    """Return the fastest way through a curve, at rest at both ends.
+
+    Args:
+        bends: the limits.
+        cells: of the curve.
+        allowed: for each interval between samples, the part of the limits that may be used.
+    """
+    free = [known and part == 1.0 for known, part in zip(cells.free, allowed, strict=True)]
+    greatest = _reachable(bends, allowed, cells.counts, free)
+    squares = _fastest(bends, allowed, cells.counts, free, greatest)
+    periods = 0.0
+    place = 0
+    for count in cells.counts:
+        for begin, end in pairwise(_places(count)):
+            periods += 2.0 * (end - begin) / (math.sqrt(squares[place]) + math.sqrt(squares[place + 1]))
+            place += 1
+    return Profile(squares, cells.counts, periods)
+
+
+def _count(bends: Bends, interval: int, *, at_end: bool) -> int:
+    (begin, cap), (end, other) = bends.at(interval, 0.0), bends.at(interval, 1.0)
+    bend = max([abs(row[1]) for row in (*begin, *end)], default=0.0)
+    slopes = max([abs(row[0]) for row in begin], default=0.0), max([abs(row[0]) for row in end], default=0.0)
+    if not at_end and bend <= _SMOOTH * min(slopes) and bend <= 1.0:
+        return 1
+    middle, third = bends.at(interval, 0.5)
+    largest = max(*slopes, *[abs(row[0]) for row in middle], _NOTHING)
+    periods = math.sqrt(max(bend, 1.0 / min(cap, other, third)))
+    if at_end:  # from or to rest
+        return min(_MOST_CELLS, math.ceil(max(periods, math.sqrt(2.0 * largest))))
+    changes = [max(abs(b[0] - a[0]), abs(c[0] - b[0])) for a, b, c in zip(begin, middle, end, strict=True)]
+    part = min(1.0, 4.0 * max(changes, default=0.0) / largest)  # fewer where the slopes hardly change
+    if min(cap, other) > third:
+        part = max(part, 0.5)  # velocities decide, and most in the middle
+    steep = _STEEPNESS * math.sqrt(bend / max(min(slopes), _NOTHING)) if bend > _BENT else 0.0
+    return max(1, min(_MOST_CELLS, math.ceil(max(periods * part, steep))))
+
+
+@lru_cache(maxsize=_MOST_CELLS)
+def _places(count: int) -> tuple[float, ...]:
+    """Return where the cells of an interval end, 0 first: short ones at its ends, where an arm may be at rest."""
+    return (0.0, *(0.5 - 0.5 * math.cos(math.pi * number / count) for number in range(1, count)), 1.0)
+
+
+def _reachable(bends: Bends, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]) -> list[float]:
+    """Return the greatest z at the end of each cell, the first place included, from the last one backwards."""
+    greatest = [0.0]
+    following = 0.0
+    for interval in range(len(cells) - 1, -1, -1):
+        if free[interval] and following == 1.0 and cells[interval] == 1:
+            greatest.append(1.0)
+            continue
+        count, part = cells[interval], allowed[interval] * _MARGIN
+        end, cap_end = bends.at(interval, 1.0)
+        greatest[-1] = following = min(following, _cap(cap_end, part))
+        for place, after in pairwise(reversed(_places(count))):
+            begin, cap = bends.at(interval, after)
+            width = 2.0 * (place - after)
+            rows, most = _rows(begin, end, width, part, _cap(cap, part))
+            least = _LEAST * min([following, *[limit * width for limit, _ in rows]])
+            following = _highest(rows, most, following, least, width)
+            greatest.append(following)
+            end = begin
+    greatest.reverse()
+    return greatest
+
+
+def _fastest(
+    bends: Bends, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool], greatest: Sequence[float]
+) -> list[float]:
+    """Return z at the end of each cell, from the start on."""
+    z = 0.0
+    squares = [z]
+    place = 0
+    for interval, count in enumerate(cells):
+        if free[interval] and z == 1.0 and count == 1 and greatest[place + 1] == 1.0:
+            place += 1
+            squares.append(z)
+            continue
+        part = allowed[interval] * _MARGIN
+        begin, _ = bends.at(interval, 0.0)
+        for before, after in pairwise(_places(count)):
+            end, _ = bends.at(interval, after)
+            width = 2.0 * (after - before)
+            rows, _ = _rows(begin, end, width, part, 1.0)
+            place += 1
+            rate = (greatest[place] - z) / width
+            for most, fall in rows:
+                if most - fall * z < rate:
+                    rate = most - fall * z
+            z = min(max(z + width * rate, 0.0), greatest[place])
+            squares.append(z)
+            begin = end
+    return squares
+
+
+def _cap(cap: float, part: float) -> float:
+    return 1.0 if cap >= 1.0 else cap * part * part
+
+
+def _rows(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tuple[Terms, float]:
+    """Return the limits of u in a cell: ``-most - fall * z <= u <= most - fall * z``, and the greatest z.
+
+    Args:
+        begin: terms at its begin.
+        end: terms at its end, where z is ``z + width * u``.
+        width: twice the cell's length.
+        part: of the limits that may be used.
+        cap: the greatest z so far.
+    """
+    rows = []
+    for slope, bend in begin:
+        if -_NOTHING < slope < _NOTHING:
+            if abs(bend) * cap > part:
+                cap = part / abs(bend)
+        else:
+            rows.append((part / abs(slope), bend / slope))
+    for slope, bend in end:
+        both = slope + width * bend
+        if -_NOTHING < both < _NOTHING:
+            if abs(bend) * cap > part:
+                cap = part / abs(bend)
+        else:
+            rows.append((part / abs(both), bend / both))
+    return rows, cap
+
+
+def _highest(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
+    """Return the greatest z up to ``cap`` for which some u keeps all limits and ``least <= z + width * u <= following``.
+
+    ``least`` is a little above 0: an arm that comes to rest on its way, with a place behind it that has to be passed
+    slowly, would stay there. The room for u is a concave function of z, so Newton's method comes down to where it ends without ever going below.
+    """
+    z = cap
+    for _ in range(_ENOUGH):
+        top, top_slope = (following - z) / width, -1.0 / width
+        bottom, bottom_slope = (least - z) / width, -1.0 / width
+        for most, fall in rows:
+            shift = fall * z
+            if most - shift < top:
+                top, top_slope = most - shift, -fall
+            if -most - shift > bottom:
+                bottom, bottom_slope = -most - shift, -fall
+        room = top - bottom
+        steepness = top_slope - bottom_slope
+        if room >= 0.0:
+            return z
+        if steepness >= 0.0:
+            return 0.0
+        step = room / steepness
+        z -= step
+        if step <= 1e-13 * cap or z <= 0.0:
+            break
+    return max(z, 0.0) * (1.0 - 1e-9)
+
+
+def _scaled(column: Sequence[float], unit: float) -> list[float]:
+    return [value / unit for value in column]
+
+
+def _derivatives(cubic: Cubic, interval: int, fraction: float) -> tuple[float, float, float]:
+    """Return a coordinate, its first and its second derivative."""
+    a, b, c, d = (column[interval] for column in cubic)
+    return (
+        a + fraction * (b + fraction * (c + fraction * d)),
+        b + fraction * (2.0 * c + fraction * 3.0 * d),
+        2.0 * c + 6.0 * fraction * d,
+    )
+
+
+def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
+    """Return the length of the first derivative, and the second one's parts along and across it."""
+    slope = math.hypot(*[row[1] for row in rows])
+    bend = math.hypot(*[row[2] for row in rows])
+    if slope < _NOTHING:
+        return 0.0, 0.0, bend
+    along = sum([row[1] * row[2] for row in rows]) / slope
+    return slope, along, math.sqrt(max(0.0, bend * bend - along * along))
+
+
+def _circle(slope: float, along: float, across: float, most: float) -> Terms:
+    """Return a bound of the length of an acceleration as one of a polygon of twelve sides within the circle."""
+    size = _INSIDE / most
+    return [(slope * cosine * size, (along * cosine + across * sine) * size) for cosine, sine in _CORNERS]
+
+
+def _on_sphere(rows: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Return derivatives of the unit quaternion that a quaternion stands for, along the sphere, as degrees."""
+    length = math.hypot(*[row[0] for row in rows])
+    unit = [row[0] / length for row in rows]
+    out = sum([a * row[1] for a, row in zip(unit, rows, strict=True)])
+    bent = sum([a * row[2] for a, row in zip(unit, rows, strict=True)])
+    size = 2.0 * DEGREE / length
+    turned = []
+    for a, (_, slope, bend) in zip(unit, rows, strict=True):
+        first = slope - out * a
+        turned.append((a, first * size, (bend - bent * a - 2.0 * out / length * first) * size))
+    return turned

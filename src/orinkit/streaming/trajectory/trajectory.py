@@ -1,0 +1,375 @@
+"""Trajectories: set-points, one per period of the controller; read, and checked before the arm moves.
+
+The controller stops the arm with an error if a joint goes further in a period than its velocity allows, if that changes
+by more than its acceleration allows (0x8420404*), or if a joint leaves its range (RC8 4.5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.streaming.planning.quaternions import of_vectors
+from orinkit.streaming.trajectory import finite_differences, limit_violations
+from orinkit.streaming.trajectory.finite_differences import Points
+from orinkit.streaming.trajectory.limit_violations import (
+    MOST_SAMPLES,
+    RANGE,
+    Breach,
+    Rule,
+    TrajectoryError,
+    check_period,
+)
+from orinkit.values.pose_numbers import COUNTS, FIELDS, FIG_AUTO, brief, is_whole
+from orinkit.values.poses import J, P, T, V
+
+if TYPE_CHECKING:
+    from orinkit.rc8.slave_formats import PoseKind
+    from orinkit.streaming.planning.limits import Limits, PathLimits
+
+LARGEST: Final = 1e6
+"""The largest magnitude of a value, mm or degrees."""
+TOLERANCE: Final = 5e-7
+"""Part of a limit that a joint may be beyond it, for rounding. A controller may be as strict."""
+
+_NUMERIC: Final = frozenset({float, int})
+_SIZES: Final[dict[str, int]] = {kind: COUNTS[kind][1] for kind in ("J", "P", "T")}
+_MOST_JOINTS: Final = _SIZES["J"]
+
+
+def read_trajectory(
+    source: object, kind: PoseKind, axes: int = 6, *, period: float | None = None
+) -> list[tuple[float, ...]]:
+    """Return the set-points of a trajectory.
+
+    Args:
+        source: one pose per row: a numpy array (samples, values), a sequence of sequences or of P, J or T, or the path
+            of a CSV file (:func:`orinkit.streaming.trajectory.csv_file.load_csv`).
+        kind: what the values are: J 6 to 8 joints, degrees (mm for linear ones); P 6 or 7 values; T 9 or 10.
+        axes: how many joints the arm has; more than these have to be 0.
+        period: s between two set-points; a file with times of another period is resampled to it. ``None``: the rows as
+            they are.
+
+    Returns:
+        For each sample ``axes`` joints, or the 7 values of a P or the 10 of a T; a figure that was left out is
+        FIG_AUTO.
+
+    Raises:
+        TrajectoryError: it is empty or too long, or a value is none; with sample and axis.
+        InvalidValue: the file cannot be used; with its name and the line.
+    """
+    _check_kind(kind, axes)
+    if isinstance(source, str | Path):
+        return _from_file(Path(source), kind, axes, period)
+    rows = _rows(source)
+    size = axes if kind == "J" else _SIZES[kind]
+    points = []
+    for sample, row in enumerate(rows):
+        if (
+            (type(row) is list or type(row) is tuple)
+            and len(row) == size
+            and set(map(type, row)) <= _NUMERIC
+            and min(row) >= -LARGEST
+            and max(row) <= LARGEST
+            and math.isfinite(sum(row))
+            and (kind == "J" or (kind == "P" and row[-1] == int(row[-1])))
+        ):  # the quick way for most
+            points.append(tuple(map(float, row)))
+        else:
+            points.append(read_point(row, kind, axes, sample))
+    return points
+
+
+def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None = None) -> tuple[float, ...]:
+    """Return one set-point, as :func:`read_trajectory` does.
+
+    Args:
+        value: a sequence of numbers, a numpy array (values,), a P, J or T.
+        kind: what the values are.
+        axes: how many joints the arm has.
+        sample: its number from 0, for the message.
+
+    Raises:
+        TrajectoryError: it is no set-point of this kind.
+    """
+    _check_kind(kind, axes)
+    numbers = _numbers(value, kind, axes, sample)
+    if kind == "J":
+        for axis in range(axes, len(numbers)):
+            if numbers[axis]:
+                raise _refused(
+                    sample,
+                    axis + 1,
+                    tr(
+                        "J{axis} is {value}, but the arm has {axes} joints",
+                        axis=axis + 1,
+                        value=brief(numbers[axis]),
+                        axes=axes,
+                    ),
+                )
+        return tuple(numbers[:axes])
+    if len(numbers) < _SIZES[kind]:
+        numbers.append(float(FIG_AUTO))
+    if not is_whole(numbers[-1]):
+        raise _refused(
+            sample,
+            len(numbers),
+            tr("fig is {figure:g}, a whole number is wanted", figure=numbers[-1]),
+        )
+    if kind == "T":
+        _check_orientation(numbers, sample)
+    return tuple(numbers)
+
+
+def _check_kind(kind: object, axes: object) -> None:
+    if kind not in _SIZES:
+        raise _not_among(kind, '"J", "P", "T"')
+    if isinstance(axes, bool) or not isinstance(axes, int) or not 1 <= axes <= _MOST_JOINTS:
+        raise InvalidValue(tr("axes {axes}: 1 to {most}", axes=brief(axes), most=_MOST_JOINTS))
+
+
+def _not_among(kind: object, kinds: str) -> InvalidValue:
+    return InvalidValue(tr("kind {kind}: one of {kinds} is wanted", kind=brief(kind), kinds=kinds))
+
+
+def _from_file(path: Path, kind: PoseKind, axes: int, period: float | None) -> list[tuple[float, ...]]:
+    from orinkit.streaming.trajectory.csv_file import load_csv
+    from orinkit.streaming.trajectory.resample import resample
+
+    found, given, rows = load_csv(path)
+    if found != kind:
+        raise TrajectoryError(
+            tr("{path}: the file has set-points of kind {found}, {kind} is wanted", path=path, found=found, kind=kind)
+        )
+    try:
+        points = read_trajectory(rows, kind, axes)
+        return points if period is None or given is None else resample(points, given, period, kind)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{path}: {error}", error.sample, error.axis) from None
+
+
+def _rows(source: Any) -> Sequence[Any]:
+    rows = source.tolist() if callable(getattr(source, "tolist", None)) else source
+    if isinstance(rows, str | bytes | bytearray | P | J | T | V) or not isinstance(rows, Sequence):
+        raise TrajectoryError(
+            tr(
+                "{source} is no trajectory; try: a sequence of poses, an array (samples, values), the "
+                "path of a CSV file, or an iterator (not an asynchronous one)",
+                source=brief(source),
+            )
+        )
+    if not rows:
+        raise TrajectoryError(tr("the trajectory is empty"))
+    if len(rows) > MOST_SAMPLES:
+        raise TrajectoryError(
+            tr(
+                "{count} samples, {most} are the most; try: an iterator, or several streams",
+                count=len(rows),
+                most=MOST_SAMPLES,
+            )
+        )
+    return rows
+
+
+def _numbers(value: Any, kind: PoseKind, axes: int, sample: int | None) -> list[float]:
+    if isinstance(value, P | J | T | V) and type(value).__name__ != kind:
+        raise _refused(
+            sample,
+            None,
+            tr("{value}, but set-points of kind {kind} are wanted", value=brief(value), kind=kind),
+        )
+    items = value.tolist() if callable(getattr(value, "tolist", None)) else value
+    if isinstance(items, str | bytes | bytearray) or not isinstance(items, Sequence):
+        raise _refused(sample, None, tr("{value} is no pose", value=brief(value)))
+    least, most = (axes, _MOST_JOINTS) if kind == "J" else COUNTS[kind]
+    if not least <= len(items) <= most:
+        count, wanted = len(items), str(least) if least == most else tr("{least} to {most}", least=least, most=most)
+        raise _refused(
+            sample,
+            None,
+            tr("{count} values, {wanted} are wanted for {kind}", count=count, wanted=wanted, kind=kind),
+        )
+    return [_number(item, kind, sample, place) for place, item in enumerate(items)]
+
+
+def _number(item: Any, kind: PoseKind, sample: int | None, place: int) -> float:
+    number = math.nan
+    if not isinstance(item, bool | str | bytes | bytearray) and type(item).__name__ not in ("bool_", "bool"):
+        try:
+            number = float(item)
+        except Exception:  # noqa: BLE001 - whatever somebody's object does
+            number = math.nan
+    if not -LARGEST <= number <= LARGEST:
+        name = FIELDS[kind][place]
+        raise _refused(
+            sample,
+            place + 1,
+            tr(
+                "{name} is {value}, a finite number up to {largest:,.0f} is wanted",
+                name=name,
+                value=brief(item),
+                largest=LARGEST,
+            ),
+        )
+    return number
+
+
+def _check_orientation(numbers: Sequence[float], sample: int | None) -> None:
+    try:
+        of_vectors(numbers[3:6], numbers[6:9])
+    except InvalidValue as error:
+        raise TrajectoryError(_where(sample) + str(error), sample) from None
+
+
+def _refused(sample: int | None, axis: int | None, text: str) -> TrajectoryError:
+    return TrajectoryError(_where(sample) + text, sample, axis)
+
+
+def _where(sample: int | None) -> str:
+    if sample is None:
+        return tr("the set-point: ")
+    return tr("sample {sample} (counted from 0): ", sample=sample)
+
+
+# --- checking ---------------------------------------------------------------------------------------------------------
+
+
+def check_trajectory(
+    points: Points, limits: Limits, start: Sequence[float] | None, period: float, *, tolerance: float = TOLERANCE
+) -> None:
+    """Make sure that an arm can do a trajectory of joints: range, velocity and acceleration of every sample.
+
+    The arm stands at ``start`` before the first sample, and stands still at the last one afterwards.
+
+    Args:
+        points: joints, as :func:`read_trajectory` returns them.
+        limits: of as many axes.
+        start: where the arm is; ``None``: at the first sample.
+        period: s between two set-points.
+        tolerance: part of a velocity or an acceleration that a joint may be beyond it.
+
+    Raises:
+        TrajectoryError: of the first sample that breaks a limit: which one, by how much, what to try.
+    """
+    check_period(period)
+    axes = len(limits.lower)
+    columns = _columns(points, axes)
+    begin = points[0] if start is None else _start(start, axes)
+    rules = [
+        rule
+        for axis, column in enumerate(columns)
+        for rule in limit_violations.joint_rules(column, begin[axis], axis, limits, period, tolerance)
+    ]
+    _tell(
+        [*limit_violations.out_of_range(columns, limits), *limit_violations.broken(rules)],
+        rules,
+        points,
+        period,
+        away=lambda: limit_violations.joints_away(begin, points[0]),
+        out=lambda breach: limit_violations.outside(breach, limits, period),
+    )
+
+
+def check_range(points: Points, limits: Limits, period: float) -> None:
+    """Make sure that no joint leaves its range, whatever its velocity.
+
+    Raises:
+        TrajectoryError: of the first sample where one does.
+    """
+    found = limit_violations.out_of_range(_columns(points, len(limits.lower)), limits)
+    if found:
+        first = min(found)
+        raise TrajectoryError(limit_violations.outside(first, limits, period), first.sample, first.axis)
+
+
+def check_path(
+    points: Points, limits: PathLimits, start: Sequence[float] | None, period: float, kind: PoseKind
+) -> None:
+    """Make sure that a trajectory of P or T is within limits: speed and acceleration of the tool and of its rotation.
+
+    What the joints do is not looked at: that needs the arm's kinematics.
+
+    Args:
+        points: as :func:`read_trajectory` returns them.
+        limits: of the path.
+        start: where the tool is, as a point; ``None``: at the first sample.
+        period: s between two set-points.
+        kind: ``"P"`` or ``"T"``.
+
+    Raises:
+        TrajectoryError: as :func:`check_trajectory`.
+    """
+    check_period(period)
+    if kind not in ("P", "T"):
+        raise _not_among(kind, '"P", "T"')
+    size = _SIZES[kind]
+    _columns(points, size)
+    begin = points[0] if start is None else read_point(start, kind)
+    try:
+        place, turn = finite_differences.of_path(points, begin[:size], kind)
+    except InvalidValue as error:
+        raise _first_unusable(points, error) from None
+    rules = limit_violations.path_rules(place, turn, limits, period)
+    _tell(
+        limit_violations.broken(rules),
+        rules,
+        points,
+        period,
+        away=lambda: limit_violations.tool_away(begin, points[0], place.steps[0], turn.steps[0], kind),
+    )
+
+
+def _columns(points: Points, size: int) -> list[tuple[float, ...]]:
+    try:
+        columns = list(zip(*points, strict=True))
+        usable = len(columns) == size and all(map(math.isfinite, map(sum, columns)))
+    except (TypeError, ValueError):
+        usable = False
+    if not usable:
+        raise TrajectoryError(tr("each set-point has to be {size} finite numbers; try: read_trajectory", size=size))
+    return columns
+
+
+def _start(start: Sequence[float], axes: int) -> tuple[float, ...]:
+    """Return as many joints as there are limits: a controller tells eight of an arm with six."""
+    if not axes <= len(start) <= _MOST_JOINTS:
+        raise TrajectoryError(
+            tr("the arm is said to be at {start}, {axes} joints are wanted", start=brief(start), axes=axes)
+        )
+    return tuple(_number(value, "J", None, place) for place, value in enumerate(start[:axes]))
+
+
+def _tell(
+    found: Sequence[Breach],
+    rules: Sequence[Rule],
+    points: Points,
+    period: float,
+    *,
+    away: Callable[[], str],
+    out: Callable[[Breach], str] | None = None,
+) -> None:
+    """Raise the error of the first breach, if there is one."""
+    if not found:
+        return
+    breach = min(found)
+    if breach.rank == RANGE and out is not None:
+        text = out(breach)
+    elif breach.sample == 0:
+        text = away()
+    else:
+        text = limit_violations.text_of(breach, rules, len(points), period)
+    raise TrajectoryError(text, min(breach.sample, len(points) - 1), breach.axis or None)
+
+
+def _first_unusable(points: Points, error: InvalidValue) -> TrajectoryError:
+    """Return the error of the first T whose orientation cannot be made out."""
+    for sample, point in enumerate(points):
+        try:
+            _check_orientation(point, sample)
+        except TrajectoryError as found:
+            return found
+    return TrajectoryError(str(error))

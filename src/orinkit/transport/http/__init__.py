@@ -1,0 +1,1 @@
+"""e-CAP over HTTP, client side."""

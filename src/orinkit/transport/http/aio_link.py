@@ -1,0 +1,455 @@
+"""e-CAP over HTTP for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.http.link`.
+
+Each request is posted by a task of its own, which goes on when the caller of :meth:`AsyncHttpLink.receive` is cancelled or
+its time is up; the next request, or closing, ends it and its connection. Closing waits for nothing: the connection below
+httpx2 is one of :mod:`orinkit.transport.sockets.aio_byte_link`, which can be closed at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from collections.abc import AsyncIterator
+from contextlib import aclosing
+from typing import Any, Final, Self
+
+from orinkit.core.errors import ConnectionLost, OrinError
+from orinkit.core.i18n import tr
+from orinkit.core.optional_deps import require
+from orinkit.transport.address import HttpAddress
+from orinkit.transport.credentials import NOTHING, Access
+from orinkit.transport.http.response import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, tls_failed
+from orinkit.transport.link_errors import closed, connect_failed, other_loop
+from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
+from orinkit.transport.sockets.socket_link import CHUNK
+from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
+
+require(tr(NEED), "http", "httpx2")
+
+import httpcore2  # noqa: E402 - what is missing is to be told first
+import httpx2  # noqa: E402
+
+from orinkit.transport.http.base import Reached  # noqa: E402
+from orinkit.transport.http.connection import Known, has_news, url_of  # noqa: E402
+
+_OK: Final = 200
+_SIGN: Final = b"\n"
+_LONG: Final = 3600.0  # s
+_TLS_FAILURES: Final = (ssl.SSLError, ConnectionResetError, ConnectionAbortedError)
+
+
+class AsyncHttpLink(Reached):
+    """A server of e-CAP, in asyncio; nothing is opened before the first request.
+
+    Args:
+        address: of the server.
+        access: what lets a client in.
+        most: bytes of a reply.
+        known: what is known of the server already.
+        dead_after: seconds without an answer from the server's machine after which a connection is given up.
+
+    Raises:
+        InvalidValue: the token cannot be sent, or there are no certificates in the file.
+    """
+
+    def __init__(
+        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        dead_after: float = DEAD_AFTER,
+    ) -> None:  # fmt: skip
+        self._loop = asyncio.get_running_loop()
+        super().__init__(address, access, most, known=known, dead_after=dead_after)
+        self._url = url_of(self._contact)
+        self._transport = _Transport(self._known, self._url)
+        self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
+        self._asked: _Asked | None = None
+
+    def send(self, data: bytes) -> None:
+        """Keep the body of a request, which :meth:`receive` posts.
+
+        An earlier one that has not been answered is given up, and its connection closed.
+
+        Raises:
+            ConnectionClosed: the link was closed before.
+            TransportError: it is used in another event loop than the one it was opened in.
+        """
+        self._check()
+        self._drop()
+        self._asked = _Asked(data)
+
+    async def receive(self, seconds: float) -> bytes | None:
+        """Post the request, if that has not been done, and return what comes.
+
+        Args:
+            seconds: to wait; longer, :attr:`patience`, for a server that cannot say that it is at work.
+
+        Returns:
+            the whole answer; a line feed as a sign that the server is at work; ``b""`` if it has closed the connection
+            without an answer; ``None`` when the seconds have passed. The request stays under way.
+
+        Raises:
+            ConnectFailed: nobody is there, or does not let this client in.
+            ConnectionLost: the connection broke, or the session has ended.
+            TransportError: the server has not carried out the call; or the link belongs to another event loop.
+            ProtocolError: what came is no answer of e-CAP.
+            LimitExceeded: it is too long.
+            ConnectionClosed: the link was closed before, or is meanwhile.
+        """
+        self._check()
+        asked = self._asked
+        if asked is None:
+            return None
+        longer = seconds
+        if asked.task is None:
+            longer = self._contact.wait(asked.data, seconds)
+            asked.task = self._loop.create_task(self._carry(asked, seconds))
+        await asked.wait(seconds)
+        if not asked.news and self._wants(asked):
+            if self._transport.connecting:
+                self._drop()
+                raise connect_failed(self._contact.address, TimeoutError("timed out"))
+            await asked.wait(longer - seconds)
+        if not self._wants(asked):
+            raise closed()
+        if not asked.done:
+            return asked.take_sign()
+        self._asked = None
+        try:
+            return asked.task.result()
+        except OrinError:
+            self._transport.drop()
+            raise
+
+    def _wants(self, asked: _Asked) -> bool:
+        """Tell whether a request has neither been given up by another task, which closes the link, nor by closing it."""
+        return self._open and asked is self._asked
+
+    def _check(self) -> None:
+        if not self._open:
+            raise self._unusable()
+        if asyncio.get_running_loop() is not self._loop:
+            raise other_loop()
+
+    async def _carry(self, asked: _Asked, seconds: float) -> bytes:
+        """Carry out a request; is cancelled when nobody wants it any more."""
+        try:
+            return await self._post(asked, seconds)
+        except httpcore2.ProtocolError as error:
+            if self._transport.unanswered:
+                return b""
+            raise self._contact.broken(error, ended=self._transport.ended) from error
+        finally:
+            asked.finish()
+
+    async def _post(self, asked: _Asked, seconds: float) -> bytes:
+        await self._transport.connect()
+        request = httpx2.Request("POST", self._url, headers=self._contact.fields(seconds), content=asked.data)
+        response = await self._client.send(request, stream=True)
+        headers = response.headers.multi_items()
+        if response.status_code != _OK:
+            shown = await self._shown(response, min(SHOWING, seconds / 2))
+            raise self._contact.refusal(response.status_code, headers, shown, len(asked.data))
+        body = self._contact.accept(headers)
+        async with aclosing(response.aiter_raw()) as pieces:
+            async for piece in pieces:
+                if body.add(piece):
+                    await asked.sign()
+        return body.whole()
+
+    async def _shown(self, response: httpx2.Response, seconds: float) -> bytes:
+        """Return as much of the body of an error as comes soon."""
+        shown = b""
+        try:
+            async with asyncio.timeout(seconds), aclosing(response.aiter_raw()) as pieces:
+                async for piece in pieces:
+                    shown += piece
+                    if len(shown) >= SHOWN:
+                        break
+        except (TimeoutError, OrinError, httpcore2.ProtocolError):
+            pass  # the status says enough
+        return shown[:SHOWN]
+
+    def _drop(self) -> None:
+        """Give up the request that is under way, if there is one."""
+        asked, self._asked = self._asked, None
+        if asked is not None:
+            asked.give_up()
+            self._transport.drop()
+
+    def close(self) -> None:
+        """Close; a receive that is waiting ends at once."""
+        if self._open:
+            self._open = False
+            self._drop()
+            self._transport.hang_up()
+
+
+class _Asked:
+    """A request, and what has come of it.
+
+    Attributes:
+        data: its body.
+        task: that carries it out, and returns the answer, ``b""`` if none came.
+        done: the task has ended.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.task: asyncio.Task[bytes] | None = None
+        self.done = False
+        self._taken: asyncio.Future[None] | None = None  # while there is a sign of work that nobody has taken
+        self._waiter: asyncio.Future[None] | None = None
+
+    @property
+    def news(self) -> bool:
+        """Whether there is anything to take."""
+        return self.done or self._taken is not None
+
+    async def wait(self, seconds: float) -> None:
+        """Wait for news."""
+        if self.news or seconds <= 0:
+            return
+        loop = asyncio.get_running_loop()
+        self._waiter = loop.create_future()
+        alarm = loop.call_later(seconds, self._wake)
+        try:
+            await self._waiter
+        finally:
+            alarm.cancel()
+            self._waiter = None
+
+    async def sign(self) -> None:
+        """Say that the server is at work, and wait until that is taken: a server that floods is left to its buffers."""
+        self._taken = asyncio.get_running_loop().create_future()
+        self._wake()
+        await self._taken
+
+    def take_sign(self) -> bytes | None:
+        """Take a sign of work, if there is one."""
+        if self._taken is None:
+            return None
+        if not self._taken.done():
+            self._taken.set_result(None)
+        self._taken = None
+        return _SIGN
+
+    def finish(self) -> None:
+        """Say that the task has ended."""
+        self.done = True
+        self._wake()
+
+    def give_up(self) -> None:
+        """Stop the task."""
+        if self.task is not None and not self.task.cancel() and not self.task.cancelled():
+            self.task.exception()  # that nobody wants to know any more
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+
+class _Transport(httpx2.AsyncBaseTransport):
+    """One connection to one server, opened when it is needed.
+
+    Attributes:
+        connecting: it is being opened.
+    """
+
+    def __init__(self, known: Known, url: httpx2.URL) -> None:
+        contact = known.contact
+        self.connecting = False
+        self._contact = contact
+        self._url = httpcore2.URL(
+            scheme=url.raw_scheme, host=url.raw_host, port=contact.address.port, target=url.raw_path
+        )
+        self._known = known
+        self._connection: httpcore2.AsyncHTTP11Connection | None = None
+        self._stream: _Stream | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the other side has closed the connection."""
+        return self._stream is not None and self._stream.ended
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether it has done so without a byte of an answer."""
+        return self._stream is not None and self._stream.ended and not self._stream.begin
+
+    async def connect(self) -> None:
+        """See to it that there is a connection over which nothing is under way, and which the other side has not closed.
+
+        Raises:
+            ConnectFailed: there is none.
+        """
+        if self._connection is not None and self._connection.is_available() and not self._connection.has_expired():
+            return
+        self.hang_up()
+        self.connecting = True
+        try:
+            wire = await _Wire.open(self._known)
+        finally:
+            self.connecting = False
+        self._stream = _Stream(wire, self._contact)
+        self._connection = httpcore2.AsyncHTTP11Connection(self._url.origin, self._stream, KEPT)
+
+    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
+        """Send a request over the connection, once, and return the reply as soon as its headers have come."""
+        reply = await self._exchange(request)
+        if reply is None:
+            self.hang_up()
+            await self.connect()
+            reply = await self._exchange(request)
+        assert reply is not None
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_Pieces(reply))
+
+    async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
+        """Return the reply, ``None`` where something came behind the last one; then nothing has been sent."""
+        assert self._connection is not None
+        assert self._stream is not None
+        assert isinstance(request.stream, httpx2.AsyncByteStream)
+        self._stream.begin = b""
+        try:
+            reply = await self._connection.handle_async_request(
+                httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
+            )
+        except httpcore2.ProtocolError:
+            if self._stream.unsent:
+                return None
+            raise
+        return None if self._stream.unsent else reply
+
+    def drop(self) -> None:
+        """Close the connection if something is under way over it."""
+        if self._connection is not None and not self._connection.is_idle():
+            self.hang_up()
+
+    def hang_up(self) -> None:
+        """Close the connection, at once."""
+        self._connection = None
+        if self._stream is not None:
+            self._stream.hang_up()
+
+
+class _Wire(AsyncStreamLink, asyncio.BufferedProtocol):
+    """A TCP connection, perhaps with TLS; :meth:`open` makes one."""
+
+    def __init__(self, dead_after: float) -> None:
+        super().__init__()
+        self._dead_after = dead_after
+        self._view = memoryview(bytearray(CHUNK))
+
+    @classmethod
+    async def open(cls, known: Known) -> Self:
+        """Connect.
+
+        Raises:
+            ConnectFailed: that could not be done.
+        """
+        loop = asyncio.get_running_loop()
+        address, context = known.contact.address, known.context
+        name = None if context is None else address.host
+        try:
+            _, wire = await loop.create_connection(
+                lambda: cls(known.dead_after), address.host, address.port, ssl=context, server_hostname=name
+            )
+        except (OSError, ValueError) as error:
+            if context is not None and isinstance(error, _TLS_FAILURES):
+                raise tls_failed(address, error) from error
+            raise connect_failed(address, error) from error
+        return wire
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The link is up."""
+        super().connection_made(transport)
+        prepare(transport.get_extra_info("socket"), self._dead_after)
+
+    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
+        """Where to put what comes next: a view, for with TLS asyncio fills slices of it, which must not be copies."""
+        return self._view
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Bytes came."""
+        self._came(self._view[:nbytes])
+
+    def _descriptor(self, transport: asyncio.Transport) -> int:
+        descriptor: int = transport.get_extra_info("socket").fileno()
+        return descriptor
+
+    @property
+    def has_news(self) -> bool:
+        """Whether anything has come, or the end; or something is still being sent."""
+        link = self._transport
+        if link is None or self._ended or self._received or link.is_closing() or link.get_write_buffer_size():
+            return True
+        return has_news(self._descriptor(link))
+
+    def close(self) -> None:
+        """Close; TLS does not say goodbye, as that would take time."""
+        if self._transport is not None:
+            self._transport.abort()
+        super().close()
+
+
+class _Stream(httpcore2.AsyncNetworkStream):
+    """A connection as httpx2 uses it.
+
+    Attributes:
+        unsent: what has been written, and is sent when an answer is waited for.
+        begin: the first bytes of the reply.
+        ended: the other side has closed the connection.
+    """
+
+    def __init__(self, wire: _Wire, contact: Contact) -> None:
+        self._wire = wire
+        self._contact = contact
+        self.unsent = bytearray()
+        self.begin = b""
+        self.ended = False
+
+    async def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
+        """Keep bytes, so that headers and body travel together."""
+        self.unsent += buffer
+
+    async def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
+        """Send what has been written, and return the next bytes."""
+        if self.unsent:
+            unsent, self.unsent = bytes(self.unsent), bytearray()
+            try:
+                self._wire.send(unsent)
+            except ConnectionLost:  # a server may refuse a request that it has not read, and close
+                pass
+        data = None
+        while data is None:
+            data = await self._wire.receive(_LONG)
+        self.ended = not data
+        if len(self.begin) < BEGIN:
+            self.begin += data[:BEGIN]
+            self._contact.check_begin(self.begin)
+        return data
+
+    async def aclose(self) -> None:
+        """Close."""
+        self._wire.close()
+
+    def hang_up(self) -> None:
+        """Close, at once."""
+        self._wire.close()
+
+    def get_extra_info(self, info: str) -> Any:
+        """Tell whether bytes, or the end, have come over a connection that nobody has asked anything."""
+        return self._wire.has_news if info == "is_readable" else None
+
+
+class _Pieces(httpx2.AsyncByteStream):
+    """The body of a reply."""
+
+    def __init__(self, reply: httpcore2.Response) -> None:
+        self._reply = reply
+
+    def __aiter__(self) -> AsyncIterator[bytes]:
+        return self._reply.aiter_stream()
+
+    async def aclose(self) -> None:
+        """Close, and with it the connection if more of the body is to come."""
+        await self._reply.aclose()

@@ -1,0 +1,125 @@
+"""Serial ports for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.serial.aio_port`.
+
+serialx opens and sets a port (:mod:`orinkit.transport.serial.settings`). Its bytes then go over its descriptor, so that
+another thread can end a wait and another process can have the port; in Windows, where a port is no such file, they go
+through serialx (:mod:`orinkit.transport.serial.windows`).
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+from collections.abc import Iterable
+from io import FileIO
+from time import monotonic
+
+from orinkit.core.errors import ConnectionLost
+from orinkit.core.i18n import tr
+from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
+from orinkit.transport.serial.settings import CHUNK, gone
+
+
+class SerialLink(OfThisProcess):
+    """A serial port, used by the thread that calls.
+
+    Args:
+        port: does not block, and is this link's from then on.
+    """
+
+    def __init__(self, port: FileIO) -> None:
+        self._port = port
+        self._woken, self._wake = (FileIO(end, mode) for end, mode in zip(os.pipe(), "rw", strict=True))
+        self._open = True
+        self._closing = threading.Lock()  # is taken once
+        self._using = threading.RLock()
+        self._reading = self._poll(select.POLLIN)
+        keep_from_children(self)
+
+    def _poll(self, event: int) -> select.poll:
+        poll = select.poll()
+        poll.register(self._woken, select.POLLIN)
+        poll.register(self._port, event)
+        return poll
+
+    def fileno(self) -> int:
+        """Descriptor of the port, to be lent to another process.
+
+        Raises:
+            ConnectionClosed: it has been closed.
+        """
+        self._check()
+        return self._port.fileno()
+
+    def send(self, data: bytes, seconds: float) -> None:
+        """Send all of the bytes; what the line does not take within the seconds is dropped, as if lost on the way.
+
+        Raises:
+            ConnectionLost: the port is gone.
+            ConnectionClosed: the link was closed before.
+        """
+        end = monotonic() + seconds
+        with self._using:
+            while data:
+                self._check()
+                try:
+                    data = data[self._port.write(data) or 0 :]
+                except OSError as error:
+                    raise self._gone(error) from error
+                if data and not self._poll(select.POLLOUT).poll(_milliseconds(end)):
+                    return
+
+    def receive(self, seconds: float) -> bytes | None:
+        """Return the next bytes, ``None`` when the seconds have passed.
+
+        Raises:
+            ConnectionLost: the port is gone.
+            ConnectionClosed: the link was closed before.
+        """
+        end = monotonic() + seconds
+        with self._using:
+            while True:
+                self._check()
+                if not self._reading.poll(_milliseconds(end)):  # without, a port that asyncio has set gives b""
+                    return None
+                self._check()
+                try:
+                    data = self._port.read(CHUNK)
+                except OSError as error:
+                    raise self._gone(error) from error
+                if data:
+                    return data
+                if data is not None:
+                    raise self._gone(tr("it was pulled out"))
+
+    def _check(self) -> None:
+        if not self._open:
+            raise self._unusable()
+
+    def _gone(self, reason: object) -> ConnectionLost:
+        self.close()
+        return gone(reason)
+
+    def left_behind(self) -> Iterable[int]:
+        """Be closed in a forked child; the port, and the pipe by which a wait is ended, stay in its parent."""
+        self._open, self._left = False, True
+        self._closing, self._using = threading.Lock(), threading.RLock()
+        files = (self._port, self._woken, self._wake)
+        return [] if self._port.closed else [file.fileno() for file in files]
+
+    def release(self) -> None:
+        """Close it in this process only: in another one that has it too the connection goes on."""
+        self.close()
+
+    def close(self) -> None:
+        """Close; a receive that another thread is in ends at once."""
+        if self._closing.acquire(blocking=False):
+            self._open = False
+            self._wake.write(b"\0")
+            with self._using:
+                for file in (self._port, self._woken, self._wake):
+                    file.close()
+
+
+def _milliseconds(end: float) -> float:
+    return max(0.0, end - monotonic()) * 1e3

@@ -1,0 +1,34 @@
+"""TCP for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.sockets.aio_tcp`."""
+
+from __future__ import annotations
+
+import socket
+from typing import Self
+
+from orinkit.transport.address import Address
+from orinkit.transport.link_errors import connect_failed
+from orinkit.transport.sockets.socket_link import SocketLink
+from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
+
+
+class TcpLink(SocketLink):
+    """A TCP connection used by the thread that calls; :meth:`connect` makes one."""
+
+    @classmethod
+    def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:
+        """Connect.
+
+        Args:
+            address: of the controller.
+            seconds: that it may take.
+            dead_after: seconds without an answer from the other machine after which the connection is given up.
+
+        Raises:
+            ConnectFailed: it could not be done within ``seconds``.
+        """
+        try:
+            connection = socket.create_connection((address.host, address.port), seconds)
+        except (OSError, ValueError) as error:
+            raise connect_failed(address, error) from error
+        prepare(connection, dead_after)
+        return cls(connection)

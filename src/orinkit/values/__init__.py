@@ -1,0 +1,1 @@
+"""VARIANT values and poses: types, bytes, text."""

@@ -1,0 +1,463 @@
+"""VARIANT as bytes, the way a packet argument and a VARIANT array hold it (VE026A 3.2, figure 3-2 and 3-3).
+
+An argument is ``length u32 | type u16 | count u32 | data``, little-endian, the length without itself; an element of a
+VARIANT array is the same without the length. Every read is bounded by the bytes present and by :class:`Limits`.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from decimal import Decimal
+from functools import lru_cache, partial
+from typing import Any, Final
+
+from orinkit.core import hresult
+from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
+from orinkit.core.i18n import tr
+from orinkit.values.variant import (
+    ARRAY,
+    CY_CONTEXT,
+    FORMATS,
+    R8_ARRAY,
+    SIZES,
+    VARIANT_ARRAY,
+    Value,
+    Variant,
+    VarType,
+    exact_date,
+    misfit,
+    nested_too_deep,
+    ole_days,
+    plain_date,
+    trusted,
+    type_name,
+    variant,
+)
+
+_HEAD: Final = struct.Struct("<HI")  # type, count
+_ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
+_ARGUMENT_AT: Final = _ARGUMENT.unpack_from
+_LENGTH: Final = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How much one packet may hold; the defaults are the documents' or, where they are silent, ours.
+
+    Attributes:
+        packet: bytes of a whole packet and of one argument (VE026A table 3-5: 16 MBytes).
+        depth: how deep VARIANT arrays may be nested.
+        variants: how many elements all arrays of one packet may have together, counted by what they cost to read and to
+            forget: one for each element of VARIANT, BSTR, DATE and CY, one for 16 of another type; bytes do not count.
+        error_size: bytes of a VT_ERROR: 4; 2 in packets of a VE026A (its table 3-1).
+    """
+
+    packet: int = 16 * 1024 * 1024
+    depth: int = 16
+    variants: int = 50_000
+    error_size: int = 4
+
+
+DEFAULT_LIMITS: Final = Limits()
+
+
+# --- to bytes ---------------------------------------------------------------------------------------------------------
+
+
+# Plain numbers instead of the enum's members: these three are on the way of every set-point of a robot.
+_BSTR: Final = int(VarType.BSTR)
+_SHORT: Final = 64
+_BEYOND: Final = re.compile("[\U00010000-\U0010ffff]")
+_HALVES: Final = re.compile("[\ud800-\udbff][\udc00-\udfff]")
+_SLICE: Final = 4096  # elements that are read or written at a time: other threads wait while Python does it
+
+
+@lru_cache(maxsize=1024)
+def _packer(vt: int, count: int) -> struct.Struct:
+    """Pack a whole argument: length, type, count, then the elements."""
+    return struct.Struct(f"<IHI{count}{FORMATS[vt & ~ARRAY]}")
+
+
+@lru_cache(maxsize=256)
+def _real_packer(count: int) -> Callable[..., bytes]:
+    return partial(_packer(R8_ARRAY, count).pack, 6 + 8 * count, R8_ARRAY, count)
+
+
+@lru_cache(maxsize=256)
+def _real_unpacker(count: int) -> Callable[..., tuple[Any, ...]]:
+    return struct.Struct(f"<{count}d").unpack_from
+
+
+@lru_cache(maxsize=4096)
+def _short_string(text: str) -> bytes:
+    return _long_string(text)
+
+
+def _long_string(text: str) -> bytes:
+    data = text.encode("utf-16-le", "surrogatepass")
+    return b"%b%b%b" % (_ARGUMENT.pack(len(data) + 10, _BSTR, 1), _LENGTH.pack(len(data)), data)
+
+
+def encode_string(text: str) -> bytes:
+    """Return a text as one packet argument; short ones, such as names of commands, are kept ready.
+
+    Raises:
+        InvalidValue: it is no text.
+    """
+    if type(text) is not str and not isinstance(text, str):
+        raise misfit(VarType.BSTR, text)
+    return _short_string(text) if len(text) < _SHORT else _long_string(text)
+
+
+def encode_integer(number: int) -> bytes:
+    """Return a VT_I4 as one packet argument.
+
+    Raises:
+        InvalidValue: it is no whole number, or does not fit.
+    """
+    try:
+        return _I4_PACK(10, 3, 1, number)
+    except (struct.error, TypeError):
+        raise misfit(VarType.I4, number) from None
+
+
+encode_handle: Final = lru_cache(maxsize=4096, typed=True)(encode_integer)
+"""Like :func:`encode_integer`, for numbers that come again and again."""
+
+
+def encode_single(number: float) -> bytes:
+    """Return a VT_R4 as one packet argument.
+
+    Raises:
+        InvalidValue: it is no number, or does not fit.
+    """
+    try:
+        return _R4_PACK(10, 4, 1, number)
+    except (struct.error, TypeError, OverflowError):
+        raise misfit(VarType.R4, number) from None
+
+
+def encode(value: Value) -> bytes:
+    """Return a value as one packet argument: length, type, count, data (VE026A 3.2).
+
+    Raises:
+        InvalidValue: no VARIANT can hold it.
+    """
+    kind = type(value)
+    known: Any = value  # the exact kind is all that counts here, and a type checker does not follow it
+    if kind is list or kind is tuple:
+        items: Sequence[Any] = known
+        count = len(items)
+        if count and list(map(type, items)).count(float) == count:
+            return (
+                _real_packer(count)(*items)
+                if count <= _SHORT
+                else _packer(R8_ARRAY, count).pack(6 + 8 * count, R8_ARRAY, count, *items)
+            )
+    elif kind is str:
+        return encode_string(known)
+    elif kind is int:
+        return encode_integer(known)
+    return encode_variant(variant(value))
+
+
+_I4_PACK: Final = struct.Struct("<IHIi").pack
+_R4_PACK: Final = struct.Struct("<IHIf").pack
+
+
+def encode_variant(item: Variant, error_size: int = 4) -> bytes:
+    """Return a :class:`Variant` as one packet argument; for ``error_size`` see :class:`Limits`.
+
+    Raises:
+        InvalidValue: its arrays are nested too deep, or a VT_ERROR does not fit its size.
+    """
+    parts = [b""]
+    try:
+        _append(item.type, item.value, parts, error_size)
+    except RecursionError:
+        raise nested_too_deep() from None
+    parts[0] = _LENGTH.pack(sum(map(len, parts)))
+    return b"".join(parts)
+
+
+def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
+    """Append type, count and data: the form an element has inside a VARIANT array."""
+    base = vt & ~ARRAY
+    items = value if vt & ARRAY else (value,)
+    parts.append(_HEAD.pack(vt, len(items)))
+    if base == VarType.VARIANT:
+        for item in items:
+            _append(item.type, item.value, parts, error_size)
+    elif base == VarType.BSTR:
+        for text in items:
+            data = _utf_16(text)
+            parts.append(_LENGTH.pack(len(data)))
+            parts.append(data)
+    elif vt == VarType.UI1 | ARRAY:
+        parts.append(value)
+    elif base == VarType.ERROR and error_size == _SHORT_ERROR:
+        parts.append(_short_errors(items))
+    elif base not in (VarType.EMPTY, VarType.NULL):
+        convert = _TO_WIRE.get(base)
+        for at in range(0, len(items), _SLICE):
+            piece = items[at : at + _SLICE]
+            parts.append(struct.pack(f"<{len(piece)}{FORMATS[base]}", *(map(convert, piece) if convert else piece)))
+
+
+def _utf_16(text: str) -> bytes:
+    if len(text) <= _SLICE:
+        return text.encode("utf-16-le", "surrogatepass")
+    return b"".join([_utf_16_slice(text[at : at + _SLICE]) for at in range(0, len(text), _SLICE)])
+
+
+def _utf_16_slice(text: str) -> bytes:
+    try:
+        return text.encode("utf-16-le")
+    except UnicodeEncodeError:  # "surrogatepass" takes microseconds for each
+        units = _BEYOND.sub(_halves, text)
+        return struct.pack(f"<{len(units)}H", *map(ord, units))
+
+
+def _halves(found: re.Match[str]) -> str:
+    number = ord(found[0]) - 0x10000
+    return chr(0xD800 | number >> 10) + chr(0xDC00 | number & 0x3FF)
+
+
+def _short_errors(items: Sequence[int]) -> bytes:
+    try:
+        return struct.pack(f"<{len(items)}H", *items)
+    except struct.error:
+        raise InvalidValue(
+            tr("VT_ERROR has 2 bytes in packets of a VE026A: 0 to 0xFFFF, not {code:#x}", code=max(items))
+        ) from None
+
+
+_SHORT_ERROR: Final = 2
+
+_TO_WIRE: Final[dict[int, Callable[[Any], Any]]] = {
+    VarType.BOOL: lambda flag: -1 if flag else 0,
+    VarType.CY: lambda amount: int(amount.scaleb(4, CY_CONTEXT)),
+    VarType.DATE: lambda day: ole_days(day) if isinstance(day, datetime) else day,
+}
+
+
+# --- from bytes -------------------------------------------------------------------------------------------------------
+
+
+def _broken(text: str, code: int = hresult.E_INVALIDRCVPACKET) -> ProtocolError:
+    return ProtocolError(text, code)
+
+
+def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False, budget: list[int] | None = None) -> tuple[Any, int]:  # fmt: skip
+    """Read one packet argument at ``position``; return its value and the position behind it.
+
+    Args:
+        data: the bytes.
+        position: where the argument's length field begins.
+        end: where the argument must have ended at the latest; the end of ``data`` by default.
+        limits: bounds on what is read.
+        exact: give a :class:`Variant` instead of a plain value.
+        budget: how many elements the packet may have still, in a list of one number that this counts down; as many as
+            :attr:`Limits.variants` by default.
+
+    Raises:
+        ProtocolError: the bytes are no argument; its ``code`` is what a server answers (VE026A table 3-5).
+    """
+    if end is None:
+        end = len(data)
+    if end - position < 10:
+        raise _broken(
+            tr(
+                "an argument needs 10 bytes or more, {left} are left at offset {position}",
+                left=end - position,
+                position=position,
+            ),
+        )
+    length, vt, count = _ARGUMENT_AT(data, position)
+    stop = position + 4 + length
+    if vt == R8_ARRAY and not exact and length == 6 + 8 * count and stop <= end and length <= limits.packet:
+        return list(_real_unpacker(count)(data, position + 10)), stop  # the commonest by far: a robot's set-points
+    if length > limits.packet:
+        raise LimitExceeded(
+            tr(
+                "argument of {length} bytes at offset {position}, at most {most} are allowed",
+                length=length,
+                position=position,
+                most=limits.packet,
+            ),
+            hresult.E_ARGSIZEOVER,
+        )
+    if stop > end or length < 6:
+        raise _broken(
+            tr(
+                "argument length {length} at offset {position} does not fit the {present} bytes present",
+                length=length,
+                position=position,
+                present=end - position - 4,
+            ),
+        )
+    reader = _Reader(data, stop, limits, exact)
+    if budget is not None:
+        reader.left = budget[0]
+    value, after = reader.read(vt, count, position + 10, 0)
+    if budget is not None:
+        budget[0] = reader.left
+    if after != stop:
+        raise _count_mismatch(vt, count, position, length - 6)
+    return (trusted(vt, value) if exact else value), stop
+
+
+def _count_mismatch(vt: int, count: int, position: int, present: int) -> ProtocolError:
+    return _broken(
+        tr(
+            "{count} x {type} at offset {position} does not agree with its {present} bytes of data",
+            count=count,
+            type=type_name(vt),
+            position=position,
+            present=present,
+        ),
+    )
+
+
+# What time an element takes to read, told in how many of them count as one: bytes are not even looked at.
+_ELEMENTS_FOR_ONE: Final[dict[int, int]] = {VarType.CY: 1, VarType.DATE: 1, VarType.UI1: 1 << 32}
+_PLAIN_FOR_ONE: Final = 16
+
+
+def _text(data: bytes) -> str:
+    if len(data) <= 2 * _SLICE:
+        return data.decode("utf-16-le", "surrogatepass")
+    pieces = []
+    at = 0
+    while at < len(data):
+        end = at + 2 * _SLICE
+        if end < len(data) and 0xD8 <= data[end - 1] <= 0xDB:  # the first half of a character
+            end -= 2
+        pieces.append(_text_slice(data[at:end]))
+        at = end
+    return "".join(pieces)
+
+
+def _text_slice(data: bytes) -> str:
+    try:
+        return data.decode("utf-16-le")
+    except UnicodeDecodeError:  # half a character
+        return _HALVES.sub(_whole, "".join(map(chr, struct.unpack(f"<{len(data) // 2}H", data))))
+
+
+def _whole(found: re.Match[str]) -> str:
+    high, low = map(ord, found[0])
+    return chr(0x10000 + ((high & 0x3FF) << 10 | low & 0x3FF))
+
+
+def _unpacked(code: str, data: bytes, position: int, count: int) -> Sequence[Any]:
+    if count <= _SLICE:
+        return struct.unpack_from(f"<{count}{code}", data, position)
+    items: list[Any] = []
+    size = struct.calcsize(f"<{code}")
+    for at in range(0, count, _SLICE):
+        items += struct.unpack_from(f"<{min(_SLICE, count - at)}{code}", data, position + at * size)
+    return items
+
+
+class _Reader:
+    """Reads one argument's data, bounded by where the argument ends."""
+
+    __slots__ = ("data", "end", "exact", "left", "limits")
+
+    def __init__(self, data: bytes, end: int, limits: Limits, exact: bool) -> None:
+        self.data, self.end, self.limits, self.exact = data, end, limits, exact
+        self.left = limits.variants
+
+    def read(self, vt: int, count: int, position: int, depth: int) -> tuple[Any, int]:
+        base = vt & ~ARRAY
+        array = bool(vt & ARRAY)
+        if not array and count != 1:
+            raise _count_mismatch(vt, count, position, self.end - position)
+        size = SIZES.get(base)
+        if size is not None:
+            if base == VarType.ERROR:
+                size = self.limits.error_size
+            after = position + size * count
+            if after > self.end:
+                raise _count_mismatch(vt, count, position, self.end - position)
+            self._spend(count // _ELEMENTS_FOR_ONE.get(base, _PLAIN_FOR_ONE))
+            return self._fixed(base, array, count, position), after
+        if base == VarType.BSTR:
+            return self._strings(array, count, position)
+        if base == VarType.VARIANT and array:
+            return self._variants(count, position, depth)
+        if base in (VarType.EMPTY, VarType.NULL) and not array:
+            return None, position
+        raise _broken(
+            tr("unknown type {type} at offset {position}", type=type_name(vt), position=position),
+            hresult.E_INVALIDARGTYPE,
+        )
+
+    def _fixed(self, base: int, array: bool, count: int, position: int) -> Any:
+        if array and base == VarType.UI1:
+            with memoryview(self.data) as view:
+                return bytes(view[position : position + count])
+        short = base == VarType.ERROR and self.limits.error_size == _SHORT_ERROR
+        code = "H" if short else FORMATS[base]
+        items: Iterable[Any] = _unpacked(code, self.data, position, count)
+        if base == VarType.BOOL:
+            items = [item != 0 for item in items]
+        elif base == VarType.CY:
+            items = [Decimal(item).scaleb(-4, CY_CONTEXT) for item in items]
+        elif base == VarType.DATE:
+            convert = exact_date if self.exact else plain_date
+            items = [convert(item) for item in items]
+        if array:
+            return items if isinstance(items, list) else list(items)
+        (item,) = items
+        return item
+
+    def _spend(self, count: int) -> None:
+        self.left -= count
+        if self.left < 0:
+            raise LimitExceeded(
+                tr("more than {most} elements in one packet", most=self.limits.variants),
+                hresult.E_ARGSIZEOVER,
+            )
+
+    def _strings(self, array: bool, count: int, position: int) -> tuple[Any, int]:
+        self._spend(count)
+        texts = []
+        for _ in range(count):
+            if position + 4 > self.end:
+                raise _count_mismatch(VarType.BSTR, count, position, self.end - position)
+            (length,) = _LENGTH.unpack_from(self.data, position)
+            after = position + 4 + length
+            if after > self.end or length % 2:
+                raise _broken(
+                    tr(
+                        "string of {length} bytes at offset {position}, {present} are present",
+                        length=length,
+                        position=position,
+                        present=self.end - position - 4,
+                    ),
+                )
+            texts.append(_text(self.data[position + 4 : after]))
+            position = after
+        return (texts if array else texts[0]), position
+
+    def _variants(self, count: int, position: int, depth: int) -> tuple[Any, int]:
+        if depth >= self.limits.depth:
+            raise LimitExceeded(
+                tr("VARIANT arrays nested deeper than {depth}", depth=self.limits.depth),
+                hresult.E_INVALIDARGTYPE,
+            )
+        self._spend(count)
+        items = []
+        for _ in range(count):
+            if position + 6 > self.end:
+                raise _count_mismatch(VARIANT_ARRAY, count, position, self.end - position)
+            vt, inner = _HEAD.unpack_from(self.data, position)
+            value, position = self.read(vt, inner, position + 6, depth + 1)
+            items.append(trusted(vt, value) if self.exact else value)
+        return items, position

@@ -1,0 +1,162 @@
+"""One number, date or flag as text: what :mod:`orinkit.values.notation` puts between the commas (e-CAP 3.5)."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from decimal import Context, Decimal
+from functools import partial
+from math import isinf, isnan
+from typing import Any, Final
+
+from orinkit.core.i18n import N_, tr
+from orinkit.values.variant import FORMATS, SIZES, VarType
+
+LONGEST: Final = 1100
+"""How many characters a number may have; the longest exact decimal form of a double has 1,077."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """How one element of a type is read (None where the text is no such value), written, and described."""
+
+    read: Callable[[str], Any]
+    write: Callable[[Any], str]
+    text: str
+    bounds: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def wanted(self) -> str:
+        """What the text of a value has to be, in the current language."""
+        return tr(self.text, **self.bounds)
+
+
+WHOLE: Final = re.compile(r"[+-]?(?:[0-9]+|(0[xX][0-9a-fA-F]+))")
+REAL: Final = re.compile(
+    r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|(inf(?:inity)?|nan))", re.IGNORECASE | re.ASCII
+)
+_AMOUNT: Final = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]{0,4}0*)?|\.[0-9]{1,4}0*)")
+_MOMENT: Final = re.compile(
+    r"([0-9]{4})([-/])([0-9]{1,2})\2([0-9]{1,2})(?:[ T]+([0-9]{1,2}):([0-9]{2})(?::([0-9]{2})(?:\.([0-9]{1,6}))?)?)?"
+)
+FLAGS: Final = {"-1": True, "1": True, "true": True, "0": False, "false": False}
+_SINGLE: Final = struct.Struct("<f")
+_SMALLEST_NORMAL_SINGLE: Final = 2.0**-126
+_MAX_AMOUNT: Final = 2**63
+_DECIMALS: Final = Context(prec=28)
+
+
+def _read_whole(low: int, high: int, text: str) -> int | None:
+    match = WHOLE.fullmatch(text)
+    if not match:
+        return None
+    number = int(text, 16 if match[1] else 10)
+    return number if low <= number <= high else None
+
+
+def _read_error(text: str) -> int | None:
+    number = _read_whole(-(2**31), 2**32 - 1, text)
+    return None if number is None else number & 0xFFFFFFFF
+
+
+def _read_real(text: str) -> float | None:
+    match = REAL.fullmatch(text)
+    if not match:
+        return None
+    number = float(text)
+    return None if isinf(number) and not match[1] else number
+
+
+def _read_single(text: str) -> float | None:
+    number = _read_real(text)
+    if number is None:
+        return None
+    try:
+        return _to_single(number)
+    except OverflowError:
+        return None
+
+
+def _read_amount(text: str) -> Decimal | None:
+    if not _AMOUNT.fullmatch(text):
+        return None
+    amount = Decimal(text)
+    return amount if -_MAX_AMOUNT <= _DECIMALS.multiply(amount, 10000) < _MAX_AMOUNT else None
+
+
+def _read_moment(text: str) -> datetime | float | None:
+    match = _MOMENT.fullmatch(text)
+    if not match:
+        return _read_real(text)
+    year, _, month, day, hour, minute, second, fraction = match.groups(default="0")
+    try:
+        us = int(fraction.ljust(6, "0"))
+        return datetime(int(year), int(month), int(day), int(hour), int(minute), int(second), us)
+    except ValueError:
+        return None
+
+
+def _to_single(number: float) -> float:
+    (single,) = _SINGLE.unpack(_SINGLE.pack(number))
+    return float(single)
+
+
+def _write_real(number: float) -> str:
+    return repr(float(number)).removesuffix(".0")
+
+
+def _write_single(number: float) -> str:
+    """Write with the fewest digits that are read as the same single-precision number."""
+    single = _to_single(number)
+    if isinf(single) or isnan(single):
+        return _write_real(single)
+    # Six digits always find the shortest form of a normal number: "g" leaves out trailing zeros.
+    fewest = 6 if abs(single) >= _SMALLEST_NORMAL_SINGLE else 1
+    shortest = next(
+        near for near in (float(f"{single:.{digits}g}") for digits in range(fewest, 10)) if _to_single(near) == single
+    )
+    return _write_real(shortest)
+
+
+def _write_amount(amount: Decimal) -> str:
+    return f"{amount.normalize(_DECIMALS):f}"
+
+
+def _write_moment(moment: datetime | float) -> str:
+    return moment.isoformat(sep=" ") if isinstance(moment, datetime) else _write_real(moment)
+
+
+def _whole_kind(vt: int) -> Kind:
+    bits = 8 * SIZES[vt]
+    low, high = (0, 2**bits - 1) if FORMATS[vt].isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    text = N_("a whole number from {low} to {high}")
+    return Kind(partial(_read_whole, low, high), str, text, {"low": low, "high": high})
+
+
+_WHOLE_TYPES: Final = (
+    VarType.I1, VarType.UI1, VarType.I2, VarType.UI2, VarType.I4, VarType.UI4, VarType.I8, VarType.UI8,
+)  # fmt: skip
+KINDS: Final[dict[int, Kind]] = {
+    VarType.R4: Kind(_read_single, _write_single, N_("a number within single precision")),
+    VarType.R8: Kind(_read_real, _write_real, N_("a number within double precision")),
+    VarType.CY: Kind(
+        _read_amount, _write_amount,
+        N_("an amount with up to four decimals, -922337203685477.5808 to 922337203685477.5807"),
+    ),
+    VarType.DATE: Kind(
+        _read_moment, _write_moment,
+        N_("a date like 2026-11-21 10:00:00 or a number of days"),
+    ),
+    VarType.ERROR: Kind(
+        _read_error, lambda code: f"0x{code:08X}",
+        N_("a 32-bit code, decimal or 0x hexadecimal"),
+    ),
+    VarType.BOOL: Kind(
+        lambda text: FLAGS.get(text.lower()), lambda flag: "-1" if flag else "0",
+        N_("-1, 1 or True, 0 or False"),
+    ),
+    **{int(vt): _whole_kind(vt) for vt in _WHOLE_TYPES},
+}  # fmt: skip

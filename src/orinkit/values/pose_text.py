@@ -1,0 +1,214 @@
+"""Reads the text of poses into plain values; :mod:`orinkit.values.poses` has the grammar and makes its objects of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Final, NamedTuple
+
+from orinkit.core.errors import NotationError
+from orinkit.core.i18n import N_, tr
+from orinkit.values.pose_numbers import COUNTS, EXTRA_JOINTS, FIELDS, MAX_WHOLE, counted, is_whole
+
+MAX_LENGTH: Final = 4096
+"""How many characters a text to parse may have."""
+
+_SHOWN: Final = 20  # characters of a text that an error message quotes
+_SPACE: Final = re.compile(r"[ \t\r\n]*")
+_NUMBER: Final = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_WHOLE: Final = re.compile(r"[0-9]+")
+_LONGEST_WHOLE: Final = 10
+_KIND: Final = re.compile(r"[PTJVptjv]")
+_MODE: Final = re.compile(r"[EPep]")
+_EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
+
+
+class Mark(NamedTuple):
+    """``@E``: a mode of ``0``, ``E``, ``P``, ``n``; for ``n`` the radius in mm."""
+
+    mode: str
+    radius: float
+
+
+class Joints(NamedTuple):
+    """``EXA((7, 10))``."""
+
+    absolute: bool
+    joints: tuple[tuple[int, float], ...]
+
+
+class Parts(NamedTuple):
+    """``@E P1 EX((7, 10))``."""
+
+    kind: str
+    value: tuple[float, ...] | int
+    mark: Mark | None
+    extra: Joints | None
+
+
+class Scanner:
+    """Walks once over a text; ``at`` is where it stands. Blanks before a token never count.
+
+    Raises:
+        NotationError: the text is longer than MAX_LENGTH.
+    """
+
+    __slots__ = ("at", "text")
+
+    def __init__(self, text: str) -> None:
+        self.text, self.at = text, 0
+        if len(text) > MAX_LENGTH:
+            raise _error(
+                MAX_LENGTH,
+                tr("the text goes on beyond the {most} characters that are allowed", most=MAX_LENGTH),
+            )
+
+    def here(self) -> int:
+        """Go to where the next token begins, and return where that is."""
+        match = _SPACE.match(self.text, self.at)
+        assert match  # it also matches nothing
+        self.at = match.end()
+        return self.at
+
+    def skip(self, sign: str) -> bool:
+        """Go behind a sign if it is there, and say so."""
+        found = self.text.startswith(sign, self.here())
+        self.at += len(sign) if found else 0
+        return found
+
+    def need(self, sign: str) -> None:
+        """Go behind a sign that has to be there."""
+        if not self.skip(sign):
+            raise self.expected(tr('"{sign}"', sign=sign))
+
+    def take(self, pattern: re.Pattern[str]) -> str:
+        """Go behind what a pattern matches here and return it, ``""`` if it does not match."""
+        match = pattern.match(self.text, self.here())
+        if not match:
+            return ""
+        self.at = match.end()
+        return match[0]
+
+    def number(self, wanted: str, **values: object) -> float:
+        """Read a finite number; ``wanted`` is the message that says what is expected, with its values."""
+        start = self.here()
+        text = self.take(_NUMBER)
+        number = float(text) if text else math.nan
+        if not math.isfinite(number):
+            raise self.expected(tr(wanted, **values), start)
+        return number
+
+    def whole(self, low: int, high: int, wanted: str, **values: object) -> int:
+        """Read a whole number without a sign from ``low`` to ``high``; the rest as for :meth:`number`."""
+        start = self.here()
+        text = self.take(_WHOLE)
+        number = int(text) if 0 < len(text) <= _LONGEST_WHOLE else -1
+        if not low <= number <= high:
+            raise self.expected(tr(wanted, **values), start)
+        return number
+
+    def finish(self) -> None:
+        """Make sure that nothing follows."""
+        if self.here() < len(self.text):
+            raise self.expected(tr("the end of the text"))
+
+    def expected(self, wanted: str, at: int | None = None) -> NotationError:
+        """Return the error that something else stands here, or at ``at``."""
+        at = self.here() if at is None else at
+        found = self.text[at : at + _SHOWN]
+        if not found:
+            return _error(at, tr("expected {wanted}, the text ends here", wanted=wanted))
+        return _error(at, tr("expected {wanted}, found {found!r}", wanted=wanted, found=found))
+
+
+def _error(at: int, problem: str) -> NotationError:
+    return NotationError(tr("column {column}: {problem}", column=at + 1, problem=problem))
+
+
+def read_target(scanner: Scanner) -> Parts:
+    """Read one target."""
+    mark = read_mark(scanner)
+    kind = scanner.take(_KIND).upper()
+    value: tuple[float, ...] | int
+    if scanner.skip("("):
+        value = _read_values(scanner, kind)
+    elif not kind:
+        raise scanner.expected(
+            tr("a pose like P1, P(x, y, z, rx, ry, rz, fig) or J(j1, ..., j6)"),
+        )
+    elif scanner.skip("["):
+        value = scanner.whole(0, MAX_WHOLE, N_("the number of a variable {kind}"), kind=kind)
+        scanner.need("]")
+    else:
+        value = scanner.whole(0, MAX_WHOLE, N_('the number of a variable {kind}, or "(" and its values'), kind=kind)
+    return Parts(kind, value, mark, _read_extra(scanner))
+
+
+def read_mark(scanner: Scanner) -> Mark | None:
+    """Read a pass mark if there is one."""
+    if not scanner.skip("@"):
+        return None
+    mode = scanner.take(_MODE).upper()
+    if mode:
+        return Mark(mode, 0.0)
+    start = scanner.here()
+    wanted = N_("P, E, 0 or a radius in mm")
+    radius = scanner.number(wanted)
+    if radius < 0:
+        raise scanner.expected(tr(wanted), start)
+    return Mark("n" if radius else "0", radius)
+
+
+def _read_values(scanner: Scanner, kind: str) -> tuple[float, ...]:
+    least, most = COUNTS[kind]
+    values = [_read_value(scanner, kind, 0)]
+    while len(values) < most and scanner.skip(","):
+        values.append(_read_value(scanner, kind, len(values)))
+    if scanner.skip(")"):
+        if len(values) >= least:
+            return tuple(values)
+        scanner.at -= 1
+    counts = counted(kind)
+    if len(values) < least:
+        raise scanner.expected(
+            tr('"," and another of the {counts} values of {kind}(...)', counts=counts, kind=kind),
+        )
+    if len(values) < most:
+        raise scanner.expected(tr('"," or ")"'))
+    raise scanner.expected(tr('")" behind the {counts} values of {kind}(...)', counts=counts, kind=kind))
+
+
+def _read_value(scanner: Scanner, kind: str, place: int) -> float:
+    name = FIELDS[kind][place]
+    start = scanner.here()
+    value = scanner.number(N_("a number ({name})"), name=name)
+    if name == "fig" and not is_whole(value):
+        raise scanner.expected(tr("a whole number (fig)"), start)
+    return value
+
+
+def _read_extra(scanner: Scanner) -> Joints | None:
+    name = scanner.take(_EXTRA)
+    if not name:
+        return None
+    scanner.need("(")
+    joints: dict[int, float] = {}
+    if scanner.skip("("):
+        _read_joint(scanner, joints)
+        while scanner.skip(","):
+            scanner.need("(")
+            _read_joint(scanner, joints)
+        scanner.need(")")
+    else:
+        _read_joint(scanner, joints)
+    return Joints(len(name) > len("EX"), tuple(joints.items()))
+
+
+def _read_joint(scanner: Scanner, joints: dict[int, float]) -> None:
+    start = scanner.here()
+    joint = scanner.whole(*EXTRA_JOINTS, N_("the number of an extra joint, 7 or 8"))
+    if joint in joints:
+        raise scanner.expected(tr("another extra joint"), start)
+    scanner.need(",")
+    joints[joint] = scanner.number(N_("a number (J{joint})"), joint=joint)
+    scanner.need(")")

@@ -1,0 +1,1 @@
+"""What the virtual controllers' arms have in common: control loop, motion, servo, set-point buffer."""

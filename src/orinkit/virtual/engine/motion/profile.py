@@ -1,0 +1,168 @@
+"""Time laws of a motion: how far along its path it is at each moment, from rest to rest.
+
+A law is a trapezoid of velocity, averaged over the time ``smoothing``. An average is never more than the greatest of
+what it averages, so velocity and acceleration stay within the trapezoid's limits, and the jerk is at most the
+acceleration divided by the smoothing. What comes out are up to seven pieces of constant jerk.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from itertools import pairwise
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from orinkit.core.i18n import tr
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+SMOOTHING: Final = 0.04
+"""Seconds over which a trapezoid is averaged."""
+
+_SAMPLES: Final = 4096  # of a law, to find when it is where
+# An instant of a long law would be lost in the rounding of its times: the shortest rise or fall to a velocity, in
+# seconds, and how many times as long the other one can be.
+_SHORTEST_RISE: Final = 1e-3
+_GREATEST_RATIO: Final = 1e4
+_SMALLEST: Final = 1e-18
+
+
+class Knot(NamedTuple):
+    """Where the jerk of a law changes: the values at ``time``, and the jerk from there on."""
+
+    time: float
+    position: float
+    velocity: float
+    acceleration: float
+    jerk: float
+
+
+class Profile:
+    """A time law s(t): 0 until t = 0, exactly 1 from ``duration`` on, never beyond.
+
+    Attributes:
+        knots: the pieces, in order of time; none for a law that is over at once.
+        duration: seconds.
+        slowing: when the deceleration begins, in seconds.
+    """
+
+    __slots__ = ("_times", "duration", "knots", "slowing")
+
+    def __init__(self, knots: tuple[Knot, ...], duration: float, slowing: float) -> None:
+        self.knots = knots
+        self.duration = duration
+        self.slowing = slowing
+        self._times = [knot.time for knot in knots]
+
+    @classmethod
+    def trapezoid(
+        cls, velocity: float, acceleration: float, deceleration: float, smoothing: float = SMOOTHING
+    ) -> Profile:
+        """Return the fastest law within limits.
+
+        Args:
+            velocity: greatest rate of s, in 1/s.
+            acceleration: greatest acceleration of s while it becomes faster, in 1/s^2.
+            deceleration: the same while it becomes slower.
+            smoothing: seconds over which it is averaged, more than 0.
+
+        Raises:
+            ValueError: a limit is not a finite number from 10^-18.
+        """
+        for limit in (velocity, acceleration, deceleration, smoothing):
+            if not (math.isfinite(limit) and limit >= _SMALLEST):
+                raise ValueError(
+                    tr(
+                        "a limit of a time law is a finite number from {smallest:g}, not {limit!r}",
+                        smallest=_SMALLEST,
+                        limit=limit,
+                    )
+                )
+        slower, quickest = min(acceleration, deceleration) * _GREATEST_RATIO, velocity / _SHORTEST_RISE
+        acceleration, deceleration = min(acceleration, slower, quickest), min(deceleration, slower, quickest)
+        top = min(velocity, math.sqrt(2 / (1 / acceleration + 1 / deceleration)))
+        rise, fall = top / acceleration, top / deceleration
+        cruise = max(0.0, 1 / top - rise / 2 - fall / 2)
+        return cls(*_smoothed(top, rise, cruise, fall, smoothing))
+
+    @classmethod
+    def instant(cls) -> Profile:
+        """Return the law of a motion that has nowhere to go."""
+        return cls((), 0.0, 0.0)
+
+    def stretched(self, duration: float) -> Profile:
+        """Return the same law made slower, or itself if it lasts that long already.
+
+        Raises:
+            ValueError: the duration is not finite.
+        """
+        if not math.isfinite(duration):
+            raise ValueError(tr("a duration is a finite number of seconds, not {duration!r}", duration=duration))
+        if duration <= self.duration or not self.knots:
+            return self
+        k = duration / self.duration
+        knots = tuple(Knot(t * k, s, v / k, a / k**2, j / k**3) for t, s, v, a, j in self.knots)
+        return Profile(knots, duration, self.slowing * k)
+
+    def at(self, time: float) -> float:
+        """Return s, 0 to 1."""
+        if time >= self.duration:
+            return 1.0
+        if time <= 0:
+            return 0.0
+        start, s, v, a, j = self.knots[bisect_right(self._times, time) - 1]
+        t = time - start
+        s += t * (v + t * (a / 2 + t * (j / 6)))
+        return s if s < 1 else 1.0
+
+    def rate(self, time: float) -> float:
+        """Return the rate of s, in 1/s."""
+        if not 0 < time < self.duration:
+            return 0.0
+        start, _, v, a, j = self.knots[bisect_right(self._times, time) - 1]
+        t = time - start
+        return v + t * (a + t * (j / 2))
+
+    def sampled(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return s, its rate (1/s) and its acceleration (1/s^2) at many moments, each of the shape of ``times``."""
+        inside = (times > 0) & (times < self.duration)
+        if not self.knots:
+            nothing = np.zeros_like(times)
+            return np.where(times >= self.duration, 1.0, 0.0), nothing, nothing
+        table = np.array(self.knots)
+        row = table[np.clip(np.searchsorted(table[:, 0], times, "right") - 1, 0, len(table) - 1)]
+        t = times - row[..., 0]
+        s, v, a, j = (row[..., n] for n in range(1, 5))
+        position = np.minimum(s + t * (v + t * (a / 2 + t * (j / 6))), 1.0)
+        position = np.where(inside, position, np.where(times >= self.duration, 1.0, 0.0))
+        return position, np.where(inside, v + t * (a + t * (j / 2)), 0.0), np.where(inside, a + t * j, 0.0)
+
+    def moments(self, positions: Array) -> Array:
+        """Return when s is at each of ``positions``, in seconds; good to a small part of 1/4096 of the duration."""
+        times = np.union1d(np.linspace(0.0, self.duration, _SAMPLES), [*self._times, self.duration])
+        moments: Array = np.interp(positions, self.sampled(times)[0], times)
+        return moments
+
+
+def _smoothed(
+    top: float, rise: float, cruise: float, fall: float, width: float
+) -> tuple[tuple[Knot, ...], float, float]:
+    # An average over the last `width` seconds of an acceleration in steps has this jerk: each step makes it change
+    # when it comes into the average, and the other way when it leaves it.
+    slowing = rise + cruise
+    end = slowing + fall
+    steps = ((0.0, top / rise), (rise, -top / rise), (slowing, -top / fall), (end, top / fall))
+    changes = sorted([(t, a / width) for t, a in steps] + [(t + width, -a / width) for t, a in steps])
+    knots: list[Knot] = []
+    s = v = a = j = 0.0
+    for (time, change), (following, _) in pairwise(changes):
+        j += change
+        if (t := following - time) > 0:
+            knots.append(Knot(time, s, v, a, j))
+            s += t * (v + t * (a / 2 + t * (j / 6)))
+            v += t * (a + t * (j / 2))
+            a += t * j
+    return tuple(knots), end + width, slowing

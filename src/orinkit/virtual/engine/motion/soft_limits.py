@@ -1,0 +1,48 @@
+"""Soft limits: what a motion must not go beyond."""
+
+from __future__ import annotations
+
+from orinkit.arms import Axis, Model
+from orinkit.arms.kinematics.figures import LIMIT_TOLERANCE
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.virtual.engine.motion.joint_path import Joints, Path
+
+
+def check_end(model: Model, end: Joints, first: int = 0) -> None:
+    """Check the joints, from the one of index ``first`` on, where a motion ends.
+
+    Raises:
+        CallError: TARGET_OVER_SOFT_LIMIT_AXISn.
+    """
+    for number, (value, axis) in enumerate(zip(end, model.axes, strict=True)):
+        if number >= first and not axis.lower - LIMIT_TOLERANCE <= value <= axis.upper + LIMIT_TOLERANCE:
+            raise error_for(hresult.TARGET_OVER_SOFT_LIMIT_AXIS1 + number, _range_text(value, axis))
+
+
+def check_way(model: Model, path: Path) -> None:
+    """Check the joints on the way; an axis that starts beyond its limit may come back.
+
+    Raises:
+        CallError: SOFT_LIMIT_OVER_AXISn.
+    """
+    joints = path.sampled(path.probes)[0]
+    for number, axis in enumerate(model.axes):
+        low = min(axis.lower, path.start[number]) - LIMIT_TOLERANCE
+        high = max(axis.upper, path.start[number]) + LIMIT_TOLERANCE
+        way = joints[:, number]
+        if way.min() < low or way.max() > high:
+            farthest = way.min() if way.min() < low else way.max()
+            raise error_for(hresult.SOFT_LIMIT_OVER_AXIS1 + number, _range_text(float(farthest), axis))
+
+
+def _range_text(value: float, axis: Axis) -> str:
+    unit = "mm" if axis.linear else "deg"
+    return tr(
+        "{value:.6g}, the limits are {lower:g} to {upper:g} {unit}",
+        value=value,
+        lower=axis.lower,
+        upper=axis.upper,
+        unit=unit,
+    )

@@ -1,0 +1,161 @@
+"""The mechanical side of the arm: encoders that follow the command, loads, and the control log.
+
+The encoders show each command :data:`LAG` cycles later. Loads are a simple model, not that of a real arm: a third of
+the rated torque for the largest acceleration, an eighth for friction, and gravity on the axes that carry the arm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from orinkit.arms import Model
+from orinkit.values.variant import Value
+from orinkit.virtual.engine.control_loop import PERIOD
+
+LAG: Final = 3
+"""Cycles by which the encoders are behind the command."""
+
+AXES: Final = 8
+LOG_LENGTH: Final = 12_500
+"""Records that the control log keeps: 100 s; the oldest go first."""
+
+_ACCELERATION_LOAD: Final = 33.3
+_FRICTION_LOAD: Final = 12.5
+_GRAVITY_LOADS: Final = (0.0, 30.0, 20.0, 0.0, 5.0, 0.0, 0.0, 0.0)
+_RATED_CURRENT: Final = 3.0
+_YIELD: Final = 1e-4  # deg for each percent of load
+_AT_REST: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One cycle of the arm.
+
+    Attributes:
+        command, encoder: joints in degrees (mm for a linear axis).
+        load: percent of the rated torque, signed.
+        current: A, signed.
+    """
+
+    command: tuple[float, ...]
+    encoder: tuple[float, ...]
+    load: tuple[float, ...]
+    current: tuple[float, ...]
+
+
+class Servo:
+    """Follows the command joints, a cycle at a time.
+
+    Attributes:
+        command: newest command joints.
+        encoder: newest encoder joints.
+        frozen: the arm does not follow (machine lock).
+    """
+
+    def __init__(self, model: Model, joints: Sequence[float]) -> None:
+        self._model = model
+        self.command = self.encoder = tuple(joints)
+        self.frozen = False
+        self._late: deque[tuple[float, ...]] = deque([self.command] * (LAG + 1), maxlen=LAG + 1)
+        self._encoders: deque[tuple[float, ...]] = deque([self.encoder] * 3, maxlen=3)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the encoders have arrived where the command is; true of a frozen arm."""
+        return self.frozen or self.encoder == self.command
+
+    def step(self, command: tuple[float, ...]) -> bool:
+        """Do one cycle; returns whether the encoders still move."""
+        self.command = command
+        self._late.append(command)
+        if not self.frozen:
+            self.encoder = self._late[0]
+        self._encoders.append(self.encoder)
+        return not self.frozen and any(late != command for late in self._late)
+
+    def place(self, joints: Sequence[float]) -> None:
+        """Put command and encoders to the same joints, at rest."""
+        self.command = self.encoder = tuple(joints)
+        self._late.extend([self.command] * (LAG + 1))
+        self._encoders.extend([self.encoder] * 3)
+
+    def velocity(self) -> tuple[float, ...]:
+        """Return how fast the encoders turn, deg/s."""
+        _, before, now = self._encoders
+        return tuple((b - a) / PERIOD for a, b in zip(before, now, strict=True))
+
+    def load(self, powered: bool) -> tuple[float, ...]:
+        """Return the load of each axis in percent of the rated torque; 0 without power, when the brakes hold."""
+        if not powered:
+            return (0.0,) * len(self.encoder)
+        first, before, now = self._encoders
+        lean = [math.sin(math.radians(sum(now[1 : axis + 1]))) for axis in range(len(now))]
+        loads = []
+        for axis, (a, b, c) in enumerate(zip(first, before, now, strict=True)):
+            acceleration = (a - 2 * b + c) / PERIOD**2 / self._model.axes[axis].acceleration
+            speed = (c - b) / PERIOD
+            friction = math.copysign(_FRICTION_LOAD, speed) if abs(speed) > _AT_REST else 0.0
+            loads.append(_ACCELERATION_LOAD * acceleration + friction + _GRAVITY_LOADS[axis] * lean[axis])
+        return tuple(loads)
+
+    def deviation(self, powered: bool) -> tuple[float, ...]:
+        """Return how far each motor is behind its command, deg: what it has still to go, and what its load gives way.
+
+        0 without power. With it, an arm that gravity pulls at is never quite where it should be; users tell from that
+        whether the motor is on.
+        """
+        if not powered:
+            return (0.0,) * len(self.encoder)
+        loads = self.load(powered)
+        return tuple(a - b + _YIELD * load for a, b, load in zip(self.command, self.encoder, loads, strict=True))
+
+    def sample(self, powered: bool) -> Sample:
+        """Return this cycle for the log."""
+        load = self.load(powered)
+        return Sample(self.command, self.encoder, load, tuple(each / 100 * _RATED_CURRENT for each in load))
+
+
+class ControlLog:
+    """What StartLog records, one record for each cycle (reference: RC8 provider StartLog, GetLogRecord).
+
+    Attributes:
+        running: between StartLog and StopLog.
+    """
+
+    def __init__(self) -> None:
+        self.running = False
+        self._records: deque[tuple[Sample, int, int, int]] = deque(maxlen=LOG_LENGTH)
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    def clear(self) -> None:
+        """Forget all records."""
+        self._records.clear()
+
+    def add(self, take: Callable[[], Sample], cycle: int, tool: int, work: int) -> None:
+        """Record a cycle if the log is running."""
+        if self.running:
+            self._records.append((take(), cycle, tool, work))
+
+    def record(self, index: int) -> list[Value]:
+        """Return a record, 0 the oldest.
+
+        For 8 joints command, encoder (deg), current (A), load (%); then user data (0), program number, file number,
+        line (0 outside programs), counter in cycles, tool, work.
+
+        Raises:
+            IndexError: there is no such record.
+        """
+        if not 0 <= index < len(self._records):
+            raise IndexError(index)
+        sample, cycle, tool, work = self._records[index]
+        columns = (sample.command, sample.encoder, sample.current, sample.load)
+        values: list[Value] = [
+            float(column[axis]) if axis < len(column) else 0.0 for axis in range(AXES) for column in columns
+        ]
+        return [*values, 0, 0, 0, 0, cycle & 0x7FFF_FFFF, tool, work]

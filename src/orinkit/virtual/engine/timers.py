@@ -1,0 +1,56 @@
+"""What ends by time: timers counted in the controller's cycles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+
+_MILLISECONDS: Final = 1000
+
+
+class Timer:
+    """One of :class:`Timers`."""
+
+    __slots__ = ("cycles", "ended")
+
+    def __init__(self, cycles: int, ended: Callable[[], None]) -> None:
+        self.cycles = cycles
+        self.ended: Callable[[], None] | None = ended
+
+    def cancel(self) -> None:
+        """End it without a call."""
+        self.ended = None
+
+
+class Timers:
+    """What ends by time, counted in cycles.
+
+    Args:
+        cycles: the controller's cycle; :meth:`step` is to be called in each.
+    """
+
+    def __init__(self, cycles: Cycles) -> None:
+        self._cycles = cycles
+        self._running: list[Timer] = []
+
+    def after(self, milliseconds: int, ended: Callable[[], None]) -> Timer:
+        """Have a function called in the cycle in which a time is up."""
+        self._cycles.require_open()
+        timer = Timer(max(1, math.ceil(milliseconds / (PERIOD * _MILLISECONDS))), ended)
+        self._running.append(timer)
+        self._cycles.wake()
+        return timer
+
+    def step(self) -> bool:
+        """Do one cycle; returns whether one is still running."""
+        running, self._running = self._running, []
+        for timer in running:
+            timer.cycles -= 1
+            if timer.cycles > 0 and timer.ended is not None:
+                self._running.append(timer)
+            elif timer.ended is not None:
+                timer.ended()
+        return bool(self._running)

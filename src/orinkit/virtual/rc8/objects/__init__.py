@@ -1,0 +1,1 @@
+"""The CAO objects that clients of the virtual RC8 hold."""

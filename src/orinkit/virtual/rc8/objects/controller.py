@@ -1,0 +1,171 @@
+"""The Controller object of one client: the door to variables, commands and events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from orinkit.cao.options import Options
+from orinkit.cao.provider import (
+    CommandObject,
+    ControllerObject,
+    ExtensionObject,
+    FileObject,
+    MessageObject,
+    RobotObject,
+    TaskObject,
+    VariableObject,
+    not_found,
+)
+from orinkit.core import hresult
+from orinkit.values.variant import Variant
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.events import EventQueue
+from orinkit.virtual.rc8.objects import controller_commands
+from orinkit.virtual.rc8.objects.command import command_names, find_command
+from orinkit.virtual.rc8.objects.extension import HAND_NAME, find_extension
+from orinkit.virtual.rc8.objects.file import find_file
+from orinkit.virtual.rc8.objects.messages import EventMessage
+from orinkit.virtual.rc8.objects.robot import RC8Robot
+from orinkit.virtual.rc8.objects.task import find_task, run_file
+from orinkit.virtual.rc8.objects.variables import find_variable, variable_names
+from orinkit.virtual.rc8.state import Operation
+
+ROBOT_NAME: Final = "Arm0"
+
+
+class RC8Controller(ControllerObject):
+    """One client's view of the controller.
+
+    Its attribute is what this client may do: bit 1 read, bit 2 write.
+
+    Args:
+        caller: the client.
+        option: of Controller_Connect; ``@EventDisable=true`` means no events, others are passed over.
+
+    Attributes:
+        events: the events that wait for this client, ``None`` where it wants none.
+    """
+
+    def __init__(self, caller: Caller, option: str) -> None:
+        state = caller.state
+        text = state.say("Virtual RC8 robot controller")
+        super().__init__(caller.origin.caller, attribute=int(caller.access), help=text)
+        self.events: EventQueue | None = None if Options(option).flag("@EventDisable") else state.events.subscribe()
+        self._caller = caller
+        self._connected = True
+        state.log(Operation.CONNECT, state.say("Client connected"), caller.origin)
+
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - has none that matters
+        """Connect to a variable.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND; VARIABLE_INDEX_INVALID.
+        """
+        return find_variable(self._caller, name)
+
+    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the system variables, and the pattern of each class of user variables (``I*``)."""
+        return variable_names()
+
+    def get_robot(self, name: str, option: str) -> RobotObject:
+        """Connect to the robot; its name is free, there is one arm (``ID=0``).
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND, another arm is asked for.
+        """
+        if Options(option).text_of("ID", "0").strip() not in ("0", "True"):
+            raise not_found(f"{name} {option}")
+        return RC8Robot(self._caller, name or ROBOT_NAME)
+
+    def get_robot_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the robots: one."""
+        return [ROBOT_NAME]
+
+    def get_task(self, name: str, option: str) -> TaskObject:  # noqa: ARG002
+        r"""Connect to the task of a program: ``Pro1``, ``folder\Pro1``.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND, there is no such program.
+        """
+        return find_task(self._caller, name)
+
+    def get_task_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the tasks: one for each program in the file store."""
+        self._caller.require_read()
+        return self._caller.state.tasks.names()
+
+    def get_file(self, name: str, option: str) -> FileObject:
+        """Connect to a file or folder; ``@Create=1`` makes one that there is not.
+
+        Raises:
+            CallError: FILE_NOT_FOUND; E_INVALIDARG, it cannot be a name.
+        """
+        return find_file(self._caller, self._caller.state.files, name, option, run_file)
+
+    def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the files and folders at the root of the store."""
+        self._caller.require_read()
+        return self._caller.state.files.names("")
+
+    def get_extension(self, name: str, option: str) -> ExtensionObject:  # noqa: ARG002
+        """Connect to an extension: the hand, ``Hand0``.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+        """
+        return find_extension(self._caller, name)
+
+    def get_extension_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the extensions: one."""
+        return [HAND_NAME]
+
+    def get_command(self, name: str, option: str) -> CommandObject:  # noqa: ARG002
+        """Connect to a command of Controller_Execute, of the robot (``Robot.Motor``) or of the hand (``Hand0.Chuck``).
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+        """
+        return find_command(self._caller, name)
+
+    def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the commands."""
+        return command_names()
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        """Execute an extended command (:mod:`orinkit.virtual.rc8.objects.controller_commands`)."""
+        return controller_commands.execute(self._caller, command, parameter)
+
+    def get_message(self) -> MessageObject:
+        """Fetch the oldest waiting event.
+
+        Raises:
+            CallError: NO_READ_RIGHT; E_CAO_OBJECT_NOTFOUND, none waits.
+        """
+        self._caller.require_read()
+        event = self.events.take() if self.events else None
+        if event is None:
+            raise not_found("Message")
+        return EventMessage(event, self._caller.state.identity.type, self.name)
+
+    def is_moving(self) -> bool:
+        """Whether the client has the arm and motions of it run, wait, or are paused."""
+        arm = self._caller.state.arm
+        return arm.holder is self._caller and arm.busy
+
+    def stop_moving(self) -> None:
+        """Bring the arm to rest, if the client has it; its motions are forgotten."""
+        arm = self._caller.state.arm
+        if arm.holder is self._caller:
+            arm.stop(hresult.STOPPED_DURING_PC_MOTION)
+
+    def release(self) -> None:
+        """Let go: no more events."""
+        if not self._connected:
+            return
+        self._connected = False
+        state = self._caller.state
+        state.arm.forget(self._caller)  # it may have taken it with a Command object
+        if self.events is not None:
+            state.events.unsubscribe(self.events)
+        state.log(Operation.DISCONNECT, state.say("Client disconnected"), self._caller.origin)

@@ -1,0 +1,171 @@
+"""The extended commands of Controller_Execute: THE TABLE of names, what each does, and whether it changes anything.
+
+A parameter is taken as clients send it: a scalar, a one-element array, a number as text. A command without parameters
+takes any and ignores it, as clients send VT_EMPTY, 0 or "". What a command does not return is ``None``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Value, Variant
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.objects.extension import CONTROLLER_COMMANDS as HAND_COMMANDS
+from orinkit.virtual.rc8.state import State
+from orinkit.virtual.rc8.switches import Mode, TokenKind
+from orinkit.virtual.rc8.variables import conversion
+
+_SERIAL_NUMBER: Final = 0
+_BATTERY_DATE: Final = 15
+_BATTERY_PASSED: Final = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command.
+
+    Attributes:
+        name: as documented; clients write it in any case.
+        run: does it.
+        writes: whether it needs the right to write; else it needs that to read.
+    """
+
+    name: str
+    run: Callable[[Caller, Variant], Any]
+    writes: bool = False
+
+
+def execute(caller: Caller, name: str, parameter: Variant) -> Any:
+    """Execute a command for a client.
+
+    Raises:
+        CallError: E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT, NO_WRITE_RIGHT; what the command itself
+            refuses.
+    """
+    command = COMMANDS.get(name.strip().lower())
+    if command is None:
+        raise error_for(hresult.E_INVALID_CMD_NAME, name)
+    caller.require_not_slave()
+    if command.writes:
+        caller.require_write()
+    else:
+        caller.require_read()
+    return command.run(caller, parameter)
+
+
+def _clear_error(caller: Caller, _: Variant) -> Value:
+    caller.state.clear_errors(caller.origin)
+    return None
+
+
+def _error_description(caller: Caller, parameter: Variant) -> Value:
+    code = conversion.whole(parameter)
+    if not -(2**31) <= code < 2**32:
+        raise error_for(hresult.E_INVALIDARG, tr("{code} has more than 32 bits", code=code))
+    return caller.state.faults.describe(code)
+
+
+def _current_error_count(caller: Caller, _: Variant) -> Value:
+    return len(caller.state.faults.current)
+
+
+def _current_error(caller: Caller, parameter: Variant) -> Value:
+    return caller.state.faults.current.at(conversion.whole(parameter)).as_current()
+
+
+def _error_log_count(caller: Caller, _: Variant) -> Value:
+    return len(caller.state.faults.log)
+
+
+def _error_log(caller: Caller, parameter: Variant) -> Value:
+    return caller.state.faults.log.at(conversion.whole(parameter)).as_logged()
+
+
+def _operation_log_count(caller: Caller, _: Variant) -> Value:
+    return len(caller.state.operations)
+
+
+def _operation_log(caller: Caller, parameter: Variant) -> Value:
+    return caller.state.operations.at(conversion.whole(parameter)).as_logged()
+
+
+def _system_info(caller: Caller, parameter: Variant) -> Value:
+    state, item = caller.state, conversion.whole(parameter)
+    if item == _SERIAL_NUMBER:
+        return state.identity.serial_no
+    if item == _BATTERY_DATE:
+        return _BATTERY_PASSED if state.battery_passed else state.battery_due
+    raise error_for(
+        hresult.E_INVALIDARG,
+        tr("no item {item}; 0 serial number, 15 battery date", item=item),
+    )
+
+
+def system_state(state: State) -> int:
+    """Return the 32 bits of SysState; a bit of what this controller does not have yet is 0."""
+    switches = state.switches
+    bits = {
+        0: state.programs_running > 0,
+        1: state.faults.code != 0,
+        2: state.arm.motor.on,
+        3: True,  # initialised: a client that asks is past the start
+        4: switches.mode is Mode.AUTOMATIC,
+        5: switches.mode is Mode.AUTOMATIC and switches.token.kind is not TokenKind.TP,
+        6: state.battery_passed,
+        10: switches.emergency_stop,
+        11: switches.auto_enable,
+        12: switches.protective_stop,
+        13: state.arm.stopping,
+        17: True,  # CALSET: a virtual arm has nothing to adjust
+        18: switches.mode is Mode.MANUAL,
+        19: state.tasks.cycle_complete,
+        20: state.arm.busy,
+        21: not state.arm.settled,
+        24: not state.arm.busy,
+    }
+    return sum(1 << bit for bit, on in bits.items() if on)
+
+
+def _system_state(caller: Caller, _: Variant) -> Value:
+    return system_state(caller.state)
+
+
+def _manual_reset(caller: Caller, _: Variant) -> Value:
+    """Leave the safety state: here the stop itself is all there is to leave."""
+    switches = caller.state.switches
+    if switches.emergency_stop:
+        raise error_for(hresult.EMERGENCY_STOP_NOT_RELEASED)
+    if switches.protective_stop:
+        raise error_for(hresult.PROTECTIVE_STOP_ON)
+    return None
+
+
+def _torque_off(caller: Caller, _: Variant) -> Value:
+    return caller.state.switches.torque_off
+
+
+COMMANDS: Final[dict[str, Command]] = {
+    command.name.lower(): command
+    for command in (
+        Command("ClearError", _clear_error, writes=True),
+        Command("GetErrorDescription", _error_description),
+        Command("GetCurErrorCount", _current_error_count),
+        Command("GetCurErrorInfo", _current_error),
+        Command("GetErrorLogCount", _error_log_count),
+        Command("GetErrorLog", _error_log),
+        Command("GetOprLogCount", _operation_log_count),
+        Command("GetOprLog", _operation_log),
+        Command("SysInfo", _system_info),
+        Command("SysState", _system_state),
+        Command("StoState", _torque_off),
+        Command("ManualReset", _manual_reset, writes=True),
+        Command("ManualResetPreparation", _manual_reset, writes=True),
+        Command("ResetStoState", _manual_reset, writes=True),
+        *(Command(each.name, each.execute, each.writes) for each in HAND_COMMANDS),
+    )
+}

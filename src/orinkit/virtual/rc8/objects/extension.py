@@ -1,0 +1,223 @@
+"""The commands of the electric hand: those of Controller_Execute, and the extension ``Hand0``, in two tables.
+
+A movement answers when it is over; with the option ``NEXT`` as its last parameter it answers at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit.cao.provider import ExtensionObject, Later, not_found
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import Variant, VarType
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.hand import Hand
+from orinkit.virtual.rc8.robot import parameters
+from orinkit.virtual.rc8.variables import conversion
+
+HAND_NAME: Final = "Hand0"
+
+NOT_SIMULATED: Final = ("Pallet", "Comm")
+"""Extensions of real controllers that are answered with E_NOTIMPL."""
+
+_NEXT: Final = "next"
+_MOST_PARAMETERS: Final = 8
+
+
+@dataclass(frozen=True, slots=True)
+class HandCommand:
+    """One command of the hand.
+
+    Attributes:
+        name: as documented; clients write it in any case.
+        run: does it.
+        writes: whether it needs the right to write; else it needs that to read.
+        simulated: whether there is such a thing here; else it is answered with E_NOTIMPL.
+    """
+
+    name: str
+    run: Callable[[Hand, Variant], Any]
+    writes: bool = True
+    simulated: bool = True
+
+    def execute(self, caller: Caller, parameter: Variant) -> Any:
+        """Execute it for a client.
+
+        Raises:
+            CallError: NO_READ_RIGHT, NO_WRITE_RIGHT; what the hand refuses.
+        """
+        if self.writes:
+            caller.require_write()
+        else:
+            caller.require_read()
+        return self.run(caller.state.hand, parameter)
+
+
+class Hand0(ExtensionObject):
+    """One client's view of the hand as an extension."""
+
+    def __init__(self, caller: Caller, name: str) -> None:
+        super().__init__(name, attribute=int(caller.access), help=caller.state.say("Electric hand"))
+        self._caller = caller
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        """Execute a command: Chuck, UnChuck, CurPos ...
+
+        Raises:
+            CallError: E_INVALID_CMD_NAME; what the command refuses.
+        """
+        found = EXTENSION_COMMANDS.get(command.strip().lower())
+        if found is None:
+            raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
+        return found.execute(self._caller, parameter)
+
+
+def find_extension(caller: Caller, name: str) -> Hand0:
+    """Return an extension by its name, in upper or lower case.
+
+    Raises:
+        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+    """
+    wanted = name.strip().lower()
+    if wanted == HAND_NAME.lower():
+        return Hand0(caller, name)
+    if wanted in map(str.lower, NOT_SIMULATED):
+        raise error_for(hresult.E_NOTIMPL, f"{name:.40}")
+    raise not_found(name)
+
+
+# --- what the commands do ---------------------------------------------------------------------------------------------
+
+
+def _begun(move: Later[None], at_once: bool) -> Later[None] | None:
+    return None if at_once else move
+
+
+def _options(parameter: Variant) -> tuple[list[Variant], bool]:
+    """Return the elements of a parameter without a last ``NEXT``, and whether that was there."""
+    given = parameters.elements(parameter)
+    if len(given) == 1 and isinstance(given[0].value, str):  # all of it as one text
+        given = [Variant(VarType.BSTR, part) for part in parameters.short(given[0].value).split(",", _MOST_PARAMETERS)]
+    last = given[-1].value if given else None
+    at_once = isinstance(last, str) and parameters.short(last).strip().lower() == _NEXT
+    return (given[:-1] if at_once else given), at_once
+
+
+def _numbers(parameter: Variant, *names: str) -> tuple[list[float], bool]:
+    """Return one number for each name, and whether to answer at once."""
+    given, at_once = _options(parameter)
+    if len(given) != len(names):
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("{given} parameters, [{names}] is wanted", given=len(given), names=", ".join(names)),
+        )
+    return [conversion.double(each) for each in given], at_once
+
+
+def _move_to(hand: Hand, parameter: Variant) -> Later[None] | None:
+    (position, speed), at_once = _numbers(parameter, "mm", "%")
+    return _begun(hand.move(position, speed), at_once)
+
+
+def _move_by(hand: Hand, parameter: Variant) -> Later[None] | None:
+    (distance, speed), at_once = _numbers(parameter, "mm", "%")
+    return _begun(hand.move(hand.position + distance, speed), at_once)
+
+
+def _hold_to(hand: Hand, parameter: Variant) -> Later[None] | None:
+    (position, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
+    return _begun(hand.move(position, speed, force), at_once)
+
+
+def _hold_by(hand: Hand, parameter: Variant) -> Later[None] | None:
+    (distance, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
+    return _begun(hand.move(hand.position + distance, speed, force), at_once)
+
+
+def _grip(hand: Hand, parameter: Variant) -> Later[None] | None:
+    given, at_once = _options(parameter)
+    if len(given) != 2:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("{given} parameters, [N, closing] is wanted", given=len(given)),
+        )
+    force, closing = conversion.double(given[0]), conversion.boolean(given[1])
+    return _begun(hand.grip(force, closing=closing), at_once)
+
+
+def _chuck(hand: Hand, parameter: Variant) -> Later[None] | None:
+    (number,), at_once = _numbers(parameter, "n")
+    return _begun(hand.chuck(parameters.whole(number)), at_once)
+
+
+def _unchuck(hand: Hand, parameter: Variant) -> Later[None] | None:
+    (number,), at_once = _numbers(parameter, "n")
+    return _begun(hand.unchuck(parameters.whole(number)), at_once)
+
+
+def _to_origin(hand: Hand, parameter: Variant) -> Later[None] | None:
+    _, at_once = _options(parameter)
+    return _begun(hand.to_origin(), at_once)
+
+
+def _motor(hand: Hand, parameter: Variant) -> None:
+    (on,) = parameters.whole_numbers(parameter, 1)
+    hand.switch_motor(bool(on))
+
+
+def _stop(hand: Hand, _: Variant) -> None:
+    hand.stop()
+
+
+def _not_simulated(name: str, *, writes: bool = True) -> HandCommand:
+    def refuse(_hand: Hand, _parameter: Variant) -> None:
+        raise error_for(hresult.E_NOTIMPL, name)
+
+    return HandCommand(name, refuse, writes, simulated=False)
+
+
+def _told(vt: VarType, read: Callable[[Hand], object]) -> Callable[[Hand, Variant], Variant]:
+    return lambda hand, _: Variant(vt, read(hand))
+
+
+_POSITION: Final = _told(VarType.R8, lambda hand: hand.position)
+_BUSY: Final = _told(VarType.BOOL, lambda hand: hand.busy)
+_HOLDING: Final = _told(VarType.BOOL, lambda hand: hand.holding)
+
+CONTROLLER_COMMANDS: Final = (
+    HandCommand("HandMoveA", _move_to),
+    HandCommand("HandMoveR", _move_by),
+    HandCommand("HandMoveAH", _hold_to),
+    HandCommand("HandMoveRH", _hold_by),
+    HandCommand("HandMoveH", _grip),
+    HandCommand("HandStop", _stop),
+    HandCommand("HandCurPos", _POSITION, writes=False),
+    HandCommand("HandCurLoad", _told(VarType.R8, lambda hand: hand.load), writes=False),
+    HandCommand("HandBusyState", _BUSY, writes=False),
+    HandCommand("HandHoldState", _HOLDING, writes=False),
+    HandCommand("HandMotorState", _told(VarType.BOOL, lambda hand: hand.motor), writes=False),
+    _not_simulated("HandMoveZH"),  # what it does is not documented
+    _not_simulated("HandMoveVH"),  # this and the pressure are of a vacuum hand
+    _not_simulated("HandCurPressure", writes=False),
+)
+"""Commands of Controller_Execute."""
+
+EXTENSION_COMMANDS: Final[dict[str, HandCommand]] = {
+    command.name.lower(): command
+    for command in (
+        HandCommand("Chuck", _chuck),
+        HandCommand("UnChuck", _unchuck),
+        HandCommand("Motor", _motor),
+        HandCommand("Org", _to_origin),
+        HandCommand("Stop", _stop),
+        HandCommand("CurPos", _POSITION, writes=False),
+        HandCommand("get_BusyState", _BUSY, writes=False),
+        HandCommand("get_HoldState", _HOLDING, writes=False),
+        HandCommand("get_OrgState", _told(VarType.BOOL, lambda hand: hand.origin), writes=False),
+    )
+}
+"""Commands of the extension, by their names in lower case."""

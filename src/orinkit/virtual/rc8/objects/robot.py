@@ -1,0 +1,191 @@
+"""The Robot object that clients hold: its methods are the functions of RC8 3.3."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from orinkit.cao.provider import Later, RobotObject, VariableObject
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.rc8.motion_options import MotionOptions, parse_options
+from orinkit.rc8.pose_arguments import read_targets
+from orinkit.values.poses import PassMark, Target
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant
+from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.objects import robot_commands
+from orinkit.virtual.rc8.objects.robot_variables import find_robot_variable, robot_variable_names
+from orinkit.virtual.rc8.robot import parameters
+from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.moves import CURVE
+from orinkit.virtual.rc8.variables import conversion
+
+_PATH: Final = re.compile(r"\s*(?:(@\s*(?:[PE]|[0-9.]+))\s+)?([0-9]{1,9})\s*", re.IGNORECASE)
+_FRAME: Final = re.compile(r"\s*(tool|work)\s*([0-9]{1,9})\s*", re.IGNORECASE)
+_TIP: Final = -1
+_ALL_AXES: Final = 0
+_PLANE_POINTS: Final = 3
+_VECTOR: Final = 3
+_ON_A_LINE: Final = 1e-6  # sine of the angle between two sides of a triangle that is none
+
+
+class RC8Robot(RobotObject):
+    """One client's view of the robot; the arm is given back when the last one of the client is released."""
+
+    def __init__(self, caller: Caller, name: str) -> None:
+        text = caller.state.say("Robot of a virtual RC8")
+        super().__init__(name, attribute=int(caller.access), help=f"{text} ({caller.state.arm.model.name})")
+        self._caller = caller
+        self._state = caller.state
+        self._arm = caller.state.arm
+        self._moves = caller.state.moves
+        self._arm.enter(caller)
+
+    # --- motion -------------------------------------------------------------------------------------------------
+
+    def move(self, interpolation: int, pose: Variant, option: str) -> Later[None] | None:
+        """Move to a pose (RC8 3.3.4); answers when it is done, at once with NEXT."""
+        require("Move", self._arm, self._caller)
+        options = parse_options(option)
+        number = path_number(pose) if interpolation == CURVE else None
+        if number is not None:
+            return self._begun(self._moves.follow(*number, options), options)
+        return self._begun(self._moves.move(interpolation, read_targets(pose), options), options)
+
+    def drive(self, axis: int, value: float, option: str) -> Later[None] | None:
+        """Move one joint by degrees (mm for a linear one)."""
+        require("Drive", self._arm, self._caller)
+        options = parse_options(option)
+        return self._begun(self._moves.drive([(axis, value)], False, None, options), options)
+
+    def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Later[None] | None:
+        """Rotate by degrees in a plane of the work frame (or one of three points) about a pivot."""
+        require("Rotate", self._arm, self._caller)
+        options = parse_options(option)
+        axis = self._normal(plane)
+        return self._begun(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
+
+    def go_home(self) -> Later[None]:
+        """Move to the home pose."""
+        require("GoHome", self._arm, self._caller)
+        return self._arm.when_done(self._moves.home()[-1])
+
+    def halt(self, option: str) -> Later[None]:  # noqa: ARG002 - has none
+        """Stop the motion and abandon it, whoever started it; answers when the arm stands."""
+        require("Halt", self._arm, self._caller)
+        self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
+        return self._arm.when_still()
+
+    def hold(self, option: str) -> Later[None]:  # noqa: ARG002
+        """Pause the motion, whoever started it; answers when the arm stands."""
+        require("Hold", self._arm, self._caller)
+        self._arm.hold()
+        return self._arm.when_still()
+
+    def unhold(self, option: str) -> None:  # noqa: ARG002
+        """Go on with a paused motion."""
+        require("Unhold", self._arm, self._caller)
+        self._arm.unhold()
+
+    # --- settings -----------------------------------------------------------------------------------------------
+
+    def speed(self, axis: int, speed: float) -> None:
+        """Set the internal speed in percent: axis -1 of every motion, 0 of point-to-point ones."""
+        require("Speed", self._arm, self._caller)
+        self._arm.speeds.set_internal(speed, joint_only=_axis(axis))
+
+    def accelerate(self, axis: int, accel: float, decel: float) -> None:
+        """Set internal acceleration and deceleration in percent, -1 keeps one; axis as for the speed."""
+        require("Accelerate", self._arm, self._caller)
+        self._arm.speeds.set_acceleration(accel, decel, joint_only=_axis(axis))
+
+    def change(self, name: str) -> None:
+        """Change to a tool or work frame: ``Tool1``, ``Work2``."""
+        require("Change", self._arm, self._caller)
+        found = _FRAME.fullmatch(name)
+        if found is None:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                tr("{name}; Tool1 or Work2 is the form", name=quoted(name)),
+            )
+        frames = self._arm.space.tools if found[1].lower() == "tool" else self._arm.space.works
+        frames.current = frames.check(int(found[2]))
+
+    # --- commands and variables ---------------------------------------------------------------------------------
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        """Execute an extended command (:mod:`orinkit.virtual.rc8.objects.robot_commands`)."""
+        return robot_commands.execute(self._caller, command, parameter)
+
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
+        """Connect to a system variable of the robot."""
+        return find_robot_variable(self._caller, name)
+
+    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the robot's system variables."""
+        return robot_variable_names()
+
+    def release(self) -> None:
+        """Let go; with the client's last Robot object a motion is brought to rest, and the arm is free for others."""
+        self._arm.leave(self._caller)
+
+    # --- helpers ------------------------------------------------------------------------------------------------
+
+    def _begun(self, tickets: Sequence[Ticket], options: MotionOptions) -> Later[None] | None:
+        return None if options.next else self._arm.when_done(tickets[-1])
+
+    def _normal(self, plane: Variant) -> np.ndarray[Any, np.dtype[np.float64]]:
+        if isinstance(plane.value, str) and "(" not in plane.value and "," not in plane.value:
+            return self._moves.plane(plane.value)
+        points = [self._moves.point(target) for target in read_targets(plane)]
+        if len(points) != _PLANE_POINTS:
+            raise _no_plane()
+        across, along = points[1] - points[0], points[2] - points[0]
+        normal = np.cross(across, along)
+        length = float(np.linalg.norm(normal))
+        if not length > _ON_A_LINE * float(np.linalg.norm(across) * np.linalg.norm(along)):
+            raise _no_plane()
+        return np.asarray(normal / length)
+
+
+def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
+    """Return number and pass mark where a pose names a stored path: a number, or a text such as ``"@E 1"``."""
+    if isinstance(pose.value, str):
+        found = _PATH.fullmatch(pose.value)
+        return found and (int(found[2]), parameters.pass_mark(found[1]) if found[1] else None)
+    return (conversion.whole(pose), None) if isinstance(pose.value, int | float) else None
+
+
+def _pivot(given: Variant) -> Target:
+    """Return the pivot of a rotation: a pose or a vector, or three bare numbers, which are a vector too."""
+    if given.type & ARRAY and given.type != VARIANT_ARRAY and len(given.value) == _VECTOR:
+        return Target("V", tuple(conversion.singles(_VECTOR)(given)))
+    targets = read_targets(given)
+    if len(targets) != 1:
+        raise error_for(hresult.E_INVALIDARG, tr("one pose is needed"))
+    return targets[0]
+
+
+def _axis(axis: int) -> bool:
+    """Read the axis of Speed and Accelerate; True for point-to-point motions only."""
+    if axis not in (_TIP, _ALL_AXES):
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr(
+                "axis {axis}: only -1 (all motions) and 0 (point-to-point motions) have a speed of their own here",
+                axis=axis,
+            ),
+        )
+    return axis == _ALL_AXES
+
+
+def _no_plane() -> Exception:
+    return error_for(
+        hresult.E_INVALIDARG,
+        tr("a plane is XY, YZ, ZX or three points that are not on a line"),
+    )

@@ -1,0 +1,349 @@
+"""The extended commands of Robot_Execute: THE TABLE of names and what each does.
+
+A commanding one checks its conditions (:mod:`orinkit.virtual.rc8.robot.conditions`) itself; the others need the right
+to read. Names are taken in any case. What a real controller has and this one does not is in :data:`NOT_SIMULATED`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit.cao.provider import Later
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.rc8.motion_options import MotionOptions, parse_options
+from orinkit.rc8.slave_lateness import COMMAND as LATENESS
+from orinkit.values.variant import ARRAY, Value, Variant, VarType
+from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.objects import slave_commands as slave
+from orinkit.virtual.rc8.robot import parameters, queries, state_report
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.conditions import refusal, require
+from orinkit.virtual.rc8.robot.speeds import SQUARE
+from orinkit.virtual.rc8.variables import conversion
+
+_R8_ARRAY: Final = int(VarType.R8) | ARRAY
+_MINE: Final = -1
+
+
+@dataclass(frozen=True, slots=True)
+class RobotCommand:
+    """One command.
+
+    Attributes:
+        name: as documented; clients write it in any case.
+        run: does it.
+        reads: whether the right to read is all it needs; else it checks what it needs.
+        in_slave: whether a client that is in slave mode may use it (RC8 4.1, note 2); else it is refused first of all.
+    """
+
+    name: str
+    run: Callable[[Caller, Variant], Any]
+    reads: bool = True
+    in_slave: bool = False
+
+
+def execute(caller: Caller, name: str, parameter: Variant) -> Any:
+    """Execute a command for a client.
+
+    Raises:
+        CallError: E_NOTIMPL, E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT; whatever the command refuses.
+    """
+    wanted = name.strip().lower()
+    command = ROBOT_COMMANDS.get(wanted)
+    if command is None:
+        raise error_for(hresult.E_NOTIMPL if wanted in _NOT_SIMULATED else hresult.E_INVALID_CMD_NAME, f"{name:.40}")
+    if not command.in_slave:
+        caller.require_not_slave()
+    if command.reads:
+        caller.require_read()
+    return command.run(caller, parameter)
+
+
+# --- arm and motor ----------------------------------------------------------------------------------------------------
+
+
+def _take_arm(caller: Caller, parameter: Variant) -> Later[None] | None:
+    arm = caller.state.arm
+    group, keep = parameters.whole_numbers(parameter, 0, 0)
+    settings = parameters.flag(keep)
+    if not 0 <= group <= 31:
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("arm group {group}; 0 to 31", group=group))
+    if refusal("TakeArm", arm, caller) == hresult.ROBOT_MOVING and arm.holder is None and arm.stopping:
+        return arm.take_later(caller, keep=settings, check=lambda: require("TakeArm", arm, caller))
+    require("TakeArm", arm, caller)
+    arm.take(caller, keep=settings)
+    return None
+
+
+def _give_arm(caller: Caller, _: Variant) -> None:
+    require("GiveArm", caller.state.arm, caller)
+    caller.state.arm.give()
+
+
+def _arm_state(caller: Caller, parameter: Variant) -> int:
+    (group,) = parameters.whole_numbers(parameter, _MINE)
+    holder = caller.state.arm.holder
+    return int(holder is caller if group == _MINE else holder is not None)
+
+
+def _motor(caller: Caller, parameter: Variant) -> Later[None] | None:
+    on, no_wait = (parameters.flag(value) for value in parameters.whole_numbers(parameter, None, 0))
+    require("Motor on" if on else "Motor off", caller.state.arm, caller)
+    done = caller.state.arm.switch_motor(on)
+    return None if no_wait else done
+
+
+# --- speeds -----------------------------------------------------------------------------------------------------------
+
+
+def _ext_speed(caller: Caller, parameter: Variant) -> None:
+    require("ExtSpeed", caller.state.arm, caller)
+    caller.state.arm.speeds.set_external(*parameters.numbers(parameter, None, SQUARE, SQUARE))
+
+
+def _of_arm(read: Callable[[Arm], object], vt: int) -> Callable[[Caller, Variant], Value]:
+    return lambda caller, _: Variant(vt, read(caller.state.arm))
+
+
+# --- motions ----------------------------------------------------------------------------------------------------------
+
+
+def _begun(caller: Caller, tickets: list[Ticket], options: MotionOptions) -> Later[None] | None:
+    return None if options.next else caller.state.arm.when_done(tickets[-1])
+
+
+def _options(given: list[Variant]) -> MotionOptions:
+    texts = [each.value for each in given if each.value is not None]
+    for text in texts:
+        if not isinstance(text, str):
+            raise error_for(
+                hresult.DISP_E_TYPEMISMATCH,
+                tr("{text} is no option of a motion", text=quoted(text)),
+            )
+    return parse_options(",".join(texts))
+
+
+def _approach(caller: Caller, parameter: Variant) -> Later[None] | None:
+    require("Approach", caller.state.arm, caller)
+    given = _at_least(parameter, 3)
+    mark, distance = parameters.marked_number(given[2])
+    options = _options(given[3:])
+    target = parameters.pose(given[1])
+    tickets = caller.state.moves.approach(conversion.whole(given[0]), target, distance, mark, options)
+    return _begun(caller, tickets, options)
+
+
+def _depart(caller: Caller, parameter: Variant) -> Later[None] | None:
+    require("Depart", caller.state.arm, caller)
+    given = _at_least(parameter, 2)
+    mark, distance = parameters.marked_number(given[1])
+    options = _options(given[2:])
+    return _begun(caller, caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options), options)
+
+
+def _drive(name: str, absolute: bool) -> Callable[[Caller, Variant], Later[None] | None]:
+    def run(caller: Caller, parameter: Variant) -> Later[None] | None:
+        require(name, caller.state.arm, caller)
+        given = _at_least(parameter, 1)
+        if isinstance(given[0].value, str):
+            pairs, rest = given[:1], given[1:]
+        else:
+            pairs = [each for each in given if each.type & ARRAY]
+            rest = [each for each in given if not each.type & ARRAY]
+        mark, values = parameters.axis_values(pairs)
+        options = _options(rest)
+        return _begun(caller, caller.state.moves.drive(values, absolute, mark, options), options)
+
+    return run
+
+
+def _rotate_hand(caller: Caller, parameter: Variant) -> Later[None] | None:
+    require("RotateH", caller.state.arm, caller)
+    given = _at_least(parameter, 1)
+    mark, angle = parameters.marked_number(given[0])
+    options = _options(given[1:])
+    return _begun(caller, caller.state.moves.rotate_hand(angle, mark, options), options)
+
+
+def _motion_skip(caller: Caller, _: Variant) -> Later[None]:
+    require("MotionSkip", caller.state.arm, caller)
+    caller.state.arm.skip()
+    return caller.state.arm.when_still()
+
+
+def _motion_complete(caller: Caller, parameter: Variant) -> bool:
+    _, mode = parameters.whole_numbers(parameter, _MINE, 0)
+    arm = caller.state.arm
+    return arm.settled if parameters.flag(mode) else not arm.busy
+
+
+def _at_least(parameter: Variant, count: int) -> list[Variant]:
+    given = parameters.elements(parameter)
+    if len(given) < count:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("{count} parameters, {needed} are needed", count=len(given), needed=count),
+        )
+    return given
+
+
+# --- frames and paths -------------------------------------------------------------------------------------------------
+
+
+def _define(name: str, tool: bool) -> Callable[[Caller, Variant], None]:
+    def run(caller: Caller, parameter: Variant) -> None:
+        arm = caller.state.arm
+        require(name, arm, caller)
+        given = _at_least(parameter, 2)
+        target = parameters.position(parameters.pose(given[1]))
+        kind, values = arm.space.numbers(target, arm.servo.command)
+        if kind != "P":
+            raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is needed"))
+        (arm.space.tools if tool else arm.space.works).define(conversion.whole(given[0]), values)
+
+    return run
+
+
+def _defined(tool: bool) -> Callable[[Caller, Variant], Value]:
+    def run(caller: Caller, parameter: Variant) -> Value:
+        space = caller.state.arm.space
+        (number,) = parameters.whole_numbers(parameter, None)
+        values = (space.tools if tool else space.works).values(number)
+        return Variant(_R8_ARRAY, [*values, -1.0])
+
+    return run
+
+
+def _add_path_point(caller: Caller, parameter: Variant) -> None:
+    caller.require_write()
+    given = _at_least(parameter, 2)
+    caller.state.moves.add_path_point(conversion.whole(given[0]), parameters.pose(given[1]))
+
+
+def _clear_path(caller: Caller, parameter: Variant) -> None:
+    caller.require_write()
+    caller.state.moves.clear_path(*parameters.whole_numbers(parameter, None))
+
+
+def _path_length(caller: Caller, parameter: Variant) -> int:
+    return caller.state.moves.path_length(*parameters.whole_numbers(parameter, None))
+
+
+# --- control log ------------------------------------------------------------------------------------------------------
+
+
+def _start_log(caller: Caller, _: Variant) -> None:
+    caller.require_write()
+    caller.state.arm.log.running = True
+    caller.state.cycles.wake()
+
+
+def _stop_log(caller: Caller, _: Variant) -> None:
+    caller.require_write()
+    caller.state.arm.log.running = False
+
+
+def _clear_log(caller: Caller, _: Variant) -> None:
+    caller.require_write()
+    caller.state.arm.log.clear()
+
+
+def _log_record(caller: Caller, parameter: Variant) -> Value:
+    (index,) = parameters.whole_numbers(parameter, None)
+    log = caller.state.arm.log
+    try:
+        return log.record(index)
+    except IndexError:
+        raise error_for(
+            hresult.DISP_E_BADINDEX, tr("{index}; there are {count}", index=index, count=len(log))
+        ) from None
+
+
+def _told(answer: queries.Answer) -> Callable[[Caller, Variant], Variant]:
+    return lambda caller, parameter: answer(caller.state.arm, parameter)
+
+
+def _pose_commands() -> list[RobotCommand]:
+    """CurPos, HighCurJntEx, DestTrn ... : three sources, three types, with and without a time stamp."""
+    made = []
+    for prefix, source in (
+        ("Cur", state_report.current),
+        ("HighCur", state_report.current),
+        ("Dest", state_report.destination),
+    ):
+        for suffix, read in queries.POSES.items():
+            made.append(RobotCommand(f"{prefix}{suffix}", _told(queries.pose(source, read))))
+            if source is not state_report.destination:
+                made.append(RobotCommand(f"{prefix}{suffix}Ex", _told(queries.stamped_pose(source, read))))
+        made.append(RobotCommand(f"{prefix}Fig", _told(queries.figure(source))))
+    return made
+
+
+_R4, _I4 = VarType.R4, VarType.I4
+ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
+    command.name.lower(): command
+    for command in (
+        RobotCommand("TakeArm", _take_arm, reads=False),
+        RobotCommand("GiveArm", _give_arm, reads=False),
+        RobotCommand("TakeArmState", _arm_state),
+        RobotCommand("Motor", _motor, reads=False),
+        RobotCommand("ExtSpeed", _ext_speed, reads=False),
+        RobotCommand("CurSpd", _of_arm(lambda arm: arm.speeds.path.speed, _R4)),
+        RobotCommand("CurAcc", _of_arm(lambda arm: arm.speeds.path.accel, _R4)),
+        RobotCommand("CurDec", _of_arm(lambda arm: arm.speeds.path.decel, _R4)),
+        RobotCommand("CurJSpd", _of_arm(lambda arm: arm.speeds.joint.speed, _R4)),
+        RobotCommand("CurJAcc", _of_arm(lambda arm: arm.speeds.joint.accel, _R4)),
+        RobotCommand("CurJDec", _of_arm(lambda arm: arm.speeds.joint.decel, _R4)),
+        RobotCommand("CurExtSpd", _of_arm(lambda arm: arm.speeds.external.speed, _R4)),
+        RobotCommand("CurExtAcc", _of_arm(lambda arm: arm.speeds.external.accel, _R4)),
+        RobotCommand("CurExtDec", _of_arm(lambda arm: arm.speeds.external.decel, _R4)),
+        RobotCommand("CurTool", _of_arm(lambda arm: arm.space.tools.current, _I4)),
+        RobotCommand("CurWork", _of_arm(lambda arm: arm.space.works.current, _I4)),
+        *_pose_commands(),
+        *(RobotCommand(name, _told(answer)) for name, answer in queries.CALCULATIONS.items()),
+        RobotCommand("Approach", _approach, reads=False),
+        RobotCommand("Depart", _depart, reads=False),
+        RobotCommand("DriveEx", _drive("DriveEx", absolute=False), reads=False),
+        RobotCommand("DriveAEx", _drive("DriveAEx", absolute=True), reads=False),
+        RobotCommand("RotateH", _rotate_hand, reads=False),
+        RobotCommand("MotionSkip", _motion_skip, reads=False),
+        RobotCommand("MotionComplete", _motion_complete),
+        RobotCommand("SetToolDef", _define("SetToolDef", tool=True), reads=False),
+        RobotCommand("GetToolDef", _defined(tool=True)),
+        RobotCommand("SetWorkDef", _define("SetWorkDef", tool=False), reads=False),
+        RobotCommand("GetWorkDef", _defined(tool=False)),
+        RobotCommand("AddPathPoint", _add_path_point, reads=False),
+        RobotCommand("ClrPathPoint", _clear_path, reads=False),
+        RobotCommand("GetPathPointCount", _path_length),
+        RobotCommand("GetSrvData", _told(queries.servo_data), in_slave=True),  # real controllers let it pass
+        RobotCommand("StartLog", _start_log, reads=False),
+        RobotCommand("StopLog", _stop_log, reads=False),
+        RobotCommand("ClearLog", _clear_log, reads=False),
+        RobotCommand("GetLogCount", _of_arm(lambda arm: len(arm.log), _I4)),
+        RobotCommand("GetLogRecord", _log_record),
+        RobotCommand("slvChangeMode", slave.change_mode, reads=False, in_slave=True),
+        RobotCommand("slvGetMode", slave.get_mode, in_slave=True),
+        RobotCommand(LATENESS, slave.get_lateness, in_slave=True),  # no command of a real controller
+        RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
+        RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
+        RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
+        RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR)),
+    )
+}
+
+NOT_SIMULATED: Final = (
+    "SpeedMode", "CurSpeedMode", "SetAreaEnabled", "GetAreaEnabled", "RobInfo", "PayLoad", "HighPathAccuracy",
+    "GrvOffset", "GrvCtrl", "CurLmt", "Zforce", "ServoLock", "ForceCtrl", "ForceParam", "ForceValue", "ForceSensor",
+    "ForceWaitCondition", "CurForceSensorPayLoad", "CheckVirtualFence", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart",
+    "SyncMoveEnd", "LoadPathPoint", "ConvertPoswork", "SetBaseDef", "GetBaseDef", "MotionPreparation",
+    "GetMotionPreparationState", "AutoCal", "GetMechaButtonState", "ClearMechaButtonState", "CurScene", "CurSubScene",
+    "SceneInfo", "HandGrip", "HandRelease",
+)  # fmt: skip
+"""Commands of real controllers that are answered with E_NOTIMPL."""
+
+_NOT_SIMULATED: Final = frozenset(name.lower() for name in NOT_SIMULATED)

@@ -1,0 +1,157 @@
+"""The robot's system variables: THE TABLE of names, types and sources (reference: RC8 provider, robot variables)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit.cao.provider import Later, VariableObject, not_found
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import N_
+from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.robot import state_report
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.translations import Translate
+from orinkit.virtual.rc8.variables import conversion
+
+_R8_ARRAY: Final = int(VarType.R8) | ARRAY
+_TYPE_VERTICAL: Final = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RobotVariable:
+    """One entry, as :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, of the arm.
+
+    Attributes:
+        kind: of the pose that it tells, ``"P"``, ``"J"`` or ``"T"``; empty for what is no pose.
+    """
+
+    name: str
+    vt: int
+    read: Callable[[Arm], Any]
+    text: str
+    write: Callable[[Caller, Variant], Later[None] | None] | None = None
+    kind: str = ""
+
+    def help(self, say: Translate) -> str:
+        """Return what it is, and its type, in the controller's language."""
+        what = say(self.text)
+        if self.kind:
+            what = say("{pose}: {kind}", pose=what, kind=self.kind)
+        return f"{what} ({type_name(self.vt)})"
+
+
+def _servo(caller: Caller, given: Variant) -> Later[None]:
+    on = conversion.boolean(given)
+    require("Motor on" if on else "Motor off", caller.state.arm, caller)
+    return caller.state.arm.switch_motor(on)
+
+
+def _tool(caller: Caller, given: Variant) -> None:
+    require("Change", caller.state.arm, caller)
+    tools = caller.state.arm.space.tools
+    tools.current = tools.check(conversion.whole(given))
+
+
+def _work(caller: Caller, given: Variant) -> None:
+    require("Change", caller.state.arm, caller)
+    works = caller.state.arm.space.works
+    works.current = works.check(conversion.whole(given))
+
+
+def _external(caller: Caller, given: Variant) -> None:
+    require("ExtSpeed", caller.state.arm, caller)
+    caller.state.arm.speeds.set_external(conversion.double(given))
+
+
+def _poses(prefix: str, source: Callable[[Arm], state_report.Source], text: str) -> tuple[RobotVariable, ...]:
+    return (
+        RobotVariable(f"@{prefix}_POSITION", _R8_ARRAY, lambda arm: source(arm).position(), text, kind="P"),
+        RobotVariable(f"@{prefix}_ANGLE", _R8_ARRAY, lambda arm: source(arm).angles(), text, kind="J"),
+        RobotVariable(f"@{prefix}_TRANS", _R8_ARRAY, lambda arm: source(arm).trans(), text, kind="T"),
+    )
+
+
+ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
+    entry.name: entry
+    for entry in (
+        *_poses("CURRENT", state_report.current, N_("Present pose")),
+        *_poses("HIGH_CURRENT", state_report.current, N_("Present pose, newest")),
+        *_poses("DEST", state_report.destination, N_("Pose where the motion ends")),
+        RobotVariable("@SERVO_ON", VarType.BOOL, lambda arm: arm.motor.on, N_("The motor is on"), _servo),
+        RobotVariable("@BUSY_STATUS", VarType.BOOL, lambda arm: arm.busy, N_("The robot moves")),
+        RobotVariable("@TYPE", VarType.I4, lambda _: _TYPE_VERTICAL, N_("0 vertical six-axis arm")),
+        RobotVariable("@TYPE_NAME", VarType.BSTR, lambda arm: arm.model.type_name, N_("Type of the robot")),
+        RobotVariable("@CURRENT_TOOL", VarType.I4, lambda arm: arm.space.tools.current, N_("Tool in use"), _tool),
+        RobotVariable("@CURRENT_WORK", VarType.I4, lambda arm: arm.space.works.current, N_("Work in use"), _work),
+        RobotVariable("@SPEED", VarType.R4, lambda arm: arm.speeds.path.speed, N_("Internal speed [%]")),
+        RobotVariable("@ACCEL", VarType.R4, lambda arm: arm.speeds.path.accel, N_("Internal acceleration [%]")),
+        RobotVariable("@DECEL", VarType.R4, lambda arm: arm.speeds.path.decel, N_("Internal deceleration [%]")),
+        RobotVariable("@JSPEED", VarType.R4, lambda arm: arm.speeds.joint.speed, N_("Internal axis speed [%]")),
+        RobotVariable("@JACCEL", VarType.R4, lambda arm: arm.speeds.joint.accel, N_("Internal axis acceleration [%]")),
+        RobotVariable("@JDECEL", VarType.R4, lambda arm: arm.speeds.joint.decel, N_("Internal axis deceleration [%]")),
+        RobotVariable("@EXTSPEED", VarType.R4, lambda arm: arm.speeds.external.speed, N_("External speed [%]"), _external),
+        RobotVariable("@EXTACCEL", VarType.R4, lambda arm: arm.speeds.external.accel, N_("External acceleration [%]")),
+        RobotVariable("@EXTDECEL", VarType.R4, lambda arm: arm.speeds.external.decel, N_("External deceleration [%]")),
+    )
+}  # fmt: skip
+
+
+class RobotSystem(VariableObject):
+    """A system variable of the robot, held by a client."""
+
+    def __init__(self, caller: Caller, name: str, entry: RobotVariable) -> None:
+        own = Access.READ_WRITE if entry.write else Access.READ
+        super().__init__(name, attribute=int(own & caller.access), help=entry.help(caller.state.say))
+        self._caller = caller
+        self._entry = entry
+        self._read = caller.state.calendar.now()
+
+    def get_value(self) -> Value:
+        """The value at this moment, with its exact type."""
+        self._caller.require_read()
+        self._read = self._caller.state.calendar.now()
+        return Variant(self._entry.vt, self._entry.read(self._caller.state.arm))
+
+    def put_value(self, value: Variant) -> Later[None] | None:
+        """Set the value.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; the value, or the state of the robot, does not allow it.
+        """
+        self._caller.require_write()
+        if self._entry.write is None:
+            raise error_for(hresult.E_CAO_NOT_WRITABLE, self.name)
+        return self._entry.write(self._caller, value)
+
+    def get_date_time(self) -> Value:
+        """When the value was read last."""
+        self._caller.require_read()
+        return self._read
+
+    def get_microsecond(self) -> int:
+        """Microseconds of that time, 0 to 999999."""
+        self._caller.require_read()
+        return self._read.microsecond
+
+
+def find_robot_variable(caller: Caller, name: str) -> VariableObject:
+    """Return the robot's variable of that name, in upper or lower case.
+
+    Raises:
+        CallError: E_CAO_OBJECT_NOTFOUND.
+    """
+    entry = ROBOT_VARIABLES.get(name.strip().upper())
+    if entry is None:
+        raise not_found(name)
+    return RobotSystem(caller, name, entry)
+
+
+def robot_variable_names() -> list[str]:
+    """Return the names of the robot's variables."""
+    return list(ROBOT_VARIABLES)

@@ -1,0 +1,112 @@
+"""The commands of slave mode, as clients call them with Robot_Execute (RC8 table 4-1), and one of virtual controllers."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Final
+
+from orinkit.cao.provider import Coded, Later
+from orinkit.core.errors import CallError
+from orinkit.core.hresult import Family
+from orinkit.rc8.slave_formats import (
+    OFF,
+    SetPoint,
+    SlaveMode,
+    mode_of,
+    read_receive_parameter,
+    read_set_point,
+    send_format,
+)
+from orinkit.rc8.slave_lateness import build_lateness
+from orinkit.values.variant import Value, Variant
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.robot import parameters
+from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.slave_feedback import answer_of
+from orinkit.virtual.rc8.robot.slave_mode import io
+from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Command
+from orinkit.virtual.rc8.robot.target import Joints
+
+_MALFORMED: Final = (Family.GENERAL, Family.CAO)
+
+
+def change_mode(caller: Caller, parameter: Variant) -> Later[None] | None:
+    """Turn slave mode on; with 0 off, which is answered when the buffer is empty and the arm stands.
+
+    Raises:
+        CallError: E_INVALIDARG, no such mode; its conditions.
+    """
+    mode = mode_of(parameters.whole_numbers(parameter, None)[0])
+    arm = caller.state.arm
+    require("slvChangeMode off" if mode is None else "slvChangeMode on", arm, caller)
+    if mode is not None:
+        arm.slave.begin(caller, mode, caller.look)
+    return arm.slave.leave() if mode is None and arm.slave.on else None
+
+
+def get_mode(caller: Caller, _: Variant) -> int:
+    """Return the number of the mode, 0 for off."""
+    mode = caller.state.arm.slave.mode
+    return OFF if mode is None else mode.number
+
+
+def get_lateness(caller: Caller, parameter: Variant) -> Variant:
+    """Return how late the set-points of the stream are, or those of the last one were: :mod:`orinkit.rc8.slave_lateness`."""
+    (leave_out,) = parameters.whole_numbers(parameter, 0)
+    return build_lateness(caller.state.arm.slave.lateness(leave_out))
+
+
+def set_send_format(caller: Caller, parameter: Variant) -> None:
+    """Set what this client's slvMove carries beside the pose.
+
+    Raises:
+        CallError: E_INVALIDARG, there is no such format, or not the I/O for it; its conditions.
+    """
+    require("slvSendFormat", caller.state.arm, caller)
+    wanted = send_format(parameters.whole_numbers(parameter, None)[0])
+    io.require_sent(caller.state.variables, wanted)
+    caller.formats.send = wanted
+
+
+def set_receive_format(caller: Caller, parameter: Variant) -> None:
+    """Set what this client's slvMove is answered.
+
+    Raises:
+        CallError: E_INVALIDARG, there is no such format, or not the I/O for it; its conditions.
+    """
+    require("slvRecvFormat", caller.state.arm, caller)
+    wanted = read_receive_parameter(parameter)
+    io.require_received(caller.state.variables, wanted)
+    caller.formats.receive = wanted
+
+
+def move(caller: Caller, parameter: Variant) -> Value | Coded | Later[Value]:
+    """Take a set-point; the answer is where the arm is, in this client's format.
+
+    Raises:
+        CallError: E_INVALIDARG, DISP_E_TYPEMISMATCH, the parameter is malformed; E_BUF_FULL, there is no room in mode 0:
+            nothing has happened then. What :func:`~orinkit.virtual.rc8.robot.slave_mode.set_point.joints_of` finds else is an error
+            of the controller and the end of slave mode.
+    """
+    state, formats = caller.state, caller.formats
+    arm, slave = state.arm, state.arm.slave
+    require("slvMove", arm, caller)
+    assert slave.mode is not None
+    point = read_set_point(slave.mode.kind, parameter, formats.send, formats.receive)
+    outputs = io.outputs_of(state.variables, point)
+    if point.window is not None:
+        io.require_window(state.variables, point.window)
+    slave.require_room()
+    command = Command(_joints(caller, slave.mode, point), outputs)
+    return slave.put(command, partial(answer_of, arm, state.variables, formats.receive, point.window))
+
+
+def _joints(caller: Caller, mode: SlaveMode, point: SetPoint) -> Joints:
+    arm, slave = caller.state.arm, caller.state.arm.slave
+    try:
+        return joints_of(arm.space, mode.kind, point, slave.newest)
+    except CallError as error:
+        if error.info.family not in _MALFORMED:  # the arm cannot be there (RC8 4.7)
+            slave.fail(error.code, error.detail)
+        raise

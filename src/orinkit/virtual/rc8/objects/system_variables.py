@@ -1,0 +1,121 @@
+"""The controller's system variables: THE TABLE of names, types, where each value comes from, and what may be set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import N_, tr
+from orinkit.values.variant import Variant, VarType, type_name
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.state import Operation, State
+from orinkit.virtual.rc8.translations import Translate
+from orinkit.virtual.rc8.variables import conversion, types
+
+
+@dataclass(frozen=True, slots=True)
+class SystemVariable:
+    """One entry.
+
+    Attributes:
+        name: with its ``@``, in capitals.
+        vt: VARIANT type of its value.
+        read: takes the value from the controller.
+        text: what it is, in English.
+        write: sets it for a client; ``None`` for one that cannot be set.
+        values: of the placeholders of the text.
+    """
+
+    name: str
+    vt: int
+    read: Callable[[State], Any]
+    text: str
+    write: Callable[[Caller, Variant], None] | None = None
+    values: Mapping[str, str] = field(default_factory=dict)
+
+    def help(self, say: Translate) -> str:
+        """Return what it is, and its type, in the controller's language."""
+        return f"{say(self.text, **self.values)} ({type_name(self.vt)})"
+
+
+def _milliseconds(state: State) -> int:
+    """Milliseconds since power-on; after 24.8 days it goes on from the lowest VT_I4, as a 32-bit counter does."""
+    return (int(state.seconds * 1000) + 2**31) % 2**32 - 2**31
+
+
+def _clear_error(caller: Caller, given: Variant) -> None:
+    code = conversion.whole(given)
+    if code != 0:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("only 0, which clears the errors, can be written, not {code}", code=code),
+        )
+    caller.state.clear_errors(caller.origin)
+
+
+def _set_time(caller: Caller, given: Variant) -> None:
+    state = caller.state
+    moment = conversion.moment(given)
+    state.calendar.set(moment)
+    text = state.say("Time set to {moment:%Y-%m-%d %H:%M:%S}", moment=moment)
+    state.log(Operation.SET_TIME, text, caller.origin)
+
+
+def _set_lock(caller: Caller, given: Variant) -> None:
+    caller.state.machine_lock(conversion.boolean(given), caller.origin)
+
+
+def _count(name: str) -> SystemVariable:
+    return SystemVariable(
+        f"@VAR_{name}_LEN",
+        VarType.I4,
+        lambda state: state.variables.counts[name],
+        N_("Number of {name} variables"),
+        values={"name": name},
+    )
+
+
+SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
+    entry.name: entry
+    for entry in (
+        SystemVariable("@MODE", VarType.I4, lambda s: s.switches.mode,
+                       N_("Mode: 1 manual, 2 teach check, 3 automatic")),
+        SystemVariable("@ERROR_CODE", VarType.I4, lambda s: hresult.signed(s.faults.code),
+                       N_("Newest current error, 0 none; writing 0 clears the errors"), _clear_error),
+        SystemVariable("@ERROR_CODE_HEX", VarType.BSTR, lambda s: f"{s.faults.code:08X}",
+                       N_("Newest current error as eight hexadecimal digits")),
+        SystemVariable("@ERROR_DESCRIPTION", VarType.BSTR, lambda s: s.faults.message,
+                       N_("Text of the newest current error")),
+        SystemVariable("@EMERGENCY_STOP", VarType.BOOL, lambda s: s.switches.emergency_stop,
+                       N_("Emergency stop is pressed")),
+        SystemVariable("@DEADMAN_SW", VarType.BOOL, lambda s: s.switches.deadman,
+                       N_("Enable (deadman) switch is held")),
+        SystemVariable("@AUTO_ENABLE", VarType.BOOL, lambda s: s.switches.auto_enable,
+                       N_("Auto-enable input is on")),
+        SystemVariable("@PROTECTIVE_STOP", VarType.BOOL, lambda s: s.switches.protective_stop,
+                       N_("Protective stop is on")),
+        SystemVariable("@LOCK", VarType.BOOL, lambda s: s.switches.machine_lock,
+                       N_("Machine lock: the robot does not really move"), _set_lock),
+        SystemVariable("@BUSY_STATUS", VarType.BOOL, lambda s: s.programs_running > 0,
+                       N_("A program task is running")),
+        SystemVariable("@NORMAL_STATUS", VarType.BOOL, lambda s: s.faults.code == 0,
+                       N_("There is no error")),
+        SystemVariable("@TSR_BUSY_STATUS", VarType.BOOL, lambda s: s.supervisors_running > 0,
+                       N_("A supervisory task (TSR) is running")),
+        SystemVariable("@TIME", VarType.I4, _milliseconds,
+                       N_("Milliseconds since power-on")),
+        SystemVariable("@CURRENT_TIME", VarType.DATE, lambda s: s.calendar.now(),
+                       N_("Local date and time"), _set_time),
+        SystemVariable("@MAKER_NAME", VarType.BSTR, lambda s: s.identity.maker, N_("Maker")),
+        SystemVariable("@TYPE", VarType.BSTR, lambda s: s.identity.type, N_("Type of the controller")),
+        SystemVariable("@VERSION", VarType.BSTR, lambda s: s.identity.version, N_("Software version")),
+        SystemVariable("@SERIAL_NO", VarType.BSTR, lambda s: s.identity.serial_no, N_("Serial number")),
+        SystemVariable("@IO_ALLOC_MODE", VarType.I4, lambda _: types.IO_ALLOCATION_MINI,
+                       N_("I/O allocation: 0 mini")),
+        *map(_count, types.USER_CLASSES),
+        SystemVariable("@VAR_IO_LEN", VarType.I4, lambda s: s.variables.io_points, N_("Number of I/O points")),
+    )
+}  # fmt: skip

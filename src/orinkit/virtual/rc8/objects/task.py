@@ -1,0 +1,191 @@
+"""The Task object that clients hold (RC8 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Final, TypeVar
+
+from orinkit.cao.provider import Blocking, TaskObject, VariableObject, not_found
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import N_, tr
+from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
+from orinkit.values.variant import Value, Variant, VarType
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, milliseconds
+
+E = TypeVar("E", bound=IntEnum)
+
+
+class RC8Task(TaskObject):
+    """One client's view of a task."""
+
+    def __init__(self, caller: Caller, task: Task, name: str) -> None:
+        text = caller.state.say("Task of the program")
+        super().__init__(name, attribute=int(caller.access), help=f"{text} {task.name}{SUFFIX}")
+        self._caller = caller
+        self._state = caller.state
+        self._path = task.name  # a program may be deleted and made anew: its task is then another
+
+    @property
+    def _task(self) -> Task:
+        return self._state.tasks.named(self._path)
+
+    def start(self, mode: int, option: str) -> Blocking | None:  # noqa: ARG002 - has none
+        """Start (RC8 3.2.2): 1 one cycle, 2 continuous, 3 one statement; one that is suspended goes on.
+
+        A large program is loaded in a thread, for nothing else may have to wait for it.
+
+        Raises:
+            CallError: the state does not allow it; SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG, another mode.
+        """
+        wanted = _mode(TaskMode, mode)
+        require("Task_Start", self._state.arm, self._caller)
+        if self._state.tasks.is_large(self._task):
+            return Blocking(lambda: self._load_and_start(wanted))
+        self._state.start_task(self._task, wanted, self._caller.origin)
+        return None
+
+    def _load_and_start(self, mode: TaskMode) -> None:
+        try:
+            self._state.tasks.load(self._task)
+        except CallError:  # it is kept too, and the start tells of it
+            pass
+        with self._state.cycles:
+            require("Task_Start", self._state.arm, self._caller)  # things may have changed meanwhile
+            self._state.start_task(self._task, mode, self._caller.origin)
+
+    def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
+        """Stop (RC8 3.2.2): 0 and 1 at once, 2 after the statement, 3 at the end of the cycle, 4 and start anew.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; E_INVALIDARG, another mode.
+        """
+        wanted = _mode(StopMode, mode)
+        require("Task_Stop", self._state.arm, self._caller)
+        self._task.stop(wanted)
+
+    def delete(self, option: str) -> None:  # noqa: ARG002
+        """Delete the task and its program.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; PROGRAM_RUNNING.
+        """
+        self._caller.require_write()
+        self._state.tasks.delete(self._task)
+
+    def get_file_name(self) -> str:
+        """Name of the program's file, with its folder."""
+        return self._task.name + SUFFIX
+
+    def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002 - none has one
+        """Execute an extended command: ``GetStatus`` (0 to 4, :class:`~orinkit.rc8.task_modes.TaskStatus`)."""
+        self._caller.require_read()
+        if command.strip().lower() != "getstatus":
+            raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
+        return _status(self)
+
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
+        """Connect to a variable of the task."""
+        entry = TASK_VARIABLES.get(name.strip().upper())
+        if entry is None:
+            raise not_found(name)
+        return TaskVariableObject(self._caller, self, entry)
+
+    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Names of the task's variables."""
+        return list(TASK_VARIABLES)
+
+    @property
+    def task(self) -> Task:
+        """The task itself."""
+        return self._task
+
+    @property
+    def exists(self) -> bool:
+        """Whether its program is still there."""
+        return self._state.tasks.exists(self._task)
+
+
+def _status(served: RC8Task) -> int:
+    return int(served.task.status) if served.exists else TaskStatus.NON_EXISTENT
+
+
+@dataclass(frozen=True, slots=True)
+class TaskVariable:
+    """One entry, as :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, of a task."""
+
+    name: str
+    vt: VarType
+    read: Callable[[RC8Task], Any]
+    text: str
+
+
+TASK_VARIABLES: Final[dict[str, TaskVariable]] = {
+    entry.name: entry
+    for entry in (
+        TaskVariable("@STATUS", VarType.I4, _status, N_("Status, as GetStatus")),
+        TaskVariable("@PRIORITY", VarType.I4, lambda _: PRIORITY, N_("Priority")),
+        TaskVariable("@LINE_NO", VarType.I4, lambda served: served.task.line, N_("Line executed next")),
+        TaskVariable("@CYCLE_TIME", VarType.I4, lambda served: milliseconds(served.task.cycle_seconds),
+                     N_("How long the last cycle took [ms]")),
+        TaskVariable("@ELAPSED_TIME", VarType.I4, lambda served: milliseconds(served.task.elapsed),
+                     N_("How long it has been running [ms]")),
+        TaskVariable("@FILE_NAME", VarType.BSTR, lambda served: served.task.name + SUFFIX, N_("File")),
+    )
+}  # fmt: skip
+"""THE TABLE of a task's variables."""
+
+
+class TaskVariableObject(VariableObject):
+    """A variable of a task, held by a client; it can only be read."""
+
+    def __init__(self, caller: Caller, served: RC8Task, entry: TaskVariable) -> None:
+        super().__init__(entry.name, attribute=1, help=caller.state.say(entry.text))
+        self._caller = caller
+        self._served = served
+        self._entry = entry
+
+    def get_value(self) -> Value:
+        """The value at this moment."""
+        self._caller.require_read()
+        return Variant(self._entry.vt, self._entry.read(self._served))
+
+
+def find_task(caller: Caller, name: str) -> RC8Task:
+    """Return the task of a program for a client.
+
+    Raises:
+        CallError: NO_READ_RIGHT; E_CAO_OBJECT_NOTFOUND.
+    """
+    caller.require_read()
+    return RC8Task(caller, caller.state.tasks.find(name), name)
+
+
+def run_file(caller: Caller, name: str, option: str) -> str | Blocking:  # noqa: ARG001 - has none
+    """Run a program for File_Run: one cycle; returns the name of its task.
+
+    Raises:
+        CallError: as :meth:`RC8Task.start`.
+    """
+    served = find_task(caller, name)
+    loading = served.start(TaskMode.CYCLE, "")
+    if loading is None:
+        return served.task.name
+
+    def run() -> str:
+        loading.run()
+        return served.task.name
+
+    return Blocking(run)
+
+
+def _mode(kind: type[E], mode: int) -> E:
+    try:
+        return kind(mode)
+    except ValueError:
+        known = ", ".join(f"{int(each)}" for each in kind)
+        raise error_for(hresult.E_INVALIDARG, tr("mode {mode}; there are {modes}", mode=mode, modes=known)) from None

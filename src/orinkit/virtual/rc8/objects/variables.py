@@ -1,0 +1,152 @@
+"""The Variable objects that clients hold: one variable, a class with an index to choose, a system variable."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from orinkit.cao.provider import VariableObject, not_found
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.values.variant import Value, Variant, VarType, type_name
+from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.objects.system_variables import SYSTEM_VARIABLES, SystemVariable
+from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.variables import conversion
+from orinkit.virtual.rc8.variables.types import CLASSES, VariableClass, io_area, read_name
+
+_SYSTEM_PREFIX = "@"
+
+
+def find_variable(caller: Caller, name: str) -> VariableObject:
+    """Return the variable of that name, in upper or lower case.
+
+    Raises:
+        CallError: E_CAO_OBJECT_NOTFOUND; VARIABLE_INDEX_INVALID.
+    """
+    wanted = name.strip()
+    if wanted.startswith(_SYSTEM_PREFIX):
+        entry = SYSTEM_VARIABLES.get(wanted.upper())
+        if entry is None:
+            raise not_found(name)
+        return System(caller, name, entry)
+    meaning = read_name(wanted)
+    if meaning is None:
+        raise not_found(name)
+    if meaning.index is None:
+        return AnyIndex(caller, name, meaning.kind)
+    caller.state.variables.check(meaning.kind, meaning.index)
+    return User(caller, name, meaning.kind, meaning.index)
+
+
+def variable_names() -> list[str]:
+    """Return the system variables, and each class of user variables as its pattern: ``I*`` stands for I0, I1 ..."""
+    return [*SYSTEM_VARIABLES, *(f"{name}*" for name in CLASSES)]
+
+
+class User(VariableObject):
+    """A user variable or I/O points at a fixed index.
+
+    Its attribute has bit 1 (readable) and bit 2 (writable) as this client's permission has them. Its date and
+    microsecond are those of the last write, by whomever.
+    """
+
+    def __init__(self, caller: Caller, name: str, kind: VariableClass, index: int) -> None:
+        super().__init__(name, attribute=int(caller.access), help=_help(caller, kind, str(index)))
+        if kind.bits:
+            self.help += f" ({caller.state.say(io_area(index))})"
+        self._caller = caller
+        self._variables = caller.state.variables
+        self._kind = kind
+        self._index = index
+
+    def get_value(self) -> Value:
+        """The value, with its exact type."""
+        self._caller.require_read()
+        return self._variables.read(self._kind, self._index)
+
+    def put_value(self, value: Variant) -> None:
+        """Set the value; when this returns it is kept."""
+        self._caller.require_write()
+        self._variables.write(self._kind, self._index, value)
+
+    def get_date_time(self) -> Value:
+        """When the value was written last; the controller's start if it never was."""
+        return self._written()
+
+    def get_microsecond(self) -> int:
+        """Microseconds of that time, 0 to 999999."""
+        return self._written().microsecond
+
+    def _written(self) -> datetime:
+        self._caller.require_read()
+        return self._variables.written(self._kind, self._index)
+
+
+class AnyIndex(User):
+    """A class of variables, ``I*``: the ID is the index, 0 until it is set."""
+
+    def __init__(self, caller: Caller, name: str, kind: VariableClass) -> None:
+        super().__init__(caller, name, kind, 0)
+        self.help = _help(caller, kind, "*")
+        self.id = Variant(VarType.I4, 0)
+
+    def put_id(self, id: Variant) -> None:  # noqa: A002 - the documents' word
+        """Choose the index: any whole number or text of one.
+
+        Raises:
+            CallError: DISP_E_TYPEMISMATCH, E_INVALIDARG; VARIABLE_INDEX_INVALID. The index stays as it was.
+        """
+        index = conversion.whole(id)
+        self._variables.check(self._kind, index)
+        self._index = index
+        self.id = id
+
+
+class System(VariableObject):
+    """A system variable.
+
+    Its attribute has bit 1 (readable) and bit 2 (writable) as the variable and this client's permission allow. Its
+    date and microsecond are those of the client's last read through this object, the present where it has not read.
+    """
+
+    def __init__(self, caller: Caller, name: str, entry: SystemVariable) -> None:
+        own = Access.READ_WRITE if entry.write else Access.READ
+        super().__init__(name, attribute=int(own & caller.access), help=entry.help(caller.state.say))
+        self._caller = caller
+        self._entry = entry
+        self._read: datetime | None = None
+
+    def get_value(self) -> Value:
+        """The value at this moment, with its exact type."""
+        self._caller.require_read()
+        state = self._caller.state
+        self._read = state.calendar.now()
+        return Variant(self._entry.vt, self._entry.read(state))
+
+    def put_value(self, value: Variant) -> None:
+        """Set the value.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; the value is refused.
+        """
+        self._caller.require_write()
+        if self._entry.write is None:
+            raise error_for(hresult.E_CAO_NOT_WRITABLE, self.name)
+        self._entry.write(self._caller, value)
+
+    def get_date_time(self) -> Value:
+        """When the value was read last."""
+        return self._moment()
+
+    def get_microsecond(self) -> int:
+        """Microseconds of that time, 0 to 999999."""
+        return self._moment().microsecond
+
+    def _moment(self) -> datetime:
+        self._caller.require_read()
+        return self._read or self._caller.state.calendar.now()
+
+
+def _help(caller: Caller, kind: VariableClass, index: str) -> str:
+    what = caller.state.say(kind.text)
+    return f"{kind.name}{index}: {what} ({type_name(kind.vt)})"

@@ -1,0 +1,160 @@
+"""What can be assigned to: how a value is stored there, and how another Sub gets hold of it (ByRef)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from orinkit.core.i18n import tr
+from orinkit.virtual.rc8.pacscript.code import WORLD, Frame
+from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.expression_compiler import ExpressionCompiler
+from orinkit.virtual.rc8.pacscript.keywords import POINT_KINDS
+from orinkit.virtual.rc8.pacscript.scope import BY_CLASS, TypeOf, known_class, split_number, unknown
+from orinkit.virtual.rc8.pacscript.tree import Apply, Expression, Index, Name, Target
+from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
+
+Store: TypeAlias = Callable[[Frame, AnyValue], None]
+"""Stores a value."""
+Refer: TypeAlias = Callable[[Frame], tuple[Any, int]]
+"""Returns a list, or what can be indexed like one, and the index where the value is."""
+
+
+class _Globals:
+    """The global variables of a class as if they were a list, to be handed over by reference."""
+
+    __slots__ = ("_convert", "_kind", "_world")
+
+    def __init__(self, world: Any, kind: str) -> None:
+        self._world = world
+        self._kind = kind
+
+    def __getitem__(self, index: int) -> AnyValue:
+        value = self._world.read(self._kind, index)
+        return tuple(value) if isinstance(value, tuple) else value
+
+    def __setitem__(self, index: int, value: AnyValue) -> None:
+        self._world.write(self._kind, index, value)
+
+
+def as_target(node: Expression) -> Target:
+    """Return an expression that stands where something can be assigned to.
+
+    Raises:
+        Refusal: it is something else.
+    """
+    if isinstance(node, Name | Apply | Index):
+        return node
+    raise Refusal(tr("a variable is wanted here"), node.at)
+
+
+def store(expressions: ExpressionCompiler, target: Target) -> Store:
+    """Return what stores a value, converted to the type of the target.
+
+    Raises:
+        Refusal: nothing can be assigned to it.
+    """
+    local = _local(expressions, target)
+    if local is None:
+        return _store_global(expressions, target)
+    kind, refer = local
+    convert = kind.convert
+    variable = expressions.scope.variable(_name_of(target).key)
+    if variable is not None and not variable.sizes and not variable.by_ref:
+        slot = variable.slot
+
+        def put(f: Frame, value: AnyValue) -> None:
+            f[slot] = convert(value)
+
+        return put
+
+    def put_there(f: Frame, value: AnyValue) -> None:
+        holder, key = refer(f)
+        holder[key] = convert(value)
+
+    return put_there
+
+
+def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf, Refer] | None:
+    """Return the type of a variable and what gives hold of it; ``None`` for what cannot be handed over by reference."""
+    if not isinstance(node, Name | Apply | Index):
+        return None
+    local = _local(expressions, node, refuse=False)
+    if local is not None:
+        return local
+    where = _global_of(expressions, node)
+    if where is None or where[0] in POINT_KINDS:
+        return None
+    kind, index = where
+    return BY_CLASS[kind], lambda f: (_Globals(f[WORLD], kind), whole(index(f)))
+
+
+def _local(expressions: ExpressionCompiler, target: Target, *, refuse: bool = True) -> tuple[TypeOf, Refer] | None:
+    name = _name_of(target)
+    if isinstance(target, Index):
+        return None
+    variable = expressions.scope.variable(name.key)
+    if variable is None:
+        if refuse and expressions.scope.constant(name.key) is not None:
+            raise Refusal(
+                tr("{name} is a constant and cannot be changed", name=name.text),
+                name.at,
+            )
+        return None
+    slot = variable.slot
+    if isinstance(target, Apply):
+        if not variable.sizes:
+            if refuse:
+                raise Refusal(tr("{name} is no array", name=name.text), name.at)
+            return None
+        offset = expressions.element(variable, target)
+        return variable.type, lambda f: (f[slot], offset(f))
+    if variable.sizes:
+        raise Refusal(
+            tr("{name} is an array; only an element can stand here", name=name.text),
+            name.at,
+        )
+    if variable.by_ref:
+        return variable.type, lambda f: f[slot]
+    return variable.type, lambda f: (f, slot)
+
+
+def _store_global(expressions: ExpressionCompiler, target: Target) -> Store:
+    where = _global_of(expressions, target)
+    if where is None:
+        raise unknown(_name_of(target), applied=isinstance(target, Apply))
+    kind, index = where
+    if kind in POINT_KINDS:
+        return _store_point(kind, index)
+    convert = BY_CLASS[kind].convert
+
+    def put(f: Frame, value: AnyValue) -> None:
+        f[0].write(kind, index(f), convert(value))
+
+    return put
+
+
+def _store_point(kind: str, index: Callable[[Frame], int]) -> Store:
+    def put_bit(f: Frame, value: AnyValue) -> None:
+        f[0].write_io(kind, index(f), 1 if truth(value) else 0)
+
+    def put(f: Frame, value: AnyValue) -> None:
+        f[0].write_io(kind, index(f), whole(value))
+
+    return put_bit if kind == "IO" else put
+
+
+def _global_of(expressions: ExpressionCompiler, target: Target) -> tuple[str, Callable[[Frame], int]] | None:
+    if isinstance(target, Index):
+        kind = known_class(target.name)
+        value = expressions.value(target.index)
+        return kind, lambda f: whole(value(f))
+    numbered = split_number(target.key) if isinstance(target, Name) else None
+    if numbered is None:
+        return None
+    kind, index = numbered
+    return kind, lambda _: index
+
+
+def _name_of(target: Target) -> Name:
+    return target if isinstance(target, Name) else target.name

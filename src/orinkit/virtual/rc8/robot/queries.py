@@ -1,0 +1,188 @@
+"""Commands of the robot that only calculate and tell: poses, conversions, range checks, servo data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from orinkit.arms import frames
+from orinkit.cao import coerce
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.poses import Kind, Target
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.rc8.robot import parameters, state_report
+from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.state_report import Numbers, Source
+from orinkit.virtual.rc8.robot.target import figure_of
+from orinkit.virtual.rc8.robot.tools import Matrix
+from orinkit.virtual.rc8.variables import conversion
+
+_R8_ARRAY: Final = int(VarType.R8) | ARRAY
+_UNREACHABLE: Final = -1
+_SINGULAR: Final = -2
+_IN_USE: Final = -1
+_COUNTS: Final[Mapping[str, Sequence[int]]] = {"P": (6, 7), "J": (6, 7, 8), "T": (9, 10)}
+
+Answer = Callable[[Arm, Variant], Variant]
+
+POSES: Final[Mapping[str, Callable[[Source], Numbers]]] = {
+    "Pos": Source.position,
+    "Jnt": Source.angles,
+    "Trn": Source.trans,
+}
+"""What follows Cur, HighCur and Dest in a command's name, and how it is read."""
+
+
+def pose(source: Callable[[Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
+    """Return a command that answers with a pose."""
+    return lambda arm, _: Variant(_R8_ARRAY, read(source(arm)))
+
+
+def stamped_pose(source: Callable[[Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
+    """Return a command that answers with ms since power-on and a pose."""
+    return lambda arm, _: Variant(_R8_ARRAY, state_report.stamped(arm.seconds(), read(source(arm))))
+
+
+def figure(source: Callable[[Arm], Source]) -> Answer:
+    """Return a command that answers with a figure."""
+    return lambda arm, _: Variant(VarType.I4, source(arm).figure())
+
+
+def convert(given: Kind, wanted: Kind) -> Answer:
+    """Return a command that converts a pose of one type into another: J2P, P2J ..."""
+
+    def run(arm: Arm, parameter: Variant) -> Variant:
+        target = _named(parameter, given)
+        if target.kind != given:
+            raise error_for(
+                hresult.DISP_E_TYPEMISMATCH,
+                tr("{target} is not of type {given}", target=target, given=given),
+            )
+        if "J" not in (given, wanted):
+            return Variant(_R8_ARRAY, _retyped(arm, target, wanted))
+        source = Source(arm, arm.space.joints(target, arm.servo.command))
+        return Variant(_R8_ARRAY, {"J": source.angles, "P": source.position, "T": source.trans}[wanted]())
+
+    return run
+
+
+def _named(parameter: Variant, kind: Kind) -> Target:
+    """Return a pose; values without a type are taken as what the command's name says, if they are as many."""
+    target = parameters.pose(parameter)
+    given = parameters.elements(coerce.single(parameter))
+    untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
+    if not untyped or isinstance(target.value, int) or len(target.value) not in _COUNTS[kind]:
+        return target
+    if kind != "J":
+        figure_of(kind, target.value)
+    return Target(kind, target.value)
+
+
+def _retyped(arm: Arm, target: Target, wanted: Kind) -> Numbers:
+    """P as T or T as P: the same frame, within reach or not; the figure stays as it was given."""
+    kind, values = arm.space.numbers(target, arm.servo.command)
+    frame = arm.space.pose(kind, values, 0)
+    made = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
+    return [*map(float, made), float(figure_of(kind, values))]
+
+
+def dev(arm: Arm, parameter: Variant) -> Variant:
+    """Dev: a pose moved along and turned about the axes of the work frame by another."""
+    first, second, fig = _two(arm, parameter)
+    moved = np.eye(4)
+    moved[:3, :3] = second[:3, :3] @ first[:3, :3]
+    moved[:3, 3] = first[:3, 3] + second[:3, 3]
+    return _position(moved, fig)
+
+
+def dev_hand(arm: Arm, parameter: Variant) -> Variant:
+    """DevH: a pose moved along and turned about the axes of its own tool by another."""
+    first, second, fig = _two(arm, parameter)
+    return _position(np.asarray(first @ second), fig)
+
+
+def _two(arm: Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
+    """Return two poses in the work frame, and the figure of the first."""
+    base, offset = parameters.poses(parameter, 2)
+    kind, values = arm.space.numbers(base, arm.servo.command)
+    if kind == "J":
+        joints = arm.space.joints(base, arm.servo.command)
+        first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.kinematics.figure(joints))
+    else:
+        first, fig = arm.space.pose(kind, values, 0), float(figure_of(kind, values))
+    kind, values = arm.space.numbers(parameters.position(offset), arm.servo.command)
+    if kind == "J":
+        raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("the offset must be of type P or T"))
+    return first, arm.space.pose(kind, values, 0), fig
+
+
+def _position(frame: Matrix, fig: float) -> Variant:
+    return Variant(_R8_ARRAY, [*map(float, frames.position_of_matrix(frame)), fig])
+
+
+def out_range(arm: Arm, parameter: Variant) -> Variant:
+    """OutRange: 0 for a pose within reach, bits of the axes beyond their limits, -1 out of reach, -2 singular."""
+    space, start = arm.space, arm.servo.command
+    target, rest = parameters.pose_and_rest(parameter, 2)
+    tool, work = [conversion.whole(each) for each in rest] + [_IN_USE] * (2 - len(rest))
+    try:
+        joints = space.joints(target, start, space.tools.check(tool, _IN_USE), space.works.check(work, _IN_USE))
+    except CallError as error:
+        if error.code in (hresult.TARGET_OUT_OF_RANGE, hresult.FIGURE_INVALID):
+            return Variant(VarType.I4, _UNREACHABLE)
+        raise
+    beyond = space.kinematics.limits_exceeded(joints)
+    if beyond:
+        return Variant(VarType.I4, beyond)
+    return Variant(VarType.I4, _SINGULAR if space.kinematics.is_singular(joints) else 0)
+
+
+_DEVIATION: Final = 2
+_LOAD: Final = 4
+_TIP_SPEED: Final = 17
+
+
+def servo_data(arm: Arm, parameter: Variant) -> Variant:
+    """GetSrvData: 2 deviation (deg), 4 load (%), 17 speed of the tool's tip (mm/s, first number)."""
+    (item,) = parameters.whole_numbers(parameter, None)
+    if item == _DEVIATION:
+        return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))
+    if item == _LOAD:
+        return Variant(_R8_ARRAY, state_report.eight(arm.servo.load(arm.motor.on)))
+    if item == _TIP_SPEED:
+        return Variant(_R8_ARRAY, state_report.eight((_tip_speed(arm),)))
+    raise error_for(
+        hresult.E_INVALIDARG,
+        tr("no item {item}; 2 deviation, 4 load, 17 tip speed", item=item),
+    )
+
+
+def _tip_speed(arm: Arm) -> float:
+    now, velocity = arm.servo.encoder, arm.servo.velocity()
+    before = tuple(joint - rate * PERIOD for joint, rate in zip(now, velocity, strict=True))
+    return math.dist(arm.space.tcp(now)[:3, 3], arm.space.tcp(before)[:3, 3]) / PERIOD
+
+
+_KINDS: Final[tuple[Kind, ...]] = ("P", "J", "T")
+CALCULATIONS: Final[Mapping[str, Answer]] = {
+    **{f"{a}2{b}": convert(a, b) for a in _KINDS for b in _KINDS if a != b},
+    "Dev": dev,
+    "DevH": dev_hand,
+    "OutRange": out_range,
+}
+"""Commands that programs have as functions too, by name."""
+
+
+def calculate(arm: Arm, name: str, given: Sequence[Variant]) -> Variant:
+    """Return what a calculation gives for the arguments of a program's function.
+
+    Raises:
+        CallError: as the command of that name.
+    """
+    return CALCULATIONS[name](arm, given[0] if len(given) == 1 else Variant(VARIANT_ARRAY, list(given)))

@@ -1,0 +1,24 @@
+"""What a client has set with slvSendFormat and slvRecvFormat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from orinkit.rc8.slave_formats import ReceiveFormat, Send
+
+_POSE_ONLY: Final = Send(0)
+_JOINTS: Final = ReceiveFormat()
+
+
+@dataclass(slots=True)
+class Formats:
+    """The formats of one client's slvMove; they are its own as long as it is connected (RC8 table 4-1).
+
+    Attributes:
+        send: what it carries beside the pose.
+        receive: what it is answered.
+    """
+
+    send: Send = _POSE_ONLY
+    receive: ReceiveFormat = _JOINTS

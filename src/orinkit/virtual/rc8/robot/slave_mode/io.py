@@ -1,0 +1,115 @@
+"""The I/O beside the poses of slave mode (RC8 tables 4-1 to 4-3), in the mini allocation.
+
+What is sent sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a point on. What is received has inputs too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.rc8.slave_formats import Receive, ReceiveFormat, Send, SetPoint, UserWindow
+from orinkit.virtual.rc8.variables.table import Variables
+
+_BYTE: Final = 8
+_MINI: Final = (0, 32)  # first point, how many
+_MINI_OUT: Final = (16, 16)
+_HAND_IN: Final = (48, 8)
+_HAND_OUT: Final = (64, 8)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Points that a set-point sets.
+
+    Attributes:
+        first: number of the first one.
+        count: how many.
+        states: as bits, the first one lowest.
+    """
+
+    first: int
+    count: int
+    states: int
+
+
+def require_sent(variables: Variables, send: Send) -> None:
+    """Check that the points of a send format are there; those of user I/O are told with each set-point.
+
+    Raises:
+        CallError: E_INVALIDARG, the controller has fewer.
+    """
+    for flag, points in ((Send.MINI, _MINI_OUT), (Send.HAND, _HAND_OUT)):
+        if send & flag:
+            _require(variables, *points)
+
+
+def require_received(variables: Variables, receive: ReceiveFormat) -> None:
+    """Check that the points of a receive format are there, as :func:`require_sent`.
+
+    Raises:
+        CallError: E_INVALIDARG, the controller has fewer.
+    """
+    for flag, points in ((Receive.MINI, _MINI), (Receive.HAND, _HAND_OUT)):
+        if receive.has(flag):
+            _require(variables, *points)
+
+
+def require_window(variables: Variables, window: UserWindow) -> None:
+    """Check that the user I/O that an answer is to have is there.
+
+    Raises:
+        CallError: E_INVALIDARG, the controller has fewer points.
+    """
+    _require(variables, window.offset, window.size * _BYTE)
+
+
+def outputs_of(variables: Variables, point: SetPoint) -> tuple[Output, ...]:
+    """Return what a set-point sets.
+
+    Raises:
+        CallError: E_INVALIDARG, the controller has fewer points.
+    """
+    found = []
+    if point.mini is not None:
+        found.append(_output(*_MINI_OUT, point.mini))
+    if point.user is not None:
+        first, states = point.user
+        found.append(_output(first, len(states) * _BYTE, int.from_bytes(states, "little")))
+    if point.hand is not None:
+        found.append(_output(*_HAND_OUT, point.hand))
+    for each in found:
+        _require(variables, each.first, each.count)
+    return tuple(found)
+
+
+def mini(variables: Variables) -> int:
+    """Return the mini I/O, points 0 to 31, as a VT_I4."""
+    states = variables.points(*_MINI)
+    return states - (1 << 32) if states >> 31 else states
+
+
+def hand(variables: Variables) -> int:
+    """Return the hand I/O: inputs 48 to 55 in the lowest byte, outputs 64 to 71 in the next."""
+    return variables.points(*_HAND_IN) | variables.points(*_HAND_OUT) << _BYTE
+
+
+def user(variables: Variables, window: UserWindow) -> bytes:
+    """Return the bytes of user I/O that were asked for."""
+    return variables.points(window.offset, window.size * _BYTE).to_bytes(window.size, "little")
+
+
+def _output(first: int, count: int, states: int) -> Output:
+    return Output(first, count, states & (1 << count) - 1)
+
+
+def _require(variables: Variables, first: int, count: int) -> None:
+    if not 0 <= first <= variables.io_points - count:
+        last, most = first + count - 1, variables.io_points - 1
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("I/O {first} to {last}; there are 0 to {most}", first=first, last=last, most=most),
+        )

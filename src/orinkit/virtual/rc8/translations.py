@@ -1,0 +1,31 @@
+"""The language of a controller: its own setting, apart from the language of the program that runs it."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Protocol
+
+from orinkit.core.i18n import Language, tr, translate
+
+
+class Translate(Protocol):
+    """Returns a message in the controller's language, like :func:`orinkit.core.i18n.tr`."""
+
+    def __call__(self, message: str, /, **values: object) -> str:
+        """Return the message."""
+
+
+def translator(language: Language | None) -> Translate:
+    """Return the function that translates a controller's messages.
+
+    Args:
+        language: ``"en"``, ``"ja"``, or None for the current language of the process.
+
+    Raises:
+        ValueError: If the language is another one.
+    """
+    if language is None:
+        return tr
+    if language not in ("en", "ja"):
+        raise ValueError(tr('language must be "en" or "ja", not {language!r}', language=language))
+    return partial(translate, language)

@@ -1,0 +1,1 @@
+"""Variables of the virtual RC8: types, values, database."""

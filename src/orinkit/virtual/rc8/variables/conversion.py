@@ -1,0 +1,172 @@
+"""What a client writes, as the value a variable keeps: types that convert are taken, nothing is lost unsaid.
+
+Clients write numbers as any numeric VARIANT, as text or as a one-element array, and poses as arrays of any numeric
+type. A type that cannot be converted is DISP_E_TYPEMISMATCH, a number out of range DISP_E_OVERFLOW. A fraction for a
+whole number, NaN, infinity and an array of another length are E_INVALIDARG: no silent rounding, no filling up.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from datetime import datetime
+from typing import Any, Final
+
+from orinkit.cao import coerce
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, plain_date, type_name
+
+_REALS: Final = frozenset({int(VarType.R4), int(VarType.R8)})
+_INTEGERS: Final = frozenset(
+    map(
+        int,
+        (VarType.I2, VarType.I4, VarType.I1, VarType.UI1, VarType.UI2, VarType.UI4, VarType.I8, VarType.UI8),
+    )
+)
+_NUMBERS: Final = _REALS | _INTEGERS | {int(VarType.BOOL), int(VarType.BSTR), int(VarType.CY)}
+_STRING_BYTES: Final = 255
+_SHOWN: Final = 10**20  # a larger number is not written out
+
+
+def number(given: Variant) -> int | float:
+    """Return a number from a numeric VARIANT, VT_BOOL (-1, 0), text or a one-element array of these."""
+    element = coerce.single(given)
+    if element.type not in _NUMBERS:
+        raise _mismatch(given, tr("a number"))
+    try:
+        return coerce.to_number(element)
+    except CallError as error:
+        raise error_for(hresult.DISP_E_TYPEMISMATCH, error.detail) from None
+
+
+def whole(given: Variant) -> int:
+    """Return a whole number of any size."""
+    value = number(given)
+    if isinstance(value, float) and not value.is_integer():  # infinity and NaN are no integer either
+        raise error_for(hresult.E_INVALIDARG, tr("{value} is no whole number", value=value))
+    return int(value)
+
+
+def whole_within(low: int, high: int) -> Callable[[Variant], int]:
+    """Return what reads a whole number from ``low`` to ``high``."""
+
+    def convert(given: Variant) -> int:
+        value = whole(given)
+        if not low <= value <= high:
+            raise _overflow(str(value) if abs(value) < _SHOWN else tr("the number"), low, high)
+        return value
+
+    return convert
+
+
+_TRUTH: Final = whole_within(-1, 1)
+
+
+def boolean(given: Variant) -> bool:
+    """Return a truth value from VT_BOOL or a number -1, 0, 1."""
+    return bool(_TRUTH(given))
+
+
+def double(given: Variant) -> float:
+    """Return a finite number of double precision."""
+    value = number(given)
+    try:
+        return _finite(float(value))
+    except OverflowError:
+        raise _too_large("VT_R8") from None
+
+
+def single(given: Variant) -> float:
+    """Return a finite number, rounded to single precision."""
+    return _single(double(given))
+
+
+def singles(length: int) -> Callable[[Variant], tuple[float, ...]]:
+    """Return what reads an array of ``length`` numbers, rounded to single precision."""
+
+    def convert(given: Variant) -> tuple[float, ...]:
+        values = _elements(given)
+        if len(values) != length:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                tr("{count} values were given, {length} are wanted", count=len(values), length=length),
+            )
+        return tuple(_single(_finite(value)) for value in values)
+
+    return convert
+
+
+def string(given: Variant) -> str:
+    """Return a text of at most 255 bytes.
+
+    The bytes are those of Shift_JIS (code page 932), the 8-bit encoding of Japanese controllers, so 127 kanji fit; a
+    character that it lacks counts as one byte. The text itself is kept as it is.
+
+    Raises:
+        CallError: DISP_E_TYPEMISMATCH; STRING_TOO_LONG.
+    """
+    element = coerce.single(given)
+    if element.type != VarType.BSTR:
+        raise _mismatch(given, "VT_BSTR")
+    text = str(element.value)
+    length = len(text) if len(text) > _STRING_BYTES else len(text.encode("cp932", "replace"))  # at least so many
+    if length > _STRING_BYTES:
+        raise error_for(hresult.STRING_TOO_LONG, tr("{length} bytes", length=length))
+    return text
+
+
+def moment(given: Variant) -> datetime:
+    """Return a local date and time from VT_DATE."""
+    element = coerce.single(given)
+    if element.type != VarType.DATE:
+        raise _mismatch(given, "VT_DATE")
+    value = plain_date(element.value)
+    if not isinstance(value, datetime):
+        raise error_for(hresult.E_INVALIDARG, tr("{value} days is no date", value=value))
+    return value
+
+
+def _elements(given: Variant) -> list[float]:
+    base = given.type & ~ARRAY
+    if given.type & ARRAY and base in _REALS:
+        return list(given.value)
+    if given.type == VARIANT_ARRAY:
+        return [double(element) for element in given.value]
+    if given.type & ARRAY and base in _INTEGERS:
+        return [float(element) for element in given.value]
+    raise _mismatch(given, tr("an array of VT_R4"))
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise error_for(hresult.E_INVALIDARG, tr("{value} is no usable number", value=value))
+    return value
+
+
+def _single(value: float) -> float:
+    try:
+        rounded: tuple[Any] = struct.unpack("<f", struct.pack("<f", value))
+    except OverflowError:
+        raise _too_large("VT_R4") from None
+    return float(rounded[0])
+
+
+def _mismatch(given: Variant, wanted: str) -> CallError:
+    return error_for(
+        hresult.DISP_E_TYPEMISMATCH,
+        tr("{type} was given, {wanted} is wanted", type=type_name(given.type), wanted=wanted),
+    )
+
+
+def _overflow(shown: str, low: int, high: int) -> CallError:
+    return error_for(
+        hresult.DISP_E_OVERFLOW,
+        tr("{shown} is not within {low} to {high}", shown=shown, low=low, high=high),
+    )
+
+
+def _too_large(wanted: str) -> CallError:
+    return error_for(hresult.DISP_E_OVERFLOW, tr("the number does not fit {wanted}", wanted=wanted))

@@ -1,0 +1,114 @@
+"""The classes of user variables and I/O: types, shapes, what they take, and how their names are written.
+
+I/O points are bits. ``IO`` is one of them, ``IOB``, ``IOW``, ``IOD`` and ``IOF`` are 8, 16 or 32 from the given point
+on, lowest bit first. Every point can be written here, inputs too: nothing else feeds them in a virtual controller.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from orinkit.core.i18n import N_
+from orinkit.values.variant import ARRAY, Variant, VarType
+from orinkit.virtual.rc8.variables import conversion
+
+R4_ARRAY: Final = int(VarType.R4) | ARRAY
+
+
+@dataclass(frozen=True, slots=True)
+class VariableClass:
+    """One class.
+
+    Attributes:
+        name: as it is written before the index.
+        vt: VARIANT type of its values.
+        convert: reads what a client writes.
+        default: value of a variable that nobody has written; an array as a tuple.
+        text: what it is, in English.
+        bits: how many I/O points it covers; 0 for a variable of its own.
+    """
+
+    name: str
+    vt: int
+    convert: Callable[[Variant], Any]
+    default: Any
+    text: str
+    bits: int = 0
+
+
+# A pose nobody has taught has no figure: Fig -1 is "undefined", 0 would be a valid figure.
+_P_DEFAULT: Final = (0.0,) * 6 + (-1.0,)
+_T_DEFAULT: Final = (0.0,) * 9 + (-1.0,)
+_I4: Final = conversion.whole_within(-(2**31), 2**31 - 1)
+
+CLASSES: Final[dict[str, VariableClass]] = {
+    kind.name: kind
+    for kind in (
+        VariableClass("I", VarType.I4, _I4, 0, N_("integer")),
+        VariableClass("F", VarType.R4, conversion.single, 0.0, N_("single-precision number")),
+        VariableClass("D", VarType.R8, conversion.double, 0.0, N_("double-precision number")),
+        VariableClass("V", R4_ARRAY, conversion.singles(3), (0.0,) * 3, N_("vector X, Y, Z")),
+        VariableClass("P", R4_ARRAY, conversion.singles(7), _P_DEFAULT,
+                      N_("position X, Y, Z in mm, RX, RY, RZ in degrees, Fig")),
+        VariableClass("J", R4_ARRAY, conversion.singles(8), (0.0,) * 8,
+                      N_("joints J1 to J8 in degrees or mm")),
+        VariableClass("T", R4_ARRAY, conversion.singles(10), _T_DEFAULT,
+                      N_("transform X, Y, Z in mm, orient and approach vectors, Fig")),
+        VariableClass("S", VarType.BSTR, conversion.string, "", N_("string of up to 255 bytes")),
+        VariableClass("IO", VarType.BOOL, conversion.boolean, False, N_("I/O point"), 1),
+        VariableClass("IOB", VarType.UI1, conversion.whole_within(0, 255), 0, N_("8 I/O points"), 8),
+        VariableClass("IOW", VarType.I2, conversion.whole_within(-(2**15), 2**15 - 1), 0,
+                      N_("16 I/O points"), 16),
+        VariableClass("IOD", VarType.I4, _I4, 0, N_("32 I/O points"), 32),
+        VariableClass("IOF", VarType.R4, conversion.single, 0.0,
+                      N_("32 I/O points as a single-precision number"), 32),
+    )
+}  # fmt: skip
+
+USER_CLASSES: Final = tuple(name for name, kind in CLASSES.items() if not kind.bits)
+
+# The mini allocation: first point, last point, what it is.
+_IO_AREAS: Final = (
+    (0, 15, N_("input")),
+    (16, 31, N_("output")),
+    (48, 55, N_("hand input")),
+    (64, 71, N_("hand output")),
+    (128, 2**31, N_("user")),
+)
+IO_ALLOCATION_MINI: Final = 0
+
+
+def io_area(point: int) -> str:
+    """Return what an I/O point is in the mini allocation, in English."""
+    for first, last, text in _IO_AREAS:
+        if first <= point <= last:
+            return text
+    return N_("reserved")
+
+
+_NAME: Final = re.compile(rf"({'|'.join(sorted(CLASSES, key=len, reverse=True))})(\*|[0-9]+)", re.IGNORECASE)
+_DIGITS: Final = 10
+_BEYOND: Final = 10**_DIGITS
+
+
+@dataclass(frozen=True, slots=True)
+class VariableName:
+    """A user variable's name, read: its class and index, ``None`` for ``*``."""
+
+    kind: VariableClass
+    index: int | None
+
+
+def read_name(text: str) -> VariableName | None:
+    """Return what a name such as ``I1``, ``io128`` or ``P*`` means; ``None`` when it is no user variable's."""
+    found = _NAME.fullmatch(text.strip())
+    if not found:
+        return None
+    kind, digits = CLASSES[found[1].upper()], found[2]
+    if digits == "*":
+        return VariableName(kind, None)
+    digits = digits.lstrip("0") or "0"
+    return VariableName(kind, int(digits) if len(digits) <= _DIGITS else _BEYOND)

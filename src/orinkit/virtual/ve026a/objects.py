@@ -1,0 +1,184 @@
+"""The objects that a client holds: the controller, the robot, their variables (VE026A 5.2 to 5.4).
+
+Names of variables and commands are taken in upper and lower case. An unknown variable is E_INVALIDARG, as table 3-5 has no
+code of its own for it (our ruling); an unknown command is E_INVALIDCOMMAND.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from orinkit.cao.provider import ControllerObject, RobotObject, VariableObject
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.rc8.slave_lateness import COMMAND as LATENESS
+from orinkit.rc8.slave_lateness import build_lateness
+from orinkit.values.variant import Value, Variant, VarType
+from orinkit.virtual.ve026a import parameters
+from orinkit.virtual.ve026a.arm import Arm
+from orinkit.virtual.ve026a.arm_owner import Operator
+
+VERSION: Final = "VE026A Ver. 1.0.0 (virtual)"
+_TYPE: Final = 0  # a vertical arm, as with controllers that followed; the document gives no number
+
+_CONTROLLER_VARIABLES: Final[dict[str, Callable[[Arm], Value]]] = {  # table 5-1
+    "@VERSION": lambda _: VERSION,
+}
+_ROBOT_VARIABLES: Final[dict[str, Callable[[Arm], Value]]] = {  # table 5-3
+    "@CURRENT_ANGLE": Arm.angles,
+    "@SERVO_ON": lambda arm: Variant(VarType.I2, int(arm.motor_on)),
+    "@TYPE": lambda _: Variant(VarType.I4, _TYPE),
+}
+
+HANDLES: Final[dict[tuple[str, str], int]] = {
+    ("Controller", ""): 1,
+    ("Robot", ""): 1,
+    ("Variable", "@CURRENT_ANGLE"): 1,
+    ("Variable", "@SERVO_ON"): 2,
+    ("Variable", "@TYPE"): 3,
+    ("Variable", "@VERSION"): 4,
+}
+"""Handles by interface and, for variables, name: each kind is counted by itself, as the printed samples have it."""
+
+
+def plain_name(name: str) -> str:
+    """Return a variable's or command's name as it is compared."""
+    return name.strip().upper()
+
+
+class VE026AVariable(VariableObject):
+    """A variable; it can only be read."""
+
+    def __init__(self, arm: Arm, name: str, read: Callable[[Arm], Value]) -> None:
+        super().__init__(name)
+        self._arm = arm
+        self._read = read
+
+    def get_value(self) -> Value:
+        """The value at this moment."""
+        return self._read(self._arm)
+
+
+class VE026ARobot(RobotObject):
+    """One client's view of the arm.
+
+    Args:
+        arm: the arm.
+        operator: the client.
+        name: as the client wrote it; it does not matter.
+    """
+
+    def __init__(self, arm: Arm, operator: Operator, name: str) -> None:
+        super().__init__(name)
+        self._arm = arm
+        self._operator = operator
+        operator.robots += 1
+
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - has none that matters
+        """Connect to a variable of table 5-3.
+
+        Raises:
+            CallError: E_INVALIDARG, there is none of that name.
+        """
+        return _variable(self._arm, _ROBOT_VARIABLES, name)
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        """Execute Motor, slvChangeMode, slvMove or slvGetLateness.
+
+        Raises:
+            CallError: E_INVALIDCOMMAND, there is no such command; what the command refuses.
+        """
+        known = _ROBOT_COMMANDS.get(plain_name(command))
+        if known is None:
+            raise error_for(hresult.E_INVALIDCOMMAND, f"{command:.40}")
+        return known(self._arm, self._operator, parameter)
+
+    def release(self) -> None:
+        """Let go; with its last one what this client moves is brought to rest, and slave mode is off."""
+        self._operator.robots -= 1
+        if self._operator.robots <= 0:
+            self._arm.forget(self._operator)
+
+
+class VE026AController(ControllerObject):
+    """One client's view of the controller.
+
+    Args:
+        arm: the arm.
+        operator: the client.
+        name: as the client wrote it; it does not matter.
+    """
+
+    def __init__(self, arm: Arm, operator: Operator, name: str) -> None:
+        super().__init__(name)
+        self._arm = arm
+        self._operator = operator
+
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - has none that matters
+        """Connect to a variable of table 5-1.
+
+        Raises:
+            CallError: E_INVALIDARG, there is none of that name.
+        """
+        return _variable(self._arm, _CONTROLLER_VARIABLES, name)
+
+    def get_robot(self, name: str, option: str) -> RobotObject:  # noqa: ARG002 - not used (5.3.1)
+        """Connect to the robot, whatever its name."""
+        return VE026ARobot(self._arm, self._operator, name)
+
+    def execute(self, command: str, parameter: Variant) -> Any:
+        """Execute ClearError; table 5-2 has a result for it, but the printed packet has none, and so it is here.
+
+        Raises:
+            CallError: E_INVALIDCOMMAND, there is no such command; E_INVALIDARG, E_INVALIDARGTYPE, it is no error code;
+                what the arm refuses.
+        """
+        if plain_name(command) != "CLEARERROR":
+            raise error_for(hresult.E_INVALIDCOMMAND, f"{command:.40}")
+        parameters.error_code(parameter)
+        return self._arm.clear_error(self._operator)
+
+    def is_moving(self) -> bool:
+        """Whether the client moves the arm in slave mode."""
+        return self._arm.slave.owner is self._operator and not self._arm.standing
+
+    def stop_moving(self) -> None:
+        """Bring the arm to rest, if the client moves it."""
+        if self._arm.slave.owner is self._operator:
+            self._arm.stop(hresult.E_ABORT)
+
+    def release(self) -> None:
+        """Let go: the client has gone."""
+        self._arm.forget(self._operator)
+
+
+def _variable(arm: Arm, variables: Mapping[str, Callable[[Arm], Value]], name: str) -> VariableObject:
+    read = variables.get(plain_name(name))
+    if read is None:
+        raise error_for(hresult.E_INVALIDARG, f"{name:.40} ({', '.join(variables)})")
+    return VE026AVariable(arm, plain_name(name), read)
+
+
+def _motor(arm: Arm, operator: Operator, parameter: Variant) -> Any:
+    return arm.switch_motor(operator, parameters.motor(parameter))
+
+
+def _change_mode(arm: Arm, operator: Operator, parameter: Variant) -> Any:
+    return arm.change_mode(operator, parameters.mode(parameter))
+
+
+def _move(arm: Arm, operator: Operator, parameter: Variant) -> Any:
+    return arm.move(operator, lambda: parameters.joints(parameter))
+
+
+def _lateness(arm: Arm, _: Operator, parameter: Variant) -> Variant:
+    return build_lateness(arm.slave.lateness(parameters.left_out(parameter)))
+
+
+_ROBOT_COMMANDS: Final[dict[str, Callable[[Arm, Operator, Variant], Any]]] = {  # table 5-3
+    "MOTOR": _motor,
+    "SLVCHANGEMODE": _change_mode,
+    "SLVMOVE": _move,
+    LATENESS.upper(): _lateness,  # no command of a real one
+}

@@ -1,0 +1,85 @@
+"""The language of texts: from the environment at first, by hand at any time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from orinkit.core import i18n
+
+pytestmark = pytest.mark.core
+
+NAMES = ("ORINKIT_LANG", "LC_ALL", "LC_MESSAGES", "LANG")
+
+
+def at_start(**environment: str) -> str:
+    clean = {name: value for name, value in os.environ.items() if name not in NAMES}
+    program = "from orinkit.core import i18n; print(i18n.current())"
+    done = subprocess.run(
+        [sys.executable, "-c", program], env={**clean, **environment}, capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+def test_a_new_process_takes_the_language_of_its_environment():
+    assert at_start(LANG="ja_JP.UTF-8") == "ja"
+    assert at_start() == "en"
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({}, "en"),
+        ({"LANG": "ja_JP.UTF-8"}, "ja"),
+        ({"LANG": "JA"}, "ja"),
+        ({"LANG": "en_US.UTF-8"}, "en"),
+        ({"LANG": "C"}, "en"),
+        ({"LANG": "de_DE.UTF-8"}, "en"),
+        ({"LANG": "en_US.UTF-8", "LC_MESSAGES": "ja_JP.UTF-8"}, "ja"),
+        ({"LC_MESSAGES": "ja_JP.UTF-8", "LC_ALL": "C.UTF-8"}, "en"),
+        ({"LC_ALL": "en_GB.UTF-8", "ORINKIT_LANG": "ja"}, "ja"),
+        ({"ORINKIT_LANG": "", "LANG": "ja_JP"}, "ja"),
+    ],
+)
+def test_the_first_variable_that_is_set_decides(monkeypatch, environment, expected):
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert i18n._from_environment() == expected
+
+
+def test_use_changes_every_text_from_then_on():
+    i18n.use("ja")
+    assert (i18n.current(), i18n.choose("cat", "猫"), i18n.tr("a serial port")) == ("ja", "猫", "シリアルポート")
+    i18n.use("en")
+    assert (i18n.current(), i18n.choose("cat", "猫"), i18n.tr("a serial port")) == ("en", "cat", "a serial port")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("", ""),
+        ("Robot_Move, 日本語 'x' \\n", "Robot_Move, 日本語 'x' \\n"),
+        ("a\nb\t\x1b[2J\x7f", r"a\nb\t\x1b[2J\x7f"),
+        ("\0\u202e\ud800é", r"\x00\u202e\ud800é"),
+        ("\u2028\u061c\ufeff", r"\u2028\u061c\ufeff"),
+    ],
+)
+def test_what_somebody_else_wrote_is_made_printable(text, shown):
+    assert i18n.printable(text) == shown
+    assert shown.isprintable()
+
+
+def test_blanks_and_joiners_of_other_languages_stay():
+    assert i18n.visible("日本語\u3000\u00a0\u200d\x1b") == "日本語\u3000\u00a0\u200d\\x1b"
+    assert i18n.visible("a\tb\nc\r", "\t\n") == "a\tb\nc\\r"
+
+
+def test_another_language_is_refused_and_changes_nothing():
+    with pytest.raises(ValueError, match="not 'fr'"):
+        i18n.use("fr")
+    assert i18n.current() == "en"

@@ -1,0 +1,101 @@
+"""Writing without waiting: what is kept, what is dropped, and what is said of errors."""
+
+from __future__ import annotations
+
+import io
+import os
+import threading
+import time
+from collections.abc import Iterator
+from typing import TextIO
+
+import pytest
+
+from orinkit.core import background_writer as outlet_module
+from orinkit.core.background_writer import Outlet
+from support.waiting import PATIENCE, until
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[int, TextIO]]:
+    """A pipe: where it is read, and a stream to write to."""
+    ours, theirs = os.pipe()
+    with os.fdopen(theirs, "w", encoding="utf-8") as stream:
+        yield ours, stream
+    os.close(ours)
+
+
+def everything(pipe: int) -> bytes:
+    """Return what is in a pipe now."""
+    try:
+        return os.read(pipe, 1 << 20)
+    except BlockingIOError:
+        time.sleep(0.002)
+        return b""
+
+
+def outlets() -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name == "orinkit-outlet"]
+
+
+def test_all_is_written_in_its_order(pipe, monkeypatch):
+    monkeypatch.setattr(outlet_module, "_PATIENCE", PATIENCE)
+    ours, stream = pipe
+    outlet = Outlet(stream)
+    for number in range(500):
+        outlet.write(f"{number} 行\n")
+    outlet.close()
+    assert os.read(ours, 65536).decode() == "".join(f"{number} 行\n" for number in range(500))
+    assert (outlet.dropped, outlet.error) == (0, None)
+    assert not outlets()
+    stream.write("still open")
+
+
+def test_what_nobody_reads_is_dropped_and_counted(pipe):
+    ours, stream = pipe
+    outlet = Outlet(stream)
+    line = "x" * 999 + "\n"
+    for _ in range(3000):
+        outlet.write(line)
+    outlet.close()
+    assert outlet.dropped > 1500
+    outlet.check()  # no error
+    os.set_blocking(ours, False)
+    read = 0
+    while outlets() or read % 1000:  # the one that was being written comes to its end
+        read += len(everything(ours))
+    read += len(everything(ours))
+    assert read // 1000 + outlet.dropped in (2999, 3000)  # it may be counted as neither
+
+
+def test_a_reader_that_has_gone(pipe):
+    ours, stream = pipe
+    outlet = Outlet(stream)
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, ours)  # it closes the pipe's end
+    os.close(null)
+    outlet.write("x")
+    until(lambda: outlet.error)
+    with pytest.raises(BrokenPipeError):
+        outlet.check()
+    outlet.write("y")
+    outlet.close()
+    assert not outlets()
+
+
+def test_a_stream_without_a_descriptor_is_written_to_at_once():
+    text = io.StringIO()
+    outlet = Outlet(text)
+    assert outlet.write("now") == 3
+    assert text.getvalue() == "now"
+    assert not outlet.isatty()
+    assert not outlets()
+    outlet.close()
+
+
+def test_no_stream_at_all():
+    outlet = Outlet(None)
+    assert outlet.write("nowhere") == 7
+    outlet.flush()
+    outlet.close()
+    assert (outlet.isatty(), outlet.dropped, outlet.error, outlet.encoding) == (False, 0, None, "utf-8")

@@ -1,0 +1,77 @@
+"""What a user imports, and what that brings along."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import orinkit
+from orinkit import aio
+
+
+@pytest.mark.parametrize("module", [orinkit, aio])
+def test_all_names_what_there_is(module):
+    assert sorted(module.__all__) == sorted(set(module.__all__))
+    assert all(hasattr(module, name) for name in module.__all__)
+    assert len(module.__all__) <= 100  # exceptions too
+
+
+def test_the_two_sides_have_the_same_objects():
+    objects = {"Client", "Command", "Controller", "Extension", "File", "Message", "Robot", "Task", "Variable"}
+    assert objects <= set(orinkit.__all__)
+    assert {f"Async{name}" for name in objects} <= set(aio.__all__)
+
+
+def test_importing_is_light():
+    """Neither an event loop nor anything that a plain client does not need comes with ``import orinkit``."""
+    program = "import sys, orinkit; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & {"asyncio", "concurrent", "numpy", "logging", "sqlite3", "cyclopts", "rich", "ssl"}
+
+
+def run(program: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False)
+
+
+WITHOUT_PACKAGES = (
+    "import sys; sys.modules.update(dict.fromkeys(('cyclopts', 'rich', 'numpy', 'lark', 'matplotlib')))\n"
+)
+
+
+def test_the_library_needs_only_the_standard_library():
+    done = run(
+        WITHOUT_PACKAGES + "import orinkit\n"
+        "from orinkit import aio\n"
+        "from orinkit.values import notation, poses\n"
+        "from orinkit.bcap import dissect\n"
+        "class Gripper(orinkit.Device):\n"
+        "    provider_names = ('CaoProv.Gripper',)\n"
+        "    @orinkit.variable('WIDTH')\n"
+        "    def width(self) -> float:\n"
+        "        return 3.0\n"
+        "with orinkit.serve(Gripper(), 'tcp://127.0.0.1:0') as server:\n"
+        "    with orinkit.connect(server.url, provider='CaoProv.Gripper') as gripper:\n"
+        "        print(gripper.variable('WIDTH').value)\n"
+    )
+    assert (done.returncode, done.stdout.strip()) == (0, "3.0"), done.stderr
+
+
+def test_what_the_virtual_rc8_needs_is_told():
+    done = run(
+        "import importlib.machinery, sys\n"
+        "class Hidden(importlib.machinery.PathFinder):\n"
+        "    @classmethod\n"
+        "    def find_spec(cls, name, path=None, target=None):\n"
+        "        return None if name in ('numpy', 'lark') else super().find_spec(name, path, target)\n"
+        "sys.meta_path[-1] = Hidden\n"
+        "from orinkit.core import errors\n"
+        "try:\n"
+        "    import orinkit.virtual.rc8\n"
+        "except errors.MissingExtra as error:\n"
+        "    print(error)\n"
+    )
+    assert "pip install 'orinkit[virtual]'" in done.stdout, done.stderr
+    assert "numpy, lark" in done.stdout

@@ -1,0 +1,237 @@
+"""Pose arguments: the forms of the documents, of real clients, and everything that is none."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError
+from orinkit.rc8.pose_arguments import MAX_TARGETS, read_targets
+from orinkit.values.notation import parse_elements
+from orinkit.values.pose_text import MAX_LENGTH
+from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, J, P, PassMark, T, Target, V
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
+from support.strategies import variants
+
+pytestmark = pytest.mark.core
+
+I4, R4, R8, BSTR = VarType.I4, VarType.R4, VarType.R8, VarType.BSTR
+POSE = (190.0, -22.0, 180.0, 145.0, 0.0, 0.0, 261.0)
+JOINTS = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0)
+TRANS = (364.0, 0.0, 278.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 5.0)
+
+
+def form(*parts):
+    return Variant(VARIANT_ARRAY, list(parts))
+
+
+def r4(*numbers):
+    return Variant(R4 | ARRAY, numbers)
+
+
+@pytest.mark.parametrize(
+    ("argument", "targets"),
+    [
+        # text
+        ("P1", [Target("P", 1)]),
+        ("@E P1", [Target("P", 1, AT_ENCODER)]),
+        ("P1,@E P2", [Target("P", 1), Target("P", 2, AT_ENCODER)]),
+        (["P1", "@E P2"], [Target("P", 1), Target("P", 2, AT_ENCODER)]),
+        (form("P1", "J2,J3"), [Target("P", 1), Target("J", 2), Target("J", 3)]),
+        # as real clients write it in Python
+        ([list(POSE), "P", "@E"], [Target("P", POSE, AT_ENCODER)]),
+        ([[190, -40.0, 230.0, 168, 0, 0], "P", "@E"], [Target("P", (190, -40, 230, 168, 0, 0), AT_ENCODER)]),
+        ([2, "P", "@0"], [Target("P", 2, AT_COMMAND)]),
+        ([1, 0, -1], [Target("P", 1, PASSING)]),
+        ([P(*POSE), "P", "@P"], [Target("P", POSE, PASSING)]),
+        ([J(*JOINTS), "j", " @p "], [Target("J", JOINTS, PASSING)]),
+        # as DENSO's ROS driver does
+        (form(r4(*JOINTS), Variant(I4, 2), Variant(I4, -2)), [Target("J", JOINTS, AT_ENCODER)]),
+        (
+            form(r4(*POSE), 0, -1, form(1, form(7, Variant(R4, 30.5)), form(8, Variant(R4, -1)))),
+            [Target("P", POSE, PASSING, Extra(absolute=False, joints=((7, 30.5), (8, -1))))],
+        ),
+        # the parts of a target
+        (form(3), [Target("P", 3)]),
+        ([3], [Target("P", 3)]),
+        (form(3, 1), [Target("T", 3)]),
+        (form(Variant(VarType.UI1, 3), Variant(VarType.I2, 2), Variant(R4, 0)), [Target("J", 3, AT_COMMAND)]),
+        (form(5.0, "V"), [Target("V", 5)]),
+        (form(Decimal(5), "V"), [Target("V", 5)]),
+        (form(3, None, None, None), [Target("P", 3)]),
+        (form(3, Variant(VarType.NULL), "", None), [Target("P", 3)]),
+        (form(3, "", 10), [Target("P", 3, PassMark("n", 10))]),
+        (form(3, "T", 2.5), [Target("T", 3, PassMark("n", 2.5))]),
+        (form(3, "T", "@2.5"), [Target("T", 3, PassMark("n", 2.5))]),
+        (form(r4(1, 2, 3, 4, 5, 6), "J"), [Target("J", (1, 2, 3, 4, 5, 6))]),
+        (form(r4(1, 2), -1, 0), [Target("", (1, 2), AT_COMMAND)]),
+        (form(Variant(I4 | ARRAY, [1, 2]), "J"), [Target("J", (1, 2))]),
+        (form(Variant(VarType.CY | ARRAY, [Decimal("1.5"), 2]), "J"), [Target("J", (1.5, 2))]),
+        (form(b"\1\2", "J"), [Target("J", (1, 2))]),
+        (form(form(1, Decimal("1.5"), Variant(VarType.UI8, 3)), "V"), [Target("V", (1, 1.5, 3))]),
+        (form(3, "P", "@E", form(2, r4(7, 1))), [Target("P", 3, AT_ENCODER, Extra(absolute=True, joints=((7, 1),)))]),
+        (form(3, "P", "@E", form("exa", r4(8, 1))), [Target("P", 3, AT_ENCODER, Extra(absolute=True, joints=((8, 1),)))]),
+        (form(3, "P", "@E", form("EX", [7, 1])), [Target("P", 3, AT_ENCODER, Extra(absolute=False, joints=((7, 1),)))]),
+        (form(3, "P", "@E", form(0, [7, 1])), [Target("P", 3, AT_ENCODER)]),
+        (form(3, "P", "@E", [0]), [Target("P", 3, AT_ENCODER)]),
+        # without a type: by how many they are
+        (form(r4(*POSE), None, "@E"), [Target("P", POSE, AT_ENCODER)]),
+        (form(r4(*JOINTS), "", "@E"), [Target("J", JOINTS, AT_ENCODER)]),
+        (form(r4(*TRANS)), [Target("T", TRANS)]),
+        (Variant(R8 | ARRAY, POSE), [Target("P", POSE)]),
+        (Variant(R8 | ARRAY, POSE[:6]), [Target("", POSE[:6])]),
+        (Variant(R8 | ARRAY, JOINTS), [Target("J", JOINTS)]),
+        (Variant(R8 | ARRAY, TRANS), [Target("T", TRANS)]),
+        (Variant(R8 | ARRAY, TRANS[:9]), [Target("T", TRANS[:9])]),
+        (V(1, 2, 3), [Target("V", (1, 2, 3))]),
+        (T(*TRANS), [Target("T", TRANS)]),
+        ([1, 2, 3, 4, 5, 6], [Target("", (1, 2, 3, 4, 5, 6))]),
+        ([1.5, 2, 3], [Target("V", (1.5, 2, 3))]),
+        ([190, -40.0, 230.0, 168, 0, 0], [Target("", (190, -40, 230, 168, 0, 0))]),
+        # several
+        ([list(POSE), list(JOINTS)], [Target("P", POSE), Target("J", JOINTS)]),
+        ([list(POSE), "@E P2"], [Target("P", POSE), Target("P", 2, AT_ENCODER)]),
+        ([[1, "P", "@P"], [2, "P", "@E"]], [Target("P", 1, PASSING), Target("P", 2, AT_ENCODER)]),
+        ([[1, 0, -1], [2, 0, -2]], [Target("P", 1, PASSING), Target("P", 2, AT_ENCODER)]),
+        ([[list(POSE), "P"], "P2", list(JOINTS)], [Target("P", POSE), Target("P", 2), Target("J", JOINTS)]),
+        ([[list(POSE), "P"]], [Target("P", POSE)]),
+        ([[list(POSE)]], [Target("P", POSE)]),
+        (["P1"] * MAX_TARGETS, [Target("P", 1)] * MAX_TARGETS),
+    ],
+)  # fmt: skip
+def test_forms(argument, targets):
+    assert read_targets(variant(argument)) == tuple(targets)
+
+
+def test_the_tester_s_text():
+    """RC8 5.3 prints the elements of a pose like this."""
+    elements = parse_elements("(8197, 0, 0, 0, 0, 0, 0, 5), (3, 0), (3, -2)")
+    assert read_targets(form(*elements)) == (Target("P", (0, 0, 0, 0, 0, 0, 5), AT_ENCODER),)
+
+
+BAD, TYPE = hresult.E_INVALIDARG, hresult.DISP_E_TYPEMISMATCH
+MISMATCH = "a pose: VT_BSTR, an array of numbers or a VARIANT array is wanted"
+
+
+@pytest.mark.parametrize(
+    ("argument", "code", "detail"),
+    [
+        (None, TYPE, f"VT_EMPTY was given, {MISMATCH}"),
+        (1, TYPE, f"VT_I4 was given, {MISMATCH}"),
+        ([True, False], TYPE, f"VT_BOOL|VT_ARRAY was given, {MISMATCH}"),
+        (form(True, "P"), TYPE, f"VT_BOOL was given, {MISMATCH}"),
+        (form(None, "P"), TYPE, f"VT_EMPTY was given, {MISMATCH}"),
+        (form(["1", "2"], "P"), TYPE, f"VT_BSTR|VT_ARRAY was given, {MISMATCH}"),
+        (form(form("1", 2.0), "P"), TYPE, "VT_BSTR was given, a number of a pose is wanted"),
+        (form(form([1, 2], [3, 4]), "P"), TYPE, "VT_I4|VT_ARRAY was given, a number of a pose is wanted"),
+        (form(1, [1, 2]), TYPE, "VT_I4|VT_ARRAY was given, the type of a pose is wanted"),
+        (form(1, "P", True), TYPE, "VT_BOOL was given, a pass mark is wanted"),
+        (form(1, "P", "@E", "EX((7,1))"), TYPE, f"VT_BSTR was given, {MISMATCH}"),
+        (form(1, "P", "@E", form(None, [7, 1])), BAD, "extra joints of mode '', 1 of them"),
+        (form(1, "P", "@E", form([7, 1])), TYPE, "VT_I4|VT_ARRAY was given, the mode of extra joints is wanted"),
+        (form(1, "P", "@E", form(1, 7, 30.5)), TYPE, f"VT_I4 was given, {MISMATCH}"),
+        (["P1", "P"], BAD, "pose 2: column 2: expected the number of a variable P"),
+        ("", BAD, "column 1: expected a pose like P1"),
+        ("P1" + " " * 4095, BAD, "column 4097: the text goes on"),
+        ("P" * 1_000_000, BAD, "column 4097: the text goes on"),
+        ([], BAD, "an empty array is no pose"),
+        (Variant(BSTR | ARRAY, []), BAD, "an array without a pose"),
+        (Variant(R8 | ARRAY, []), BAD, "an empty array is no pose"),
+        (form([]), BAD, "pose 1: an empty array is no pose"),
+        ([1.0, 2.0], BAD, "2 numbers without a type; 7 are a P, 8 a J, 9 or 10 a T, 3 a V"),
+        ([1, 2, 3, 4], BAD, "4 numbers without a type"),
+        ([1.0] * 100_000, BAD, "more than 10 numbers"),
+        (form(*[1.0] * 50, 2), BAD, "more than 10 numbers"),
+        (form(form(*[1.0] * 50, 2), "P"), BAD, "more than 10 numbers"),
+        (form([1.0] * 11, "J"), BAD, "more than 10 numbers"),
+        (form([1.0] * 9, "J"), BAD, "J: more than 8 values were given, 1 to 8 are wanted"),
+        (form([1.0] * 5, "P"), BAD, "P: 5 values were given, 6 or 7 are wanted"),
+        (form([*POSE[:6], 5.5], "P"), BAD, "P: fig is 5.5, a whole number of 32 bits is wanted"),
+        (form([math.nan] * 6, "P"), BAD, "P: x is nan, a finite number is wanted"),
+        (Variant(R8 | ARRAY, [0, math.inf, 0, 0, 0, 0, 0]), BAD, "P: y is inf, a finite number is wanted"),
+        (form(-1, "P"), BAD, "variable number -1"),
+        (form(1.5, "P"), BAD, "1.5 is no whole number"),
+        (form(math.nan, "P"), BAD, "nan is no whole number"),
+        (form(Variant(VarType.UI8, 2**64 - 1), "P"), BAD, "18446744073709551615 is out of range"),
+        (form(1, -1), BAD, "a target of kind '' with variable number 1"),
+        (form(1, 4), BAD, "4 is no type of a pose"),
+        (form(1, "X"), BAD, "'X' is no type of a pose"),
+        (form(1, "P2"), BAD, "'P2' is no type of a pose"),
+        (form(1, "x" * 1000), BAD, "'XXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXX…' is no type of a pose"),
+        (form(1, 0.5), BAD, "0.5 is no whole number"),
+        (form(1, "P", -3), BAD, "-3 is no pass mark: -1 is @P"),
+        (form(1, "P", -1.5), BAD, "-1.5 is no pass mark"),
+        (form(1, "P", math.inf), BAD, "inf is no usable number"),
+        (form(1, "P", "E"), BAD, 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found \'E\''),
+        (form(1, "P", "@E", []), BAD, "extra joints of mode '', 0 of them"),
+        (form(1, "P", "@E", [3, 3]), BAD, "extra joints of mode 3, 1 of them"),
+        (form(1, "P", "@E", form("EXB", [7, 1])), BAD, "extra joints of mode 'EXB', 1 of them"),
+        (form(1, "P", "@E", form(1, *[[7, 1]] * 100)), BAD, "extra joints of mode 1, 100 of them"),
+        (form(1, "P", "@E", [1]), BAD, "extra joints []: joint 7, 8 or both are wanted"),
+        (form(1, "P", "@E", form(1, [6, 1])), BAD, "extra joints [6]: joint 7, 8 or both are wanted"),
+        (form(1, "P", "@E", form(1, [7, 1], [7, 2])), BAD, "extra joints [7, 7]: joint 7, 8 or both are wanted"),
+        (form(1, "P", "@E", form(1, [7, 1, 2])), BAD, "an extra joint is [number, value], like [7, 30.5]"),
+        (form(1, "P", "@E", form(1, [7.5, 1.0])), BAD, "an extra joint is [number, value]"),
+        (form(1, "P", "@E", form(1, [7.0, math.nan])), BAD, "Extra: J7 is nan, a finite number is wanted"),
+        (form(1, "P", "@E", None, None), BAD, "a pose of 5 elements; it has at most 4"),
+        (["P1"] * (MAX_TARGETS + 1), BAD, "more than 16 poses"),
+        ([[1, "P"]] * 20_000, BAD, "more than 16 poses"),
+        (",".join(["P1"] * (MAX_TARGETS + 1)), BAD, "more than 16 poses"),
+        ([[list(POSE), "P"], 5], BAD, "5 is no type of a pose"),
+        ([[list(POSE), "P"], None], TYPE, "VT_R8|VT_ARRAY was given, a number of a pose is wanted"),
+        (["P1", 2], TYPE, f"pose 2: VT_I4 was given, {MISMATCH}"),
+        ([list(POSE), [1.0]], BAD, "pose 2: 1 numbers without a type"),
+        ([[[list(POSE), "P"]]], TYPE, "pose 1: VT_R8|VT_ARRAY was given, a number of a pose is wanted"),
+    ],
+)  # fmt: skip
+def test_what_is_no_pose(argument, code, detail):
+    with pytest.raises(CallError) as caught:
+        read_targets(variant(argument))
+    assert caught.value.code == code
+    assert detail in caught.value.detail
+
+
+def test_details_in_japanese():
+    i18n.use("ja")
+    for argument, detail in [
+        (1, "ポーズ (VT_BSTR、数値の配列、VARIANT の配列)が必要ですが VT_I4 です"),
+        (["P1", "P("], "2 番目のポーズ: 3 文字目: 数値 (x) が必要ですが、ここで終わっています"),
+        ([1.0], "型の指定がない数値が 1 個あります。P は 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です"),
+    ]:  # fmt: skip
+        with pytest.raises(CallError) as caught:
+            read_targets(variant(argument))
+        assert caught.value.detail == detail
+
+
+@given(variants())
+def test_any_variant_is_a_pose_or_a_call_error(argument):
+    _is_read_or_refused(argument)
+
+
+plain_numbers = st.integers(-3, 10) | st.floats(width=32) | st.sampled_from(["P", "@E", "P1", "", None])
+parts = st.recursive(
+    plain_numbers, lambda inner: st.lists(inner, max_size=8) | st.lists(st.floats(-9, 9), max_size=10), max_leaves=20
+)
+
+
+@given(st.lists(parts, max_size=5))
+def test_anything_like_a_pose_is_one_or_a_call_error(argument):
+    _is_read_or_refused(variant(argument))
+
+
+def _is_read_or_refused(argument):
+    targets, code = (), 0
+    try:
+        targets = read_targets(argument)
+    except CallError as error:
+        code = error.code
+    assert code in ((0,) if targets else (BAD, TYPE))
+    assert len(targets) <= MAX_TARGETS
+    text = ", ".join(map(str, targets))
+    if targets and len(text) <= MAX_LENGTH:
+        assert read_targets(variant(text)) == targets

@@ -1,0 +1,1 @@
+"""What tests of several folders share: devices, peers, clocks, cells, programs."""

@@ -1,0 +1,373 @@
+"""What a server of e-CAP must answer to a stream of bytes, and whether it did.
+
+Which requests a stream has in it is told by h11 alone, apart from the server: :func:`expected`. Answers are read by a
+reader of their own, :class:`Reader`, that takes nothing but sound HTTP/1.1; :func:`judge` compares.
+"""
+
+from __future__ import annotations
+
+import re
+import select
+import socket
+import struct
+import time
+from dataclasses import dataclass, field
+from typing import NamedTuple
+from urllib.parse import unquote
+
+import h11
+
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.core import hresult
+from orinkit.core.errors import CallError
+from orinkit.ecap.message import read_reply, read_request
+from orinkit.values.codec import Limits
+from orinkit.values.variant import VarType
+from support.http_garbage import WANTED
+
+LONGEST_HEADER = 32 * 1024
+PATIENCE = 30.0
+DOCUMENTED = {200, 400, 403, 405, 408, 413, 415, 421, 431}
+SAY_WHY = {b"text/plain; charset=utf-8"}
+CODE = re.compile(rb"\n*0x[0-9A-F]{8}(?:,|\Z)")
+
+
+class Broken(Exception):
+    """The server has sent what is no HTTP/1.1, or not what it should."""
+
+
+class Answer(NamedTuple):
+    """An answer as it came; names of headers are in lower case."""
+
+    status: int
+    headers: dict[bytes, bytes]
+    body: bytes
+
+    @property
+    def closes(self) -> bool:
+        """Whether it says that the connection ends."""
+        return self.headers.get(b"connection") == b"close"
+
+
+@dataclass
+class Asked:
+    """A request as it stands in a stream.
+
+    Attributes:
+        method: of the request.
+        target: of the request.
+        body: of the request; ``None`` where it does not end in the stream.
+        length: what Content-Length says.
+        last: the connection is to end after the answer.
+        beats: it has asked for signs of life.
+    """
+
+    method: bytes
+    target: bytes
+    length: int
+    beats: bool
+    body: bytes | None = None
+    last: bool = False
+
+
+ONCE = (b"host", b"origin", b"authorization", b"content-length", b"content-type")
+"""Headers of which a request has one."""
+
+
+@dataclass
+class Expected:
+    """What a stream is.
+
+    Attributes:
+        asked: its requests; all but the last are whole.
+        wrong: it ends in something that is no HTTP, or that can be read in more than one way.
+        long: a header in it is longer than is taken.
+    """
+
+    asked: list[Asked] = field(default_factory=list)
+    wrong: bool = False
+    long: bool = False
+
+    def answers(self, limits: Limits) -> int:
+        """Return how many answers are due."""
+        last = self.asked[-1] if self.asked else None
+        if last is None or last.body is not None:
+            return len(self.asked) + self.wrong
+        return len(self.asked) - (not self.wrong and last.length <= 2 * limits.packet)
+
+
+def expected(stream: bytes) -> Expected:
+    """Return what a reader of HTTP/1.1 finds in a stream."""
+    found = Expected(long=any(len(head) > LONGEST_HEADER for head in re.split(rb"\r?\n\r?\n", stream)))
+    peer = h11.Connection(h11.SERVER, max_incomplete_event_size=1 << 30)
+    peer.receive_data(stream)
+    body = bytearray()
+    while True:
+        try:
+            event = peer.next_event()
+        except h11.RemoteProtocolError:
+            found.wrong = True
+            return found
+        if event in (h11.NEED_DATA, h11.PAUSED):
+            return found
+        if isinstance(event, h11.Request):
+            headers = dict(event.headers)
+            names = [name for name, _ in event.headers]
+            if any(names.count(name) > 1 for name in ONCE) or {b"content-length", b"transfer-encoding"} <= set(names):
+                found.wrong = True
+                return found
+            found.asked.append(
+                Asked(
+                    event.method,
+                    event.target,
+                    int(headers.get(b"content-length", b"0")),
+                    b"orinkit-executing" in headers,
+                )
+            )
+            body = bytearray()
+        elif isinstance(event, h11.Data):
+            body += event.data
+        elif isinstance(event, h11.EndOfMessage):
+            found.asked[-1].body = bytes(body)
+            peer.send(h11.Response(status_code=405, headers=[("Content-Length", "0")]))
+            peer.send(h11.EndOfMessage())
+            if peer.our_state is not h11.DONE or found.asked[-1].method == b"CONNECT":
+                found.asked[-1].last = True
+                return found
+            peer.start_next_cycle()
+
+
+class Reader:
+    """Reads answers.
+
+    Args:
+        asked: the requests, for to HEAD there comes no body.
+    """
+
+    def __init__(self, asked: list[Asked]) -> None:
+        self.answers: list[Answer] = []
+        self._asked = asked
+        self._data = b""
+
+    def feed(self, data: bytes, *, ended: bool = False) -> None:
+        """Take what has come.
+
+        Raises:
+            Broken: it is no sound HTTP/1.1.
+        """
+        self._data += data
+        while self._data:
+            used = self._take(ended)
+            if not used:
+                break
+            self._data = self._data[used:]
+
+    @property
+    def pending(self) -> bytes:
+        """What has come of an answer that is not whole."""
+        return self._data
+
+    def _take(self, ended: bool) -> int:
+        head, mark, rest = self._data.partition(b"\r\n\r\n")
+        if not mark:
+            return 0
+        first, *lines = head.split(b"\r\n")
+        match = re.fullmatch(rb"HTTP/1\.1 ([0-9]{3}) ?[ -~]*", first)
+        if not match:
+            raise Broken(f"status line {first!r}")
+        headers: dict[bytes, bytes] = {}
+        for line in lines:
+            name, colon, value = line.partition(b":")
+            if (
+                not colon
+                or not re.fullmatch(rb"[!#$%&'*+.^_`|~0-9A-Za-z-]+", name)
+                or re.search(rb"[\0-\x08\x0a-\x1f\x7f]", value)
+            ):
+                raise Broken(f"header {line!r}")
+            headers[name.lower()] = value.strip()
+        status = int(match[1])
+        if status == 100:
+            return len(head) + 4
+        number = len(self.answers)
+        if number < len(self._asked) and self._asked[number].method == b"HEAD":
+            body, used = b"", 0
+        elif b"transfer-encoding" in headers:
+            body, used = _unchunked(rest)
+        elif b"content-length" in headers:
+            used = int(headers[b"content-length"])
+            body = rest[:used]
+        elif ended:
+            body, used = rest, len(rest)
+        else:
+            return 0
+        if used < 0 or len(rest) < used:
+            return 0
+        self.answers.append(Answer(status, headers, body))
+        return len(head) + 4 + used
+
+
+def _unchunked(data: bytes) -> tuple[bytes, int]:
+    """Return a body that was sent in chunks and how long it is with them; -1 where it is not whole."""
+    body, place = b"", 0
+    while True:
+        line, mark, _ = data[place:].partition(b"\r\n")
+        if not mark:
+            return b"", -1
+        if not re.fullmatch(rb"[0-9a-fA-F]+", line):
+            raise Broken(f"chunk {line!r}")
+        size = int(line, 16)
+        place += len(line) + 2
+        if len(data) < place + size + 2:
+            return b"", -1
+        if data[place + size : place + size + 2] != b"\r\n":
+            raise Broken("a chunk does not end where it should")
+        body += data[place : place + size]
+        place += size + 2
+        if not size:
+            return body, place
+
+
+def converse(address: tuple[str, int], stream: bytes, wanted: Expected, limits: Limits) -> tuple[list[Answer], bool]:
+    """Send a stream and read all answers that are due.
+
+    Returns:
+        The answers, and whether the connection was reset: the system does that when a server closes one with bytes unread,
+        and throws away what the client has not received yet.
+
+    Raises:
+        Broken: what came is not sound, or nothing came any more.
+    """
+    reader = Reader(wanted.asked)
+    due = wanted.answers(limits)
+    last = wanted.asked[-1] if wanted.asked else None
+    ends = wanted.wrong or (last is not None and (last.last or (last.body is None and due == len(wanted.asked))))
+    deadline = time.monotonic() + PATIENCE
+    reset = False
+    with socket.create_connection(address, PATIENCE) as connection:
+        connection.setblocking(False)
+        unsent = memoryview(stream)
+        while len(reader.answers) < due or ends:
+            if time.monotonic() > deadline:
+                raise Broken(f"hangs: {len(reader.answers)} of {due} answers have come, then {reader.pending[:200]!r}")
+            waited = select.poll()  # not select(), which knows descriptors up to 1,023 only
+            waited.register(connection, select.POLLIN | (select.POLLOUT if unsent else 0))
+            events = sum(event for _, event in waited.poll(1000))
+            received = None
+            try:
+                if unsent and events & select.POLLOUT:
+                    unsent = unsent[connection.send(unsent[:65536]) :]
+                if events & ~select.POLLOUT:
+                    received = connection.recv(1 << 20)
+            except ConnectionError:
+                reset = True
+                received = _rest(connection)
+                unsent = unsent[:0]
+            if received is not None:
+                reader.feed(received, ended=not received)
+                if not received:
+                    break
+    if reader.pending and not reset:
+        raise Broken(f"the end of an answer is missing: {reader.pending[:200]!r}")
+    return reader.answers, reset
+
+
+def _rest(connection: socket.socket) -> bytes:
+    try:
+        return connection.recv(1 << 20)
+    except ConnectionError:
+        return b""
+
+
+def cut_off(address: tuple[str, int], stream: bytes, *, hard: bool) -> None:
+    """Send a stream and go, without reading; ``hard`` with a reset."""
+    with socket.create_connection(address, PATIENCE) as connection:
+        if hard:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        try:
+            connection.settimeout(0.2)  # the server stops reading where nobody takes its answers
+            connection.sendall(stream)
+        except (OSError, TimeoutError):
+            pass
+
+
+def judge(wanted: Expected, answers: list[Answer], limits: Limits, *, reset: bool) -> None:
+    """Compare answers with what they had to be.
+
+    Args:
+        wanted: what the stream was.
+        answers: that came.
+        limits: of the server.
+        reset: some may be missing that were followed by something wrong.
+
+    Raises:
+        Broken: there is a difference.
+    """
+    for number, answer in enumerate(answers):
+        asked = wanted.asked[number] if number < len(wanted.asked) else None
+        _judge(asked, answer, wanted, limits)
+        if answer.closes and number + 1 < len(answers):
+            raise Broken(f"answer {number} closes the connection, and more come")
+    due = wanted.answers(limits)
+    if wanted.long and answers and answers[-1].status == 431:
+        return
+    fewer = (bool(answers) and answers[-1].closes) or (reset and wanted.wrong)
+    if len(answers) > due or (len(answers) < due and not fewer):
+        raise Broken(f"{len(answers)} answers, {due} are due; the last is {answers[-1:]!r:.300}")
+
+
+def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: Limits) -> None:
+    if answer.status not in DOCUMENTED:
+        raise Broken(f"status {answer.status}: {answer!r:.300}")
+    if answer.status == 431 and not wanted.long:
+        raise Broken("431 for a header that is not long")
+    whole = asked is not None and asked.body is not None
+    if answer.status in (400, 431) or not whole:
+        if (
+            answer.status == 200
+            or not answer.closes
+            or not (wanted.wrong or wanted.long or answer.status in (403, 405, 413, 415, 421))
+        ):
+            raise Broken(f"{answer!r:.300} for {asked!r:.300}")
+        return
+    assert asked is not None
+    if answer.closes and not asked.last and answer.status == 200:
+        raise Broken("closes the connection for no reason")
+    label = WANTED.match(asked.target)
+    status = int(label[1]) if label and label[2] == asked.method else 0
+    if status and answer.status != status:
+        raise Broken(f"status {answer.status} instead of {status}: {answer!r:.300} for {asked!r:.300}")
+    if answer.status == 405 and answer.headers.get(b"allow") != b"POST":
+        raise Broken("405 without Allow")
+    if answer.headers.get(b"content-type") not in SAY_WHY:
+        raise Broken(f"type of the content: {answer!r:.300}")
+    if answer.status == 200:
+        _judge_reply(asked, answer, limits)
+
+
+def _judge_reply(asked: Asked, answer: Answer, limits: Limits) -> None:
+    assert asked.body is not None
+    if not CODE.match(answer.body) or (answer.body[:1] == b"\n" and not asked.beats):
+        raise Broken(f"no e-CAP reply: {answer.body[:200]!r}")
+    code, result = read_reply(answer.body, limits)
+    if hresult.lookup(code).name.startswith("0x"):
+        raise Broken(f"no documented code: {code:#x}")
+    detail = unquote(answer.headers.get(b"orinkit-detail", b"").decode("ascii"), errors="strict")
+    if len(detail) > 500 or (detail and not hresult.failed(code)):
+        raise Broken(f"detail {detail!r}")
+    late = answer.body[:1] == b"\n"  # the header was through: what there is to say stands behind the code
+    said = answer.body.partition(b",")[2]
+    if hresult.failed(code) and said and (not late or len(said.decode()) > 500):
+        raise Broken(f"an error with a result: {answer.body[:200]!r}")
+    try:
+        request = read_request(asked.body, limits)
+    except CallError as error:
+        if code != error.code:
+            raise Broken(f"{code:#x} instead of {error.code:#x} ({error.detail}) for {asked.body[:300]!r}") from None
+        return
+    if not hresult.failed(code):
+        kind = request.function.result
+        right = (
+            result is None if kind is None else kind is VarType.VARIANT or (result is not None and result.type == kind)
+        )
+        if not right or request.function.id not in FUNCTIONS:
+            raise Broken(f"{request.function.name} is answered with {result!r:.200}")

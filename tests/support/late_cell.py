@@ -1,0 +1,135 @@
+"""A virtual RC8 in slave mode whose clock, and whose connection, a test moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from orinkit.cao.provider import ClientInfo
+from orinkit.values.variant import variant
+from orinkit.virtual.clock import Clock, Driver
+from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.rc8 import VirtualRC8
+from support.cell import ADDRESS, Cell
+from support.slave_cell import J0, straight
+
+
+class HandClock(Clock):
+    """A clock of limited patience that a test moves; nothing happens by itself."""
+
+    def __init__(self, patience: float = 0.25, scale: float = 1.0) -> None:
+        super().__init__(scale)
+        self.seconds = 0.0
+        self.patience = patience
+        self.driven: list[Callable[[], float | None]] = []
+
+    def now(self) -> float:
+        return self.seconds
+
+    def stopwatch(self, seconds: float) -> Callable[[], bool]:
+        return lambda: False
+
+    def drive(self, advance: Callable[[], float | None]) -> Driver:
+        self.driven.append(advance)
+        return _Nobody()
+
+
+class _Nobody(Driver):
+    def wake(self) -> None:
+        """The test calls."""
+
+    def close(self) -> None:
+        """The test calls."""
+
+
+class Wire:
+    """What has arrived and nobody has read, and those who wait until somebody has."""
+
+    def __init__(self) -> None:
+        self.asked: list[Callable[[], None]] = []
+        self.arrived: list[Callable[[], Any]] = []
+
+    def look(self, handled: Callable[[], None]) -> None:
+        self.asked.append(handled)
+
+    def read(self) -> None:
+        """Handle what has arrived, then tell those who have asked."""
+        arrived, self.arrived = self.arrived, []
+        for call in arrived:
+            call()
+        asked, self.asked = self.asked, []
+        for handled in asked:
+            handled()
+
+
+class LateCell(Cell):
+    """A virtual RC8 whose clock and whose connection a test moves; its client is in slave mode."""
+
+    def __init__(self, mode: int = J0, *, wired: bool = True, scale: float = 1.0, strict: bool = True) -> None:
+        self.hand = HandClock(scale=scale)
+        self.wire = Wire()
+        self.rc8 = VirtualRC8(clock=self.hand, motor=True, strict_time=strict)
+        self.arm = self.rc8.state.arm
+        self.cycles_ = self.rc8.state.cycles
+        self.controller = self.rc8.connect(
+            "c", "", "", ClientInfo(ADDRESS, "tcp", 1, self.wire.look if wired else None)
+        )
+        self.robot = self.controller.get_robot("Arm", "")
+        self.commands = [self.arm.queue.joints]
+        with self.rc8.guard:
+            self.robot.execute("TakeArm", variant([0, 0]))
+            self.robot.execute("slvChangeMode", variant(mode))
+
+    def call(self, pose: Any) -> Any:
+        """Call slvMove, as the server does."""
+        with self.rc8.guard:
+            return self.robot.execute("slvMove", variant([*pose, 0.0, 0.0]))
+
+    def drive(self, seconds: float = 0.0) -> float | None:
+        """Let time pass and have the clock's thread look; keeps the commands that come of it."""
+        self.hand.seconds += seconds
+        number, joints = self.cycles_.number, self.arm.queue.joints
+        pause = self.hand.driven[0]()
+        if self.cycles_.number != number or self.arm.queue.joints != joints:
+            self.commands.append(self.arm.queue.joints)
+        return pause
+
+    def stream(self, poses: Any) -> None:
+        """Send a set-point for each cycle, on time."""
+        for pose in poses:
+            self.call(pose)
+            self.drive(PERIOD)
+            if self.wire.asked:
+                self.read()
+
+    def read(self) -> None:
+        """The server reads what has arrived; keeps the command that comes of it."""
+        number = self.cycles_.number
+        self.wire.read()
+        if self.cycles_.number != number:
+            self.commands.append(self.arm.queue.joints)
+
+    @property
+    def error(self) -> int:
+        return self.rc8.state.faults.code
+
+    @property
+    def on(self) -> bool:
+        return self.arm.slave.on
+
+    @property
+    def due_in(self) -> float:
+        """Seconds until the next cycle."""
+        return -self.cycles_.late
+
+
+POSES = list(straight(1.0, 150))
+
+MOVING = 30
+
+
+def moving(cell: LateCell) -> LateCell:
+    """It moves evenly by 1 deg in each cycle, and its buffer is empty."""
+    cell.stream(POSES[:MOVING])
+    assert (cell.error, cell.arm.queue.joints) == (0, POSES[MOVING - 1])
+    return cell

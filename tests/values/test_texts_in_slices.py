@@ -1,0 +1,115 @@
+"""Long texts and arrays are read, searched and written in slices: the same comes out as in one piece."""
+
+from __future__ import annotations
+
+import pytest
+
+from orinkit.cao.arguments import read_arguments
+from orinkit.cao.coerce import to_integer
+from orinkit.cao.functions import controller_get_variable
+from orinkit.core import hresult, i18n
+from orinkit.core.errors import CallError
+from orinkit.ecap.fields import read_fields
+from orinkit.ecap.message import read_request, write_reply
+from orinkit.values.codec import decode, encode_variant
+from orinkit.values.notation import format_variant, parse
+from orinkit.values.variant import ARRAY, Variant, VarType, variant
+
+pytestmark = pytest.mark.core
+
+TEXTS = [
+    "a" * 20_000,
+    "あ" * 20_000,
+    "🤖" * 20_000,
+    "x" + "🤖" * 20_000,
+    "\ud800" * 20_000,
+    "a\udc00" * 10_000,
+    "🤖\ud800" * 10_000,
+    "\udc00🤖" * 10_000,
+]
+IDS = [ascii(text[:2]) for text in TEXTS]
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=IDS)
+def test_long_texts_as_bytes(text):
+    assert decode(encode_variant(variant(text)), exact=True) == (variant(text), len(encode_variant(variant(text))))
+
+
+@pytest.mark.parametrize("vt", [VarType.I2, VarType.R8, VarType.UI4, VarType.BOOL, VarType.CY])
+def test_long_arrays_as_bytes(vt):
+    given = Variant(vt | ARRAY, [number % 2 for number in range(10_001)])
+    assert decode(encode_variant(given), exact=True)[0] == given
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=IDS)
+def test_long_texts_in_an_e_cap_body(text):
+    raw = text.encode("utf-8", "surrogatepass")
+    escaped = "".join(f"%{byte:02x}" for byte in raw).encode()
+    for body in (raw, escaped, b"+" + escaped):
+        found = read_fields(b"Func=102,Arg1=5,Arg2=" + body)["arg2"].text
+        assert found == (" " + text if body[:1] == b"+" else text)
+    assert write_reply(0, variant(text)).decode("utf-8", "surrogatepass") == f"0x00000000,8,{text}"
+
+
+def test_bytes_that_are_no_utf_8_far_behind():
+    with pytest.raises(CallError, match="Arg2 is no UTF-8: bytes ff at 30000"):
+        read_fields(b"Func=102,Arg2=" + b"a" * 30_000 + b"\xff")
+    with pytest.raises(CallError, match="is no UTF-8"):
+        read_fields(b"Func=102,Arg2=" + b"\x80" * 30_000)
+
+
+def test_a_separator_and_a_bad_escape_far_behind():
+    fields = read_fields(b"Func=102,Arg2=" + b"," * 100_000 + b" , Arg1 = 5")
+    assert (fields["arg1"].text, len(fields["arg2"].text)) == (" 5", 100_001)
+    with pytest.raises(CallError, match="'%zz' is no escape"):
+        read_fields(b"Func=102,Arg2=" + b"%41" * 30_000 + b"%zz")
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        ['"' * 9001], ["()" * 9000, " "], [" " * 9001, "a"], ["a" + " " * 9001], ["a,b" * 5000], ["(" * 5000], [""],
+        ["x" * 70_000, "y"], list(map(str, range(20_000))),
+    ],
+    ids=range(9),
+)  # fmt: skip
+def test_long_strings_as_text(value):
+    given = Variant(VarType.BSTR | ARRAY, value)
+    assert parse(format_variant(given)) == given
+    nested = variant([[text] for text in value[:100]])
+    assert parse(format_variant(nested)) == nested
+
+
+def test_long_arrays_of_numbers_as_text():
+    text = "8197," + ",".join(["1.5"] * 50_000)
+    assert parse(text).value == [1.5] * 50_000
+    assert parse("8197,1," + " " * 5000 + "2").value == [1.0, 2.0]
+    assert parse("8200,a" + " " * 9001).value == ["a"]
+    for wrong in ("8197," + " " * 70_000 + "x", "3," + "1" * 70_000, "8197,1," + "1" * 70_000 + ",2"):
+        with pytest.raises(ValueError, match="column"):
+            parse(wrong)
+
+
+def test_blanks_and_dates_before_a_type_cost_as_much_as_slow_types():
+    body = b"Func=102,Arg1=5,Arg2=8204,(" + b" " * 100 + b"8199" + b",1" * 60_000 + b")"
+    with pytest.raises(CallError):
+        read_request(body)
+
+
+def test_a_number_longer_than_any():
+    with pytest.raises(CallError, match="a number, not"):
+        to_integer(variant("9" * 5000))
+    with pytest.raises(CallError, match="a number, not"):
+        to_integer(variant("9" * 4350))  # more digits than Python reads
+
+
+def test_names_and_options_have_a_longest():
+    handle, name = variant(2), variant("x" * 1024)
+    assert read_arguments(controller_get_variable, [handle, name, variant("y" * 4096)])[1] == "x" * 1024
+    for arguments in ([handle, variant("x" * 1025), variant("")], [handle, name, variant("y" * 4097)]):
+        with pytest.raises(CallError, match="characters, at most") as caught:
+            read_arguments(controller_get_variable, arguments)
+        assert caught.value.code == hresult.E_INVALIDARG
+    i18n.use("ja")
+    with pytest.raises(CallError, match="上限 1024 文字"):
+        read_arguments(controller_get_variable, [handle, variant("x" * 1025)])

@@ -1,0 +1,431 @@
+from __future__ import annotations
+
+import pytest
+
+from orinkit.cao.provider import Later
+from orinkit.cao.session import Host, Pending, Session
+from orinkit.core import hresult
+from orinkit.core.errors import CallError
+from orinkit.values.variant import Variant, VarType, variant
+from orinkit.virtual.clock import ManualClock
+from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.rc8 import Permission, VirtualRC8
+from orinkit.virtual.rc8.objects.command import CommandState, RC8Command
+from orinkit.virtual.rc8.robot.motor import MotorState
+
+EMPTY = Variant(VarType.EMPTY)
+WAIT, AT_ONCE = 0, 1
+IDLE, EXECUTING, DONE, FAILED, CANCELLED = range(5)
+
+
+@pytest.fixture
+def command(controller):
+    """A command with its parameter."""
+
+    def command(name: str, parameter: object = None) -> RC8Command:
+        made = controller.get_command(name, "")
+        made.put_parameters(variant(parameter))
+        return made
+
+    return command
+
+
+@pytest.fixture
+def ready(rc8, controller):
+    """The robot, with arm and motor."""
+    robot = controller.get_robot("Arm", "")
+    robot.execute("TakeArm", variant([0, 0]))
+    rc8.state.arm.motor.state = MotorState.ON
+    return robot
+
+
+def code(promise: Later[None]) -> int:
+    """The code that a promise was broken with, 0 if it was kept."""
+    assert promise.done
+    try:
+        promise.result()
+    except CallError as error:
+        return error.code
+    return 0
+
+
+def result_code(command: RC8Command) -> int:
+    try:
+        command.get_result()
+    except CallError as error:
+        return error.code
+    return 0
+
+
+# --- names ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["SysState", "sysstate", " SysState ", "HandMoveA", "Motor", "Robot.Motor", "robot . motor", "Arm0.Motor", "Hand0.Chuck",
+     "CurJnt", "Robot.CurPos", "HAND0.get_BusyState"],
+)  # fmt: skip
+def test_names(name, controller):
+    made = controller.get_command(name, "")
+    assert (made.get_name(), made.get_state(), made.get_attribute()) == (name, IDLE, 3)
+    assert name in made.get_help()
+
+
+@pytest.mark.parametrize(
+    ("name", "refusal"),
+    [
+        ("", hresult.E_CAO_OBJECT_NOTFOUND),
+        (".", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("NoSuch", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("Robot.SysState", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("Robot.Chuck", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("Robot.Robot.Motor", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("Hand1.Chuck", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("Hand0.Motor2", hresult.E_CAO_OBJECT_NOTFOUND),
+        ("x" * 100_000, hresult.E_CAO_OBJECT_NOTFOUND),
+        ("Robot.ForceCtrl", hresult.E_NOTIMPL),
+        ("forcectrl", hresult.E_NOTIMPL),
+    ],
+)
+def test_names_that_are_none(name, refusal, controller, refused):
+    assert refused(controller.get_command, name, "") == refusal
+
+
+def test_every_name_of_the_list_is_a_command(controller):
+    names = controller.get_command_names("")
+    assert {"ClearError", "HandMoveA", "Robot.Motor", "Hand0.Chuck"} <= set(names)
+    assert not {"HandMoveZH", "Robot.ForceCtrl"} & set(names)
+    assert len(names) == len(set(names))
+    for name in names:
+        assert controller.get_command(name, "").get_state() == IDLE
+
+
+# --- commands that answer at once -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [WAIT, AT_ONCE])
+def test_a_command_that_answers_at_once(mode, command):
+    info = command("SysInfo", 0)
+    assert info.get_result() is None
+    answer = info.execute(mode)
+    assert answer.done if mode == WAIT else answer is None
+    assert (info.get_state(), info.get_result()) == (DONE, "SN-42")
+    assert info.get_parameters() == variant(0)
+    info.put_parameters(variant(99))
+    info.execute(AT_ONCE)
+    assert (info.get_state(), result_code(info)) == (FAILED, hresult.E_INVALIDARG)
+    info.put_parameters(variant([0]))
+    info.execute(AT_ONCE)
+    assert info.get_result() == "SN-42"
+
+
+def test_one_that_fails_at_once(command):
+    motor = command("Motor", [1, 0])
+    motor._caller.state.emergency_stop(True)
+    assert code(motor.execute(WAIT)) == hresult.EMERGENCY_STOP_ON
+    assert (motor.get_state(), result_code(motor)) == (FAILED, hresult.EMERGENCY_STOP_ON)
+
+
+@pytest.mark.parametrize("mode", [-1, 2, 2**31 - 1])
+def test_a_mode_that_is_none(mode, command, refused):
+    info = command("SysInfo", 0)
+    assert refused(info.execute, mode) == hresult.E_INVALIDARG
+    assert info.get_state() == IDLE
+
+
+# --- commands that take time ------------------------------------------------------------------------------------------
+
+
+def test_waiting_for_a_command(command, clock, rc8):
+    move = command("HandMoveA", [10, 100])
+    answer = move.execute(WAIT)
+    assert (move.get_state(), answer.done, result_code(move)) == (EXECUTING, False, hresult.E_CAO_CMD_EXECUTE)
+    clock.advance(1)
+    assert (move.get_state(), code(answer), move.get_result()) == (DONE, 0, None)
+    assert rc8.state.hand.position == 10.0
+
+
+def test_watching_a_command(command, clock, rc8, refused):
+    motor = command("Robot.Motor", [1, 0])
+    assert motor.execute(AT_ONCE) is None
+    assert motor.get_state() == EXECUTING
+    for mode in (WAIT, AT_ONCE):
+        assert refused(motor.execute, mode) == hresult.E_CAO_CMD_EXECUTE
+    clock.advance(0.5)
+    assert motor.get_state() == EXECUTING
+    clock.advance(1)
+    assert (motor.get_state(), rc8.state.arm.motor.on) == (DONE, True)
+    motor.put_parameters(variant([0, 0]))
+    motor.execute(AT_ONCE)
+    clock.advance(1)
+    assert (motor.get_state(), rc8.state.arm.motor.on) == (DONE, False)
+
+
+def test_one_that_fails_later(command, clock):
+    grip = command("HandMoveH", [10, True])
+    answer = grip.execute(WAIT)
+    clock.advance(1)
+    assert (grip.get_state(), code(answer), result_code(grip)) == (FAILED, *[hresult.GRIP_NOT_DETECTED] * 2)
+
+
+def test_a_robot_command_has_the_arm_of_its_client(command, ready, clock, connect, rc8):
+    drive = command("DriveEx", "(1, 10)")
+    drive.execute(AT_ONCE)
+    other = connect("other").get_command("DriveEx", "")
+    other.put_parameters(variant("(1, 10)"))
+    other.execute(AT_ONCE)
+    assert (other.get_state(), result_code(other)) == (FAILED, hresult.ARM_NOT_TAKEN)
+    clock.advance(5)
+    assert drive.get_state() == DONE
+    assert rc8.state.arm.servo.encoder[0] == pytest.approx(10.0, abs=1e-3)
+
+
+# --- cancelling -------------------------------------------------------------------------------------------------------
+
+
+def test_cancelling_a_motion_brings_the_arm_to_rest(command, ready, clock, rc8):
+    drive = command("DriveEx", "(1, 60)")
+    answer = drive.execute(WAIT)
+    clock.advance(0.2)
+    over = drive.cancel()
+    assert (drive.get_state(), over.done) == (EXECUTING, False)  # it is still slowing down
+    assert rc8.state.arm.stopping
+    clock.advance(1)
+    assert (code(over), code(answer)) == (0, hresult.E_CANCEL)
+    assert (drive.get_state(), result_code(drive)) == (CANCELLED, hresult.E_CANCEL)
+    assert not rc8.state.arm.busy
+    assert 0 < rc8.state.arm.servo.encoder[0] < 60
+    drive.execute(AT_ONCE)  # and once more
+    clock.advance(5)
+    assert (drive.get_state(), drive.get_result()) == (DONE, None)
+
+
+def test_cancelling_twice(command, ready, clock):
+    drive = command("DriveEx", "(1, 60)")
+    drive.execute(AT_ONCE)
+    clock.advance(0.2)
+    both = [drive.cancel(), drive.cancel()]
+    clock.advance(1)
+    assert [code(each) for each in both] == [0, 0]
+    assert drive.get_state() == CANCELLED
+
+
+def test_cancelling_a_motion_that_is_paused(command, ready, clock):
+    drive = command("DriveEx", "(1, 60)")
+    drive.execute(AT_ONCE)
+    clock.advance(0.2)
+    ready.hold("")
+    clock.advance(5)
+    assert drive.get_state() == EXECUTING
+    drive.cancel()
+    clock.advance(1)
+    assert drive.get_state() == CANCELLED
+
+
+def test_cancelling_the_hand(command, clock, rc8):
+    move = command("Hand0.Org")
+    rc8.state.hand.position = 1.0
+    answer = move.execute(WAIT)
+    clock.advance(0.1)
+    assert code(move.cancel()) == 0
+    assert (code(answer), move.get_state(), rc8.state.hand.busy) == (hresult.E_CANCEL, CANCELLED, False)
+
+
+def test_cancelling_what_cannot_be_stopped(command, clock, rc8):
+    """The motor goes on being switched; the command is over all the same, and does not change any more."""
+    motor = command("Motor", [1, 0])
+    answer = motor.execute(WAIT)
+    assert code(motor.cancel()) == 0
+    assert (code(answer), motor.get_state()) == (hresult.E_CANCEL, CANCELLED)
+    clock.advance(2)
+    assert (motor.get_state(), rc8.state.arm.motor.on) == (CANCELLED, True)
+
+
+def test_what_was_given_up_does_not_end_a_later_execution(command, clock, rc8):
+    motor = command("Motor", [1, 0])
+    motor.execute(AT_ONCE)
+    clock.advance(0.5)
+    motor.cancel()
+    motor.put_parameters(variant([0, 0]))
+    motor.execute(AT_ONCE)  # this breaks off the switching on that was given up
+    assert motor.get_state() == EXECUTING
+    clock.advance(1)
+    assert (motor.get_state(), rc8.state.arm.motor.on) == (DONE, False)
+
+
+def test_cancelling_what_is_not_executed(command):
+    info = command("SysInfo", 0)
+    assert info.cancel() is None
+    assert info.get_state() == IDLE
+    info.execute(AT_ONCE)
+    assert info.cancel() is None
+    assert (info.get_state(), info.get_result()) == (DONE, "SN-42")
+
+
+def test_cancelling_leaves_the_motion_of_another_alone(command, ready, clock, connect, rc8):
+    """The arm is given away and another client moves it: a command that is left over does not touch it."""
+    motor = command("Motor", [1, 1])
+    motor.execute(AT_ONCE)
+    ready.execute("GiveArm", EMPTY)
+    other = connect("other")
+    other.get_robot("Arm", "").execute("TakeArm", variant([0, 0]))
+    drive = other.get_command("DriveEx", "")
+    drive.put_parameters(variant("(1, 10)"))
+    drive.execute(AT_ONCE)
+    motor.cancel()
+    motor.release()
+    clock.advance(5)
+    assert drive.get_state() == DONE
+
+
+def test_releasing_cancels(command, ready, clock, rc8):
+    drive = command("DriveEx", "(1, 60)")
+    drive.execute(AT_ONCE)
+    clock.advance(0.2)
+    drive.release()
+    clock.advance(1)
+    assert not rc8.state.arm.busy
+    assert rc8.state.arm.servo.encoder[0] < 60
+    move = command("HandMoveA", [0, 1])
+    move.execute(AT_ONCE)
+    move.release()
+    move.release()
+    assert not rc8.state.hand.busy
+
+
+def test_something_else_stops_it(command, ready, clock, rc8):
+    drive = command("DriveEx", "(1, 60)")
+    answer = drive.execute(WAIT)
+    clock.advance(0.2)
+    rc8.emergency_stop(True)
+    clock.advance(1)
+    assert (drive.get_state(), code(answer)) == (FAILED, hresult.EMERGENCY_STOP_ON)
+
+
+# --- time-outs --------------------------------------------------------------------------------------------------------
+
+
+def test_a_time_out_is_counted_in_cycles(command, clock, rc8):
+    move = command("HandMoveA", [0, 1])  # 37 s
+    assert move.get_timeout() == 0
+    move.put_timeout(1000)
+    assert move.get_timeout() == 1000
+    answer = move.execute(WAIT)
+    clock.advance(1 - PERIOD)
+    assert move.get_state() == EXECUTING
+    clock.advance(PERIOD)
+    assert (move.get_state(), code(answer), result_code(move)) == (CANCELLED, *[hresult.E_TIMEOUT] * 2)
+    assert not rc8.state.hand.busy
+
+
+def test_a_time_out_brings_the_arm_to_rest(command, ready, clock, rc8):
+    drive = command("DriveEx", "(1, 60)")
+    drive.put_timeout(200)
+    answer = drive.execute(WAIT)
+    clock.advance(1.5)
+    assert (drive.get_state(), code(answer)) == (CANCELLED, hresult.E_TIMEOUT)
+    assert not rc8.state.arm.busy
+    assert 0 < rc8.state.arm.servo.encoder[0] < 60
+
+
+def test_a_time_out_runs_while_nothing_moves(command, ready, clock):
+    drive = command("DriveEx", "(1, 60)")
+    drive.put_timeout(3000)
+    drive.execute(AT_ONCE)
+    clock.advance(0.2)
+    ready.hold("")
+    clock.advance(2)
+    assert drive.get_state() == EXECUTING
+    clock.advance(2)
+    assert (drive.get_state(), result_code(drive)) == (CANCELLED, hresult.E_TIMEOUT)
+
+
+def test_a_command_that_is_done_in_time(command, clock, rc8):
+    move = command("HandMoveA", [20, 100])
+    move.put_timeout(60_000)
+    move.execute(AT_ONCE)
+    clock.advance(1)
+    assert move.get_state() == DONE
+    assert not rc8.state.cycles.busy  # nothing waits for the time any more
+    move.put_timeout(2**31 - 1)
+    move.put_parameters(variant([10, 100]))
+    move.execute(AT_ONCE)
+    clock.advance(1)
+    assert move.get_state() == DONE
+
+
+def test_a_time_out_of_an_earlier_execution_is_over(command, clock):
+    move = command("HandMoveA", [20, 100])
+    move.put_timeout(1000)
+    move.execute(AT_ONCE)
+    clock.advance(0.5)
+    assert move.get_state() == DONE
+    move.put_timeout(0)
+    move.put_parameters(variant([0, 1]))
+    move.execute(AT_ONCE)
+    clock.advance(2)
+    assert move.get_state() == EXECUTING
+
+
+def test_a_negative_time_out(command, refused):
+    info = command("SysInfo", 0)
+    assert refused(info.put_timeout, -1) == hresult.E_INVALIDARG
+    assert info.get_timeout() == 0
+
+
+# --- rights, and the wire ---------------------------------------------------------------------------------------------
+
+
+def test_rights_are_those_of_the_command(connect):
+    device = VirtualRC8(permission=Permission.parse("*=r"), clock=ManualClock())
+    controller = connect(device=device)
+    for name, parameter, expected in [
+        ("SysInfo", 0, 0),
+        ("ClearError", None, hresult.NO_WRITE_RIGHT),
+        ("Motor", 1, hresult.NO_WRITE_RIGHT),
+        ("Hand0.Chuck", 0, hresult.NO_WRITE_RIGHT),
+        ("Hand0.CurPos", None, 0),
+    ]:
+        made = controller.get_command(name, "")
+        made.put_parameters(variant(parameter))
+        made.execute(AT_ONCE)
+        assert result_code(made) == expected
+    device.close()
+
+
+def test_through_a_session_as_a_server_calls_it(rc8, clock):
+    session = Session(Host(rc8))
+    controller = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
+    handle = session.invoke(10, [controller, variant("HandMoveA"), variant("")]).result
+    assert session.invoke(118, [handle, variant([10, 100])]).code == 0
+    assert session.invoke(117, [handle]).result == variant([10, 100])
+    pending = session.invoke(112, [handle, variant(0)])
+    assert isinstance(pending, Pending)
+    assert session.invoke(116, [handle]).result == Variant(VarType.I4, EXECUTING)
+    clock.advance(1)
+    assert session.complete(pending, pending.work.result()).code == 0
+    assert session.invoke(119, [handle]).result == EMPTY
+    assert session.invoke(118, [handle, variant([99, 100])]).code == 0
+    assert session.invoke(112, [handle]).code == hresult.VALUE_OUT_OF_RANGE
+    assert session.invoke(116, [handle]).result == Variant(VarType.I4, FAILED)
+    assert session.invoke(113, [handle]).code == 0
+    assert session.invoke(115, [handle, variant(500)]).code == 0
+    assert session.invoke(114, [handle]).result == Variant(VarType.I4, 500)
+    assert session.invoke(127, [handle]).code == 0
+    assert session.invoke(116, [handle]).code == hresult.E_HANDLE
+
+
+def test_a_client_that_goes_away_takes_its_commands_along(rc8, clock):
+    session = Session(Host(rc8))
+    controller = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
+    handle = session.invoke(10, [controller, variant("HandMoveA"), variant("")]).result
+    session.invoke(118, [handle, variant([0, 1])])
+    session.invoke(112, [handle, variant(1)])
+    clock.advance(0.5)
+    session.close()
+    assert not rc8.state.hand.busy
+
+
+def test_states_are_as_documented():
+    assert [state.name for state in CommandState] == ["IDLE", "EXECUTING", "DONE", "FAILED", "CANCELLED"]
+    assert [*CommandState] == [0, 1, 2, 3, 4]
