@@ -10,10 +10,10 @@ from __future__ import annotations
 from orinkit.can.server import serve_can
 from orinkit.cao import functions
 from orinkit.cao.provider import Provider
+from orinkit.client._shared.common import ErrorInfo
 from orinkit.client._shared.stream import Progress, StreamResult, Timing
 from orinkit.client._sync.client import Client
-from orinkit.client._sync.controller import Command, Controller, Extension, File, Message
-from orinkit.client._sync.controller import open_controller as connect
+from orinkit.client._sync.controller import Command, Controller, Extension, File, Message, connect
 from orinkit.client._sync.motion import Motion
 from orinkit.client._sync.objects import Variable
 from orinkit.client._sync.robot import Robot
@@ -73,7 +73,7 @@ from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.realtime import RealTime
 from orinkit.streaming.recording.samples import Sample
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
-from orinkit.values.poses import J, P, T, V
+from orinkit.values.poses import J, P, PassMark, T, V
 from orinkit.values.variant import Variant, VarType
 
 open_client = Client.open
@@ -98,6 +98,7 @@ __all__ = [
     "DriverFault",
     "DriverRefused",
     "DriverTimeout",
+    "ErrorInfo",
     "ExecutionTimeout",
     "Extension",
     "File",
@@ -126,6 +127,7 @@ __all__ = [
     "P",
     "PacketError",
     "Part",
+    "PassMark",
     "PathLimits",
     "PendantError",
     "ProgramError",
@@ -164,3 +166,8 @@ __all__ = [
     "set_language",
     "variable",
 ]
+
+for _name in __all__:  # help() and tracebacks show the public names
+    _public = globals()[_name]
+    if isinstance(_public, type):
+        _public.__module__ = __name__

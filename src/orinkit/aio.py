@@ -13,6 +13,7 @@ from collections.abc import Callable, Coroutine
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from orinkit.client._async import controller
 from orinkit.client._async.client import AsyncClient
 from orinkit.client._async.controller import (
     AsyncCommand,
@@ -20,7 +21,6 @@ from orinkit.client._async.controller import (
     AsyncExtension,
     AsyncFile,
     AsyncMessage,
-    open_controller,
 )
 from orinkit.client._async.motion import AsyncMotion
 from orinkit.client._async.objects import AsyncVariable
@@ -60,6 +60,11 @@ def _opening(function: Callable[P, Coroutine[Any, Any, C]]) -> Callable[P, Openi
     return start
 
 
-connect = _opening(open_controller)
+connect = _opening(controller.connect)
 open_client = _opening(AsyncClient.open)
 serve = AsyncServer
+
+for _name in __all__:  # help() and tracebacks show the public names
+    _public = globals()[_name]
+    if isinstance(_public, type):
+        _public.__module__ = __name__

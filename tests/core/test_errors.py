@@ -55,7 +55,7 @@ from orinkit.core.errors import (
 
 pytestmark = pytest.mark.core
 
-CLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if kind.__module__ == "orinkit.core.errors"]
+CLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, errors.OrinError)]
 
 
 @pytest.mark.parametrize(

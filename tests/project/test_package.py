@@ -75,3 +75,28 @@ def test_what_the_virtual_rc8_needs_is_told():
     )
     assert "pip install 'orinkit[virtual]'" in done.stdout, done.stderr
     assert "numpy, lark" in done.stdout
+
+
+def test_public_names_are_shown_as_such():
+    assert repr(orinkit.Robot) == "<class 'orinkit.Robot'>"
+    assert repr(aio.AsyncRobot) == "<class 'orinkit.aio.AsyncRobot'>"
+    assert orinkit.connect.__name__ == "connect"
+    assert orinkit.PassMark.__name__ in orinkit.__all__
+
+
+@pytest.mark.parametrize("device", ["rc8", "ve026a"])
+def test_serving_without_the_extra_names_it(device: str) -> None:
+    done = run(
+        "import importlib.machinery, sys\n"
+        "class Hidden(importlib.machinery.PathFinder):\n"
+        "    @classmethod\n"
+        "    def find_spec(cls, name, path=None, target=None):\n"
+        "        return None if name in ('numpy', 'lark') else super().find_spec(name, path, target)\n"
+        "sys.meta_path[-1] = Hidden\n"
+        "from orinkit.cli.app import main\n"
+        f"raise SystemExit(main(['serve', '{device}']))\n"
+    )
+    assert done.returncode == 1
+    assert done.stderr == (
+        "orinkit: the virtual RC8 needs numpy, lark; install it with: pip install 'orinkit[virtual]'\n"
+    )

@@ -15,7 +15,7 @@ import orinkit
 from orinkit.cli._shared.errors import Failure, usage_text
 from orinkit.cli._shared.help import HelpFormatter
 from orinkit.cli._shared.terminal import screened
-from orinkit.core.errors import InvalidAddress, InvalidValue, NotationError, OrinError
+from orinkit.core.errors import InvalidAddress, InvalidValue, MissingExtra, NotationError, OrinError
 from orinkit.core.i18n import tr
 
 DONE: Final = 0
@@ -144,6 +144,8 @@ def _guarded(run: Callable[[], int | None]) -> int:
     except Exception as error:
         if os.environ.get("ORINKIT_TRACEBACK"):
             raise
+        if isinstance(error.__cause__, MissingExtra):  # the module of a command could not be imported
+            return _say(str(error.__cause__), FAILED)
         if isinstance(error, OSError):
             _leave_stdout()  # what is left in its buffer would be tried again at the end, and complained about
             return _say(_refused(error), FAILED)

@@ -1,4 +1,4 @@
-"""The asynchronous client: :func:`open_controller` and the objects of a controller.
+"""The asynchronous client: :func:`connect` and the objects of a controller.
 
 Every method is one call of the table; there is no logic here that the protocol core does not have. The synchronous
 twin is made from this file: ``async`` and ``await`` go away, and ``get_x``/``put_x`` without arguments of their own
@@ -285,7 +285,7 @@ class AsyncMessage(AsyncNode):
 
 
 class AsyncController(AsyncOwner):
-    """A controller; :func:`open_controller` makes one. Closing it releases everything and closes the connection."""
+    """A controller; :func:`connect` makes one. Closing it releases everything and closes the connection."""
 
     __slots__ = ()
 
@@ -405,7 +405,7 @@ async def _file(
     return file
 
 
-async def open_controller(
+async def connect(
     url: str,
     *,
     provider: str = RC8,

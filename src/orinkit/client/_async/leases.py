@@ -34,6 +34,9 @@ class AsyncHolding(ABC):
         self._robot = robot
         self._track = track
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._robot!r}>"
+
     async def __aenter__(self) -> None:
         try:
             await self._take()

@@ -49,6 +49,10 @@ class AsyncStream(AsyncSlaveMode):
         self._pushed: Planner | None = None
         self._target: J | P | T | None = None
 
+    def __repr__(self) -> str:
+        state = "not active" if self._streaming is None else "active"
+        return f"<{type(self).__name__} of {self._robot!r}, {state}>"
+
     def _forget(self) -> None:
         self._pushed = self._target = None
 

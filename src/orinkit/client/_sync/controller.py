@@ -417,7 +417,7 @@ class Message(Node):
 
 
 class Controller(Owner):
-    """A controller; :func:`open_controller` makes one. Closing it releases everything and closes the connection."""
+    """A controller; :func:`connect` makes one. Closing it releases everything and closes the connection."""
 
     __slots__ = ()
 
@@ -535,7 +535,7 @@ def _file(owner: Owner, function: Function[[int, str, str], int], name: str, opt
     return file
 
 
-def open_controller(
+def connect(
     url: str,
     *,
     provider: str = RC8,

@@ -34,6 +34,9 @@ class Holding(ABC):
         self._robot = robot
         self._track = track
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._robot!r}>"
+
     def __enter__(self) -> None:
         try:
             self._take()
