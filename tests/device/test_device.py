@@ -775,3 +775,38 @@ def test_a_decorator_without_a_name_is_told_at_once(decorator):
     i18n.use("ja")
     with pytest.raises(TypeError, match=rf'コントローラでの名前が必要です: @{decorator}\("名前"\)$'):
         DECLARATIONS[decorator](lambda self: 1)
+
+
+def test_a_declared_variable_is_a_property_in_its_class() -> None:
+    class Door(orinkit.Device):
+        provider_names = ("Test.Door",)
+
+        def __init__(self) -> None:
+            self._width = 1.5
+
+        @variable("WIDTH")
+        def width(self) -> float:
+            return self._width
+
+        @width.setter
+        def set_width(self, width: float) -> None:
+            self._width = width
+
+        @variable("AREA")
+        def area(self) -> float:
+            return self.width * 2.0
+
+    door = Door()
+    assert (door.width, door.area) == (1.5, 3.0)
+    door.width = 2.0
+    assert (door.width, door.area) == (2.0, 4.0)
+    with pytest.raises(AttributeError, match="AREA"):
+        door.area = 1.0
+    assert Door.width.name == "WIDTH"
+    with (
+        orinkit.serve(door, "tcp://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Door") as controller,
+    ):
+        assert sorted(controller.variable_names()) == ["AREA", "WIDTH"]
+        controller.variable("WIDTH").value = 3.0
+        assert controller.variable("AREA").value == 6.0

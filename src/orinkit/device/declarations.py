@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from datetime import datetime
 from decimal import Decimal
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar, overload
 
 from orinkit.cao import coerce
 from orinkit.cao.provider import Blocking
@@ -17,6 +17,7 @@ from orinkit.values.variant import ARRAY, Variant, VarType, type_name
 from orinkit.values.variant import variant as to_variant
 
 D = TypeVar("D", bound="Declared")
+T = TypeVar("T")
 
 _BY_ANNOTATION: Final[dict[object, VarType]] = {
     kind: vt
@@ -53,8 +54,8 @@ class Declared:
         return Blocking(lambda: method(*args))
 
 
-class DeclaredVariable(Declared):
-    """A variable: a getter, perhaps a setter."""
+class DeclaredVariable(Declared, Generic[T]):
+    """A variable: a getter and, if it is writable, a setter. In the device's own code it behaves like a property."""
 
     kind = "Variable"
 
@@ -64,8 +65,26 @@ class DeclaredVariable(Declared):
         self.type = type if type is not None else _BY_ANNOTATION.get(method.__annotations__.get("return"))
         self.set: Callable[..., Any] | None = None
 
-    def setter(self, method: Callable[..., Any]) -> DeclaredVariable:
-        """Make the variable writable: the method gets the new value as plain Python."""
+    @overload
+    def __get__(self, part: None, owner: type) -> DeclaredVariable[T]: ...
+    @overload
+    def __get__(self, part: object, owner: type) -> T: ...
+    def __get__(self, part: object, owner: type) -> DeclaredVariable[T] | T:
+        if part is None:
+            return self
+        value: T = self.method(part)
+        return value
+
+    def __set__(self, part: object, value: T) -> None:
+        if self.set is None:
+            raise AttributeError(tr("variable {name!r} has no setter", name=self.name))
+        self.set(part, value)
+
+    def setter(self, method: Callable[[Any, T], Any]) -> DeclaredVariable[T]:
+        """Make the variable writable: the method gets the new value as plain Python.
+
+        Type checkers want another name for the method than that of the getter: ``def set_width(self, width: float)``.
+        """
         self.set = method
         return self
 
@@ -152,14 +171,24 @@ class _Decorator(Generic[D]):
         return self._make(method)
 
 
+class _VariableDecorator:
+    def __init__(self, name: str, type: int | None, help: str, quick: bool) -> None:  # noqa: A002
+        self._options = (name, help, quick, type)
+
+    def __call__(self, method: Callable[[Any], T]) -> DeclaredVariable[T]:
+        return DeclaredVariable(method, *self._options)
+
+
 def variable(
     name: str,
     *,
     type: int | None = None,  # noqa: A002 - the documents' word
     help: str = "",  # noqa: A002
     quick: bool = False,
-) -> _Decorator[DeclaredVariable]:
+) -> _VariableDecorator:
     """Declare a variable; the method is its getter, ``@method.setter`` makes it writable.
+
+    In the device's own code, ``self.width`` calls the getter, and ``self.width = 5.0`` the setter.
 
     Args:
         name: name in the controller; upper and lower case do not matter.
@@ -169,7 +198,7 @@ def variable(
         quick: the methods return at once.
     """
     _check_name("variable", name)
-    return _Decorator(lambda method: DeclaredVariable(method, name, help, quick, type))
+    return _VariableDecorator(name, type, help, quick)
 
 
 def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002

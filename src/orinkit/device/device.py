@@ -229,7 +229,7 @@ def _names(part: Part, kind: str) -> list[str]:
 class _PartVariable(VariableObject):
     """One client's handle of a declared variable."""
 
-    def __init__(self, part: Part, declared: DeclaredVariable) -> None:
+    def __init__(self, part: Part, declared: DeclaredVariable[Any]) -> None:
         super().__init__(declared.name, attribute=READABLE | (WRITABLE if declared.set else 0), help=declared.help)
         self._part = part
         self._variable = declared
