@@ -63,7 +63,7 @@ class Relay:
 @pytest.mark.parametrize("mode", [0, 1, 2])
 @pytest.mark.parametrize("url", ["udp://127.0.0.1:0", "pty://"])
 def test_streaming(both: Both, url: str, mode: int) -> None:
-    device = VirtualRC8(clock=Clock(1.0), motor=True, joints=HOME)
+    device = VirtualRC8(clock=Clock(0.5), motor=True, joints=HOME)  # so it waits twice as long for a late set-point
     with orinkit.serve(device, url) as server:
         controller = both.connect(server.url)
         robot = both.run(controller.robot("Arm"))
