@@ -9,7 +9,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from orinkit.values.variant import ARRAY, SIZES, VARIANT_ARRAY, Variant, VarType, exact_date, ole_datetime, ole_days
+from orinkit.values.conversions import exact_date, ole_datetime, ole_days
+from orinkit.values.types import SIZES
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 _UNSIGNED = (VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8, VarType.ERROR)
 _SIGNED = (VarType.I1, VarType.I2, VarType.I4, VarType.I8)
