@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.type_row import TypeRow, shown
+from orinkit.values.type_row import TypeRow, no_type, shown
 
 CY_CONTEXT: Final = Context(prec=40, traps=[])
 """For VT_CY: the caller's own decimal context may round or raise."""
@@ -32,9 +32,9 @@ def nothing(row: TypeRow, value: Any) -> None:
         raise row.misfit(value)
 
 
-def unchanged(_row: TypeRow, value: Any) -> Any:
-    """Return the value as it is: an element of a VARIANT array, which :mod:`orinkit.values.variant` gives a type."""
-    return value
+def only_in_arrays(row: TypeRow, _value: Any) -> Any:
+    """Refuse any value: VT_VARIANT is the type of an array, each of its elements has a type of its own."""
+    raise no_type(row.name, row.code)
 
 
 def integer(row: TypeRow, value: Any) -> int:

@@ -95,3 +95,8 @@ class TypeRow:
 def no_value(name: str, value: object) -> InvalidValue:
     """Return the exception for a value that is of another kind than the type of this name."""
     return InvalidValue(tr("{shown} is no value for {type}", shown=shown(value), type=name))
+
+
+def no_type(name: str, number: int) -> InvalidValue:
+    """Return the exception for a type that no value can have."""
+    return InvalidValue(tr("{name} ({number}) is not a type that a value can have", name=name, number=int(number)))

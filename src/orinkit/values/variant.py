@@ -33,7 +33,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.values.conversions import plain_date
-from orinkit.values.type_row import shown
+from orinkit.values.type_row import no_type, shown
 from orinkit.values.types import (
     ARRAY,
     BY_DTYPE,
@@ -215,8 +215,8 @@ def _infer_numpy(value: Any) -> tuple[int, Any]:
 def _conform(vt: int, value: Any) -> Any:
     """Return the value in the form kept for its type; raise InvalidValue if it does not fit."""
     row = ROWS.get(vt & ~ARRAY)
-    if row is None or (row.empty and vt & ARRAY) or vt == VarType.VARIANT:
-        raise InvalidValue(tr("{name} ({number}) is not a type that a value can have", name=type_name(vt), number=vt))
+    if row is None or (row.empty and vt & ARRAY):
+        raise no_type(type_name(vt), vt)
     if not vt & ARRAY:
         return row.conform(row, value)
     if vt == UI1_ARRAY and isinstance(value, bytes | bytearray | memoryview):
