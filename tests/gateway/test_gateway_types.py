@@ -13,7 +13,8 @@ from orinkit.cao import functions as f
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, RobotObject
 from orinkit.client._sync.client import Client
 from orinkit.values.codec import decode, encode_variant
-from orinkit.values.variant import ARRAY, SIZES, VARIANT_ARRAY, Variant, VarType
+from orinkit.values.types import SIZES
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from support.gateways import HTTP, LISTEN, PATIENCE, chain
 from support.strategies import same, strings, variants
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from orinkit.bcap import packet
 from orinkit.values.codec import DEFAULT_LIMITS, encode
-from orinkit.values.variant import ARRAY, FORMATS, VarType
+from orinkit.values.types import ARRAY, FORMATS, VarType
 from support.peers import RawClient
 
 MOST: Final = DEFAULT_LIMITS.packet - 1024

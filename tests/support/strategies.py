@@ -9,15 +9,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from orinkit.values.variant import ARRAY, SIZES, VARIANT_ARRAY, Variant, VarType, exact_date, ole_datetime, ole_days
-
-_UNSIGNED = (VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8, VarType.ERROR)
-_SIGNED = (VarType.I1, VarType.I2, VarType.I4, VarType.I8)
-
-
-def _whole(vt: VarType) -> st.SearchStrategy[int]:
-    bits = 8 * SIZES[vt]
-    return st.integers(0, 2**bits - 1) if vt in _UNSIGNED else st.integers(-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+from orinkit.values.conversions import exact_date, ole_datetime, ole_days
+from orinkit.values.types import TABLE
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 
 def _as_utf16(text: str) -> str:
@@ -43,7 +37,7 @@ def dates() -> st.SearchStrategy[datetime | float]:
 
 
 CONTENTS: dict[VarType, st.SearchStrategy[Any]] = {
-    **{vt: _whole(vt) for vt in (*_UNSIGNED, *_SIGNED)},
+    **{VarType(row.code): st.integers(*row.bounds) for row in TABLE if row.bounds is not None},
     VarType.R4: st.floats(width=32),
     VarType.R8: st.floats(),
     VarType.CY: st.integers(-(2**63), 2**63 - 1).map(lambda units: Decimal(units).scaleb(-4)),

@@ -22,21 +22,9 @@ from hypothesis import strategies as st
 
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
-from orinkit.values.variant import (
-    ARRAY,
-    R8_ARRAY,
-    SIZES,
-    VARIANT_ARRAY,
-    Variant,
-    VarType,
-    exact_date,
-    ole_datetime,
-    ole_days,
-    plain,
-    plain_date,
-    type_name,
-    variant,
-)
+from orinkit.values.conversions import exact_date, ole_datetime, ole_days, plain_date
+from orinkit.values.types import SIZES
+from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, type_name, variant
 from support.strategies import same, variants
 
 pytestmark = pytest.mark.core

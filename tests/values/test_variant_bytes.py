@@ -16,7 +16,8 @@ from orinkit.core import hresult, i18n
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.values import codec
 from orinkit.values.codec import Limits, decode, encode, encode_handle, encode_integer, encode_single, encode_string
-from orinkit.values.variant import ARRAY, FORMATS, SIZES, VARIANT_ARRAY, Variant, VarType, variant
+from orinkit.values.types import FORMATS, SIZES
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from support.strategies import same, variants
 
 pytestmark = pytest.mark.core

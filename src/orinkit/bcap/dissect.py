@@ -27,7 +27,8 @@ from orinkit.core.i18n import printable, tr
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.values.notation import format_variant
-from orinkit.values.variant import ARRAY, SIZES, Variant, VarType, type_name
+from orinkit.values.types import ARRAY, EMPTIES, SIZES, VarType, type_name
+from orinkit.values.variant import Variant
 
 Kind: TypeAlias = Literal["request", "reply"]
 
@@ -144,7 +145,7 @@ def _function_of(request: bytes | None) -> Function[..., Any] | None:
 
 def _show(value: Any) -> str:
     if isinstance(value, Variant):
-        if value.type in (VarType.EMPTY, VarType.NULL):
+        if value.type in EMPTIES:
             return type_name(value.type)
         value = value.value
     if isinstance(value, str):
@@ -318,7 +319,7 @@ class _Walk:
             return all(self._string(each, stop, level + array) for each in names)
         if base == VarType.VARIANT and array:
             return level <= DEFAULT_LIMITS.depth and self._elements(name, count, stop, level + 1)
-        return vt in (VarType.EMPTY, VarType.NULL)
+        return vt in EMPTIES
 
     def _value(self, name: str, vt: int, count: int, size: int, stop: int, level: int) -> bool:
         if self.at + size > stop:

@@ -13,11 +13,13 @@ from typing import Any, Final
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
-from orinkit.values.variant import ARRAY, CY_CONTEXT, Variant, VarType, type_name
+from orinkit.values.conversions import CY_CONTEXT
+from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, SIZES, TABLE, VarType, type_name
+from orinkit.values.variant import Variant
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
-
-
+_NUMBERS: Final = frozenset(int(row.code) for row in TABLE if row.number)  # VT_ERROR too: a code is sent as a number
+_HANDLES: Final = frozenset(vt for vt in INTEGERS if SIZES[vt] in (2, 4))
 _LONGEST: Final = 4400  # characters of a number: Python reads no more than 4,300 digits
 
 
@@ -50,8 +52,9 @@ def to_number(given: Variant) -> float | int:
             raise wrong_type(given, tr("a number, not {value},", value=quoted(value))) from None
     if isinstance(value, Decimal):
         return int(value) if value == value.to_integral_value(context=CY_CONTEXT) else float(value)
-    if isinstance(value, int | float) and given.type != VarType.DATE:
-        return value
+    if given.type in _NUMBERS:
+        number: int | float = value
+        return number
     raise wrong_type(given, tr("a number"))
 
 
@@ -84,8 +87,8 @@ def to_integer(given: Variant) -> int:
 
 
 def to_handle(given: Variant) -> int:
-    """Return a handle: VT_I4 or VT_UI4, as clients differ."""
-    if given.type in (VarType.I4, VarType.UI4, VarType.I2, VarType.UI2):
+    """Return a handle: a whole number of 4 or 2 bytes, as clients differ."""
+    if given.type in _HANDLES:
         return int(given.value)
     raise wrong_type(given, "VT_I4")
 
@@ -106,14 +109,14 @@ def to_text(given: Variant) -> str:
     given = single(given)
     if given.type == VarType.BSTR:
         return str(given.value)
-    if given.type in (VarType.EMPTY, VarType.NULL):
+    if given.type in EMPTIES:
         return ""
     raise wrong_type(given, "VT_BSTR")
 
 
 def to_values(given: Variant) -> list[Any]:
     """Return a parameter as a list of plain values: an array's elements, nothing for VT_EMPTY, else the one value."""
-    if given.type in (VarType.EMPTY, VarType.NULL):
+    if given.type in EMPTIES:
         return []
     plain = given.plain
     return list(plain) if given.type & ARRAY else [plain]

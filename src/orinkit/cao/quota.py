@@ -7,7 +7,8 @@ from typing import Final
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
-from orinkit.values.variant import ARRAY, SIZES, Variant, VarType
+from orinkit.values.types import ARRAY, SIZES, VarType
+from orinkit.values.variant import Variant
 
 KEPT: Final = ("put_tag", "put_id", "put_parameters")
 """Methods whose value stays with the object."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from datetime import datetime
 from decimal import Decimal
 from typing import Any, Final, Generic, TypeVar, overload
 
@@ -13,17 +12,20 @@ from orinkit.cao.provider import Blocking
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import tr
-from orinkit.values.variant import ARRAY, Variant, VarType, type_name
+from orinkit.values.types import ARRAY, BY_PYTHON, EMPTIES, VarType, type_name
+from orinkit.values.variant import Variant
 from orinkit.values.variant import variant as to_variant
 
 D = TypeVar("D", bound="Declared")
 T = TypeVar("T")
 
-_BY_ANNOTATION: Final[dict[object, VarType]] = {
-    kind: vt
-    for python, vt in ((bool, VarType.BOOL), (int, VarType.I4), (float, VarType.R8), (str, VarType.BSTR), (datetime, VarType.DATE))
-    for kind in (python, python.__name__)
-}  # fmt: skip
+# A value annotated as Decimal is left as it is: few clients can send VT_CY.
+_BY_ANNOTATION: Final[dict[object, int]] = {
+    annotation: vt
+    for python, vt in BY_PYTHON.items()
+    for annotation in (python, python.__name__)
+    if vt not in EMPTIES and python is not Decimal
+}
 
 
 def _check_name(decorator: str, name: object) -> None:
@@ -138,7 +140,7 @@ def _converted(parameter: inspect.Parameter, value: Any) -> Any:
         CallError: E_INVALIDARG where it cannot be that.
     """
     vt = _BY_ANNOTATION.get(parameter.annotation)
-    if vt is None or vt is VarType.DATE or parameter.kind is inspect.Parameter.VAR_POSITIONAL:
+    if vt is None or vt == VarType.DATE or parameter.kind is inspect.Parameter.VAR_POSITIONAL:
         return value
     try:
         return _as_type(vt, to_variant(value)).plain

@@ -28,7 +28,8 @@ from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, Limits
 from orinkit.values.notation import format_variant, parse
 from orinkit.values.notation_numbers import LONGEST, REAL, WHOLE
-from orinkit.values.variant import ARRAY, Variant, VarType, misfit, trusted, variant
+from orinkit.values.types import ARRAY, TABLE, VARIANT_ARRAY, VarType, misfit
+from orinkit.values.variant import Variant, trusted, variant
 
 _FAILED: Final = 0x8000_0000
 _DETAIL: Final = 500  # characters
@@ -374,7 +375,8 @@ _SLICE: Final = 4096  # characters that are looked at at a time
 _MARGIN: Final = 80  # characters of the beginning of a VARIANT, or more
 _FIRST: Final = re.compile(r"[ \t\r\n]*+([0-9]{1,5})")
 _HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]{0,64}+([0-9]{1,5}|[ \t\r\n])")
-_SLOW: Final = {int(vt | ARRAY) for vt in (VarType.BSTR, VarType.DATE, VarType.CY)}
+# What takes long to read counts fully as an element. The elements of VARIANT arrays are counted by their brackets.
+_SLOW: Final = {int(row.code) | ARRAY for row in TABLE if row.elements_for_one == 1} - {VARIANT_ARRAY}
 # What each sign of a text may cost to be read, in microseconds, and how many of them each element that is allowed may: in
 # all a second by default. Brackets, and commas of slow types, are dearer than they are: arrays of them are bounded by
 # Limits.variants once they have been read.

@@ -36,16 +36,12 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, NotationError, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target, parse_targets
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, type_name
+from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, NUMERIC, VARIANT_ARRAY, VarType, type_name
+from orinkit.values.variant import Variant, trusted
 
 MAX_TARGETS: Final = 16
 """How many targets one argument may have."""
 
-_INTEGERS: Final = frozenset(
-    map(int, (VarType.I1, VarType.I2, VarType.I4, VarType.I8, VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8))
-)
-_NUMBERS: Final = _INTEGERS | {int(VarType.R4), int(VarType.R8), int(VarType.CY)}
-_NOTHING: Final = (VarType.EMPTY, VarType.NULL)
 _BSTR_ARRAY: Final = VarType.BSTR | ARRAY
 _MOST_NUMBERS: Final = 10
 _MOST_PARTS: Final = 4
@@ -116,8 +112,8 @@ def _from_array(given: Variant) -> Target:
     elements = _elements(given)
     if not elements:
         raise _invalid(tr("an empty array is no pose"))
-    if all(element.type in _NUMBERS for element in elements) and (
-        len(elements) > _MOST_OF_ONE_TYPE or elements[0].type not in _INTEGERS
+    if all(element.type in NUMERIC for element in elements) and (
+        len(elements) > _MOST_OF_ONE_TYPE or elements[0].type not in INTEGERS
     ):
         values = _numbers(given)
         return Target(_kind_by_count(values), values)
@@ -129,7 +125,7 @@ def _elements(given: Variant) -> Sequence[Variant]:
         elements: Sequence[Variant] = given.value
         return elements
     base = given.type & ~ARRAY
-    if given.type & ARRAY and base in _NUMBERS:
+    if given.type & ARRAY and base in NUMERIC:
         return [trusted(base, value) for value in given.value[: _MOST_NUMBERS + 1]]
     raise _mismatch(given, tr("a pose: VT_BSTR, an array of numbers or a VARIANT array"))
 
@@ -141,7 +137,7 @@ def _from_parts(parts: Sequence[Variant]) -> Target:
         )
     value, kind_part, mark_part, extra_part = [*parts, *[trusted(VarType.EMPTY, None)] * (_MOST_PARTS - len(parts))]
     kind, mark, extra = _kind(kind_part), _mark(mark_part), _extra(extra_part)
-    if value.type in _NUMBERS:
+    if value.type in NUMERIC:
         return Target("P" if kind is None else kind, coerce.to_integer(value), mark, extra)
     values = _numbers(value)
     return Target(_kind_by_count(values) if kind is None else kind, values, mark, extra)
@@ -152,7 +148,7 @@ def _numbers(given: Variant) -> tuple[float, ...]:
     if len(elements) > _MOST_NUMBERS:
         raise _invalid(tr("more than {most} numbers", most=_MOST_NUMBERS))
     for element in elements:
-        if element.type not in _NUMBERS:
+        if element.type not in NUMERIC:
             raise _mismatch(element, tr("a number of a pose"))
     return tuple(float(element.value) for element in elements)
 
@@ -195,7 +191,7 @@ def _mark(given: Variant) -> PassMark | None:
 
 
 def _extra(given: Variant) -> Extra | None:
-    if given.type in _NOTHING:
+    if given.type in EMPTIES:
         return None
     mode, *joints = _elements(given) or [trusted(VarType.EMPTY, None)]
     word = _word(mode, tr("the mode of extra joints"))
@@ -223,11 +219,11 @@ def _joint(given: Variant) -> tuple[int, float]:
 
 def _word(given: Variant, wanted: str) -> str | float:
     """Return a text in capitals, or a number, for telling what it means; ``""`` for nothing."""
-    if given.type in _NOTHING:
+    if given.type in EMPTIES:
         return ""
     if given.type == VarType.BSTR:
         return str(given.value).strip().upper()
-    if given.type in _NUMBERS:
+    if given.type in NUMERIC:
         return coerce.to_number(given)
     raise _mismatch(given, wanted)
 

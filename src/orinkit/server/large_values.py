@@ -14,12 +14,11 @@ from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
 
 from orinkit.bcap.server import LARGE
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.values.variant import VARIANT_ARRAY, Variant
 
 T = TypeVar("T")
 
 _ELEMENT: Final = 16  # bytes that an element of an array counts for: a date of eight bytes takes long
-_BYTES: Final = VarType.UI1 | ARRAY
 
 
 def is_large(result: Variant) -> bool:

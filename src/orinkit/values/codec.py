@@ -8,35 +8,17 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
-from decimal import Decimal
 from functools import lru_cache, partial
 from typing import Any, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.values.variant import (
-    ARRAY,
-    CY_CONTEXT,
-    FORMATS,
-    R8_ARRAY,
-    SIZES,
-    VARIANT_ARRAY,
-    Value,
-    Variant,
-    VarType,
-    exact_date,
-    misfit,
-    nested_too_deep,
-    ole_days,
-    plain_date,
-    trusted,
-    type_name,
-    variant,
-)
+from orinkit.values.type_row import TypeRow
+from orinkit.values.types import ARRAY, FORMATS, R8_ARRAY, ROWS, UI1_ARRAY, VARIANT_ARRAY, VarType, misfit, type_name
+from orinkit.values.variant import Value, Variant, nested_too_deep, trusted, variant
 
 _HEAD: Final = struct.Struct("<HI")  # type, count
 _ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
@@ -187,6 +169,7 @@ def encode_variant(item: Variant, error_size: int = 4) -> bytes:
 def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
     """Append type, count and data: the form an element has inside a VARIANT array."""
     base = vt & ~ARRAY
+    row = ROWS[base]
     items = value if vt & ARRAY else (value,)
     parts.append(_HEAD.pack(vt, len(items)))
     if base == VarType.VARIANT:
@@ -197,15 +180,15 @@ def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
             data = _utf_16(text)
             parts.append(_LENGTH.pack(len(data)))
             parts.append(data)
-    elif vt == VarType.UI1 | ARRAY:
+    elif vt == UI1_ARRAY:
         parts.append(value)
     elif base == VarType.ERROR and error_size == _SHORT_ERROR:
         parts.append(_short_errors(items))
-    elif base not in (VarType.EMPTY, VarType.NULL):
-        convert = _TO_WIRE.get(base)
+    elif row.format is not None:
+        convert = row.to_wire
         for at in range(0, len(items), _SLICE):
             piece = items[at : at + _SLICE]
-            parts.append(struct.pack(f"<{len(piece)}{FORMATS[base]}", *(map(convert, piece) if convert else piece)))
+            parts.append(struct.pack(f"<{len(piece)}{row.format}", *(map(convert, piece) if convert else piece)))
 
 
 def _utf_16(text: str) -> bytes:
@@ -237,12 +220,6 @@ def _short_errors(items: Sequence[int]) -> bytes:
 
 
 _SHORT_ERROR: Final = 2
-
-_TO_WIRE: Final[dict[int, Callable[[Any], Any]]] = {
-    VarType.BOOL: lambda flag: -1 if flag else 0,
-    VarType.CY: lambda amount: int(amount.scaleb(4, CY_CONTEXT)),
-    VarType.DATE: lambda day: ole_days(day) if isinstance(day, datetime) else day,
-}
 
 
 # --- from bytes -------------------------------------------------------------------------------------------------------
@@ -323,11 +300,6 @@ def _count_mismatch(vt: int, count: int, position: int, present: int) -> Protoco
     )
 
 
-# What time an element takes to read, told in how many of them count as one: bytes are not even looked at.
-_ELEMENTS_FOR_ONE: Final[dict[int, int]] = {VarType.CY: 1, VarType.DATE: 1, VarType.UI1: 1 << 32}
-_PLAIN_FOR_ONE: Final = 16
-
-
 def _text(data: bytes) -> str:
     if len(data) <= 2 * _SLICE:
         return data.decode("utf-16-le", "surrogatepass")
@@ -378,40 +350,35 @@ class _Reader:
         array = bool(vt & ARRAY)
         if not array and count != 1:
             raise _count_mismatch(vt, count, position, self.end - position)
-        size = SIZES.get(base)
-        if size is not None:
-            if base == VarType.ERROR:
-                size = self.limits.error_size
+        row = ROWS.get(base)
+        if row is not None and row.format is not None:
+            size = self.limits.error_size if base == VarType.ERROR else row.size
             after = position + size * count
             if after > self.end:
                 raise _count_mismatch(vt, count, position, self.end - position)
-            self._spend(count // _ELEMENTS_FOR_ONE.get(base, _PLAIN_FOR_ONE))
-            return self._fixed(base, array, count, position), after
+            self._spend(count // row.elements_for_one)
+            return self._fixed(row, row.format, array, count, position), after
         if base == VarType.BSTR:
             return self._strings(array, count, position)
         if base == VarType.VARIANT and array:
             return self._variants(count, position, depth)
-        if base in (VarType.EMPTY, VarType.NULL) and not array:
+        if row is not None and row.empty and not array:
             return None, position
         raise _broken(
             tr("unknown type {type} at offset {position}", type=type_name(vt), position=position),
             hresult.E_INVALIDARGTYPE,
         )
 
-    def _fixed(self, base: int, array: bool, count: int, position: int) -> Any:
-        if array and base == VarType.UI1:
+    def _fixed(self, row: TypeRow, layout: str, array: bool, count: int, position: int) -> Any:
+        if array and row.code == VarType.UI1:
             with memoryview(self.data) as view:
                 return bytes(view[position : position + count])
-        short = base == VarType.ERROR and self.limits.error_size == _SHORT_ERROR
-        code = "H" if short else FORMATS[base]
-        items: Iterable[Any] = _unpacked(code, self.data, position, count)
-        if base == VarType.BOOL:
-            items = [item != 0 for item in items]
-        elif base == VarType.CY:
-            items = [Decimal(item).scaleb(-4, CY_CONTEXT) for item in items]
-        elif base == VarType.DATE:
-            convert = exact_date if self.exact else plain_date
-            items = [convert(item) for item in items]
+        if row.code == VarType.ERROR and self.limits.error_size == _SHORT_ERROR:
+            layout = "H"
+        items = _unpacked(layout, self.data, position, count)
+        convert = (row.from_wire_exact if self.exact else None) or row.from_wire
+        if convert is not None:
+            items = list(map(convert, items))
         if array:
             return items if isinstance(items, list) else list(items)
         (item,) = items

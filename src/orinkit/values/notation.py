@@ -41,8 +41,9 @@ from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
-from orinkit.values.notation_numbers import FLAGS, KINDS, LONGEST, REAL, WHOLE
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Value, Variant, VarType, trusted, type_name, variant
+from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE, TextForm
+from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VARIANT_ARRAY, VarType, type_name
+from orinkit.values.variant import Value, Variant, trusted, variant
 
 MAX_DEPTH: Final = 16
 """How deep VARIANT arrays and brackets may be nested, as in a packet."""
@@ -54,11 +55,8 @@ _PIECE: Final = 4096  # elements, or characters, that are read or written at a t
 _MOST_BLANKS: Final = 65_536  # characters of a number with the blanks around it
 _SHOWN: Final = 20  # characters of a text that an error message quotes
 
-_NOTHING: Final = (VarType.EMPTY, VarType.NULL)
-_TYPES: Final = frozenset(
-    {*KINDS, *_NOTHING, VarType.BSTR, VarType.VARIANT}
-    | {ARRAY | base for base in (*KINDS, VarType.BSTR, VarType.VARIANT)}
-)
+_FORMS: Final[dict[int, TextForm]] = {int(row.code): row.text for row in TABLE if row.text is not None}
+_TYPES: Final = frozenset(ROWS) | {ARRAY | base for base in ROWS if base not in EMPTIES}
 _KNOWN: Final = ", ".join(str(int(vt)) for vt in sorted(_TYPES) if vt < ARRAY)
 
 
@@ -157,13 +155,13 @@ class _Reader:
         vt = self._type()
         base = vt & ~ARRAY
         if not self._skip(","):
-            if not vt & ARRAY and vt not in _NOTHING:
+            if not vt & ARRAY and vt not in EMPTIES:
                 name = f"{type_name(vt)} ({vt})"
                 raise self._expected(tr('"," and the value of {name}', name=name))
-            return trusted(vt, b"" if vt == VarType.UI1 | ARRAY else [] if vt & ARRAY else None)
+            return trusted(vt, b"" if vt == UI1_ARRAY else [] if vt & ARRAY else None)
         if vt == VarType.VARIANT:
             return self._bracketed()
-        if vt in _NOTHING:
+        if vt in EMPTIES:
             self._blank()
             return trusted(vt, None)
         if base == VarType.VARIANT:
@@ -187,10 +185,10 @@ class _Reader:
         self._blank()
         piece = self.text[self.at : end]
         piece = piece.strip(_BLANKS) if len(piece) <= _MOST_BLANKS else piece[: LONGEST + 1]
-        kind = KINDS[base]
-        value = kind.read(piece) if len(piece) <= LONGEST else None
+        form = _FORMS[base]
+        value = form.read(piece) if len(piece) <= LONGEST else None
         if value is None:
-            wanted = tr("{wanted} ({type})", wanted=kind.wanted, type=type_name(base))
+            wanted = tr("{wanted} ({type})", wanted=form.wanted, type=type_name(base))
             raise self._expected(wanted, len(piece))
         self.at = end
         return value
@@ -271,14 +269,14 @@ class _Reader:
         end = self._end_of_numbers()
         values: list[Any] = []
         if not self._at_end():
-            read = KINDS[base].read
+            read = _FORMS[base].read
             for piece in self._cut(end):
                 after = self.at + len(piece)
                 value = read(piece.strip(_BLANKS)) if len(piece) <= LONGEST else None
                 values.append(self.number(base, after) if value is None else value)
                 self.at = after + 1
             self.at = end
-        return bytes(values) if base == VarType.UI1 else values
+        return bytes(values) if base | ARRAY == UI1_ARRAY else values
 
     def _cut(self, end: int) -> Iterator[str]:
         """Yield what stands between the commas up to the end."""
@@ -385,9 +383,9 @@ def _write_data(item: Variant, depth: int) -> str:
         return _quote(value, brackets=depth > 0)
     if vt == VarType.BSTR | ARRAY:
         return '""' if value == [""] else ",".join(_quote(text, element=True) for text in value)
-    if vt in _NOTHING:
+    if vt in EMPTIES:
         return ""
-    write = KINDS[vt & ~ARRAY].write
+    write = _FORMS[vt & ~ARRAY].write
     if not vt & ARRAY:
         return write(value)
     # in pieces: other threads have to wait while Python writes one

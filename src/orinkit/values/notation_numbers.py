@@ -13,25 +13,24 @@ from math import isinf, isnan
 from typing import Any, Final
 
 from orinkit.core.i18n import N_, tr
-from orinkit.values.variant import FORMATS, SIZES, VarType
 
 LONGEST: Final = 1100
 """How many characters a number may have; the longest exact decimal form of a double has 1,077."""
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
-    """How one element of a type is read (None where the text is no such value), written, and described."""
+class TextForm:
+    """How one element of a type is read (``None`` if the text is no such value), written, and described."""
 
     read: Callable[[str], Any]
     write: Callable[[Any], str]
-    text: str
+    description: str
     bounds: dict[str, int] = field(default_factory=dict)
 
     @property
     def wanted(self) -> str:
         """What the text of a value has to be, in the current language."""
-        return tr(self.text, **self.bounds)
+        return tr(self.description, **self.bounds)
 
 
 WHOLE: Final = re.compile(r"[+-]?(?:[0-9]+|(0[xX][0-9a-fA-F]+))")
@@ -129,34 +128,32 @@ def _write_moment(moment: datetime | float) -> str:
     return moment.isoformat(sep=" ") if isinstance(moment, datetime) else _write_real(moment)
 
 
-def _whole_kind(vt: int) -> Kind:
-    bits = 8 * SIZES[vt]
-    low, high = (0, 2**bits - 1) if FORMATS[vt].isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    text = N_("a whole number from {low} to {high}")
-    return Kind(partial(_read_whole, low, high), str, text, {"low": low, "high": high})
+def _write_error(code: int) -> str:
+    return f"0x{code:08X}"
 
 
-_WHOLE_TYPES: Final = (
-    VarType.I1, VarType.UI1, VarType.I2, VarType.UI2, VarType.I4, VarType.UI4, VarType.I8, VarType.UI8,
-)  # fmt: skip
-KINDS: Final[dict[int, Kind]] = {
-    VarType.R4: Kind(_read_single, _write_single, N_("a number within single precision")),
-    VarType.R8: Kind(_read_real, _write_real, N_("a number within double precision")),
-    VarType.CY: Kind(
-        _read_amount, _write_amount,
-        N_("an amount with up to four decimals, -922337203685477.5808 to 922337203685477.5807"),
-    ),
-    VarType.DATE: Kind(
-        _read_moment, _write_moment,
-        N_("a date like 2026-11-21 10:00:00 or a number of days"),
-    ),
-    VarType.ERROR: Kind(
-        _read_error, lambda code: f"0x{code:08X}",
-        N_("a 32-bit code, decimal or 0x hexadecimal"),
-    ),
-    VarType.BOOL: Kind(
-        lambda text: FLAGS.get(text.lower()), lambda flag: "-1" if flag else "0",
-        N_("-1, 1 or True, 0 or False"),
-    ),
-    **{int(vt): _whole_kind(vt) for vt in _WHOLE_TYPES},
-}  # fmt: skip
+def _read_flag(text: str) -> bool | None:
+    return FLAGS.get(text.lower())
+
+
+def _write_flag(flag: bool) -> str:
+    return "-1" if flag else "0"
+
+
+def whole(low: int, high: int) -> TextForm:
+    """Return the form of whole numbers within bounds."""
+    return TextForm(
+        partial(_read_whole, low, high), str, N_("a whole number from {low} to {high}"), {"low": low, "high": high}
+    )
+
+
+SINGLE: Final = TextForm(_read_single, _write_single, N_("a number within single precision"))
+DOUBLE: Final = TextForm(_read_real, _write_real, N_("a number within double precision"))
+AMOUNT: Final = TextForm(
+    _read_amount,
+    _write_amount,
+    N_("an amount with up to four decimals, -922337203685477.5808 to 922337203685477.5807"),
+)
+MOMENT: Final = TextForm(_read_moment, _write_moment, N_("a date like 2026-11-21 10:00:00 or a number of days"))
+ERROR: Final = TextForm(_read_error, _write_error, N_("a 32-bit code, decimal or 0x hexadecimal"))
+FLAG: Final = TextForm(_read_flag, _write_flag, N_("-1, 1 or True, 0 or False"))

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 from orinkit.cli._shared.terminal import json_text, one_line
 from orinkit.values.notation import format_variant
-from orinkit.values.variant import ARRAY, Variant, VarType, type_name
+from orinkit.values.types import ARRAY, EMPTIES, VarType, type_name
+from orinkit.values.variant import Variant
 
 _FLAGS: Final = {False: "false", True: "true"}
 
@@ -26,7 +27,7 @@ def text(value: Variant) -> str:
         return str(content)
     if vt == VarType.BSTR | ARRAY:
         return "\n".join(map(one_line, content))
-    if vt in (VarType.EMPTY, VarType.NULL):
+    if vt in EMPTIES:
         return type_name(vt)
     if vt & ~ARRAY == VarType.BOOL:
         return " ".join(_FLAGS[flag] for flag in content) if vt & ARRAY else _FLAGS[content]

@@ -15,7 +15,8 @@ from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
-from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.values.types import ARRAY, EMPTIES, R8_ARRAY, VARIANT_ARRAY, VarType
+from orinkit.values.variant import Variant
 from orinkit.virtual.ve026a.codes import AXES
 
 OFF: Final = 0x000
@@ -28,7 +29,7 @@ VALUES: Final = 8
 """Values of a pose: the seven axes and 0, as the printed samples have them."""
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
-_EMPTY: Final = (VarType.EMPTY, VarType.NULL)
+
 _HEXADECIMAL: Final = re.compile(r"\s*(?:0x|&h)([0-9a-f]{1,8})\s*", re.IGNORECASE)
 _LONGEST: Final = 1024  # characters of a pose as a text
 _OFF_OR_ON: Final = {0: False, 1: True, -1: True}  # VT_BOOL is -1
@@ -70,7 +71,7 @@ def left_out(parameter: Variant) -> int:
         CallError: E_INVALIDARGTYPE, it is no number.
     """
     parameter = coerce.single(parameter)
-    return 0 if parameter.type in _EMPTY or parameter.value == "" else coerce.to_integer(parameter)
+    return 0 if parameter.type in EMPTIES or parameter.value == "" else coerce.to_integer(parameter)
 
 
 def error_code(parameter: Variant) -> int:
@@ -80,7 +81,7 @@ def error_code(parameter: Variant) -> int:
         CallError: E_INVALIDARG, no code is that large or has a fraction; E_INVALIDARGTYPE, it is no number.
     """
     parameter = coerce.single(parameter)
-    if parameter.type in _EMPTY or parameter.value == "":
+    if parameter.type in EMPTIES or parameter.value == "":
         return 0
     number = coerce.to_real(parameter)
     if number != int(number) or not -(2**31) <= number < 2**32:

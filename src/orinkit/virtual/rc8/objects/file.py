@@ -17,7 +17,8 @@ from orinkit.cao.provider import Blocking, FileObject, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
-from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
+from orinkit.values.types import UI1_ARRAY, VarType, type_name
+from orinkit.values.variant import Value, Variant
 from orinkit.virtual.rc8.client_context import Caller
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
 from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
@@ -30,7 +31,6 @@ _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml",
 _NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # what Python makes of bytes that have no meaning
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
-_BYTES: Final = VarType.UI1 | ARRAY
 _LARGE: Final = 64 * 1024  # bytes or characters, from which on a content is read and written in a thread
 _SLICE: Final = 64 * 1024
 _LARGEST_SIZE: Final = 2**31 - 1  # of VT_I4, for a file that the store did not write
@@ -306,7 +306,7 @@ def _content(data: bytes, *, text: bool) -> Variant:
             continue
         if text or "\0" not in decoded:
             return Variant(VarType.BSTR, decoded)
-    return Variant(_BYTES, data)
+    return Variant(UI1_ARRAY, data)
 
 
 def _decoded(data: bytes, encoding: str, wrong: frozenset[str]) -> str:
@@ -335,7 +335,7 @@ def _data(value: Variant) -> bytes:
     if value.type == VarType.EMPTY:
         return b""
     slices = (value.value[at : at + _SLICE] for at in range(0, len(value.value), _SLICE))
-    if value.type == _BYTES:
+    if value.type == UI1_ARRAY:
         return b"".join(map(bytes, slices))
     try:
         return b"".join(part.encode("utf-8") for part in slices)
@@ -347,13 +347,13 @@ def _data(value: Variant) -> bytes:
 
 
 def _check_content(value: Variant) -> None:
-    if value.type in (VarType.BSTR, _BYTES, VarType.EMPTY):
+    if value.type in (VarType.BSTR, UI1_ARRAY, VarType.EMPTY):
         return
     raise error_for(
         hresult.DISP_E_TYPEMISMATCH,
         tr(
             "{given} was given, text (VT_BSTR) or bytes ({bytes}) are wanted",
             given=type_name(value.type),
-            bytes=type_name(_BYTES),
+            bytes=type_name(UI1_ARRAY),
         ),
     )

@@ -12,13 +12,13 @@ from orinkit.core.errors import InvalidValue, NotationError, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.pose_arguments import read_targets
 from orinkit.values.poses import PassMark, Target
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.values.types import ARRAY, EMPTIES, VARIANT_ARRAY, VarType
+from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.variables import conversion
 
 _MARK: Final = re.compile(r"@\s*(?:[PE]|[0-9.]+)", re.IGNORECASE)
 _PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
 _BETWEEN: Final = re.compile(r"[\s,]*")
-_EMPTY: Final = (VarType.EMPTY, VarType.NULL)
 _MOST_ELEMENTS: Final = 64  # of an array: no command has as many
 _LONGEST: Final = 1024  # characters of a text that is no pose
 
@@ -35,7 +35,7 @@ def elements(parameter: Variant) -> list[Variant]:
         return [each if isinstance(each, Variant) else Variant(VarType.EMPTY) for each in parameter.value]
     if parameter.type & ARRAY:
         return [Variant(parameter.type & ~ARRAY, each) for each in parameter.value]
-    if parameter.type in _EMPTY or parameter.value == "":
+    if parameter.type in EMPTIES or parameter.value == "":
         return []
     return [parameter]
 

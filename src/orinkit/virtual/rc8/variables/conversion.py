@@ -17,16 +17,11 @@ from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, plain_date, type_name
+from orinkit.values.conversions import plain_date
+from orinkit.values.types import ARRAY, INTEGERS, NUMERIC, REALS, VARIANT_ARRAY, VarType, type_name
+from orinkit.values.variant import Variant
 
-_REALS: Final = frozenset({int(VarType.R4), int(VarType.R8)})
-_INTEGERS: Final = frozenset(
-    map(
-        int,
-        (VarType.I2, VarType.I4, VarType.I1, VarType.UI1, VarType.UI2, VarType.UI4, VarType.I8, VarType.UI8),
-    )
-)
-_NUMBERS: Final = _REALS | _INTEGERS | {int(VarType.BOOL), int(VarType.BSTR), int(VarType.CY)}
+_NUMBERS: Final = NUMERIC | {int(VarType.BOOL), int(VarType.BSTR)}
 _STRING_BYTES: Final = 255
 _SHOWN: Final = 10**20  # a larger number is not written out
 
@@ -131,11 +126,11 @@ def moment(given: Variant) -> datetime:
 
 def _elements(given: Variant) -> list[float]:
     base = given.type & ~ARRAY
-    if given.type & ARRAY and base in _REALS:
+    if given.type & ARRAY and base in REALS:
         return list(given.value)
     if given.type == VARIANT_ARRAY:
         return [double(element) for element in given.value]
-    if given.type & ARRAY and base in _INTEGERS:
+    if given.type & ARRAY and base in INTEGERS:
         return [float(element) for element in given.value]
     raise _mismatch(given, tr("an array of VT_R4"))
 

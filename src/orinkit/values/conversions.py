@@ -1,0 +1,198 @@
+"""The functions that the table of VARIANT types refers to: a Python value to the content of a type, content to bytes and back.
+
+A function that checks a value is given the row of the type and the value. It returns the content, or raises InvalidValue.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import struct
+from datetime import datetime, timedelta
+from decimal import Context, Decimal
+from typing import Any, Final
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.values.type_row import TypeRow, no_type, shown
+
+CY_CONTEXT: Final = Context(prec=40, traps=[])
+"""For VT_CY: the caller's own decimal context may round or raise."""
+_CY_STEP: Final = Decimal("0.0001")
+_EPOCH: Final = datetime(1899, 12, 30)
+_DAY_US: Final = 86_400_000_000
+
+
+# --- a Python value -> the content of a type --------------------------------------------------------------------------
+
+
+def nothing(row: TypeRow, value: Any) -> None:
+    """Accept ``None`` only."""
+    if value is not None:
+        raise row.misfit(value)
+
+
+def only_in_arrays(row: TypeRow, _value: Any) -> Any:
+    """Refuse any value: VT_VARIANT is the type of an array, each of its elements has a type of its own."""
+    raise no_type(row.name, row.code)
+
+
+def integer(row: TypeRow, value: Any) -> int:
+    """Return a whole number within the bounds of the type; a float without a fraction is one."""
+    return _within(row, _whole(row, value))
+
+
+def code(row: TypeRow, value: Any) -> int:
+    """Return a 32-bit code as an unsigned number; a negative one is its two's complement."""
+    number = _whole(row, value)
+    return _within(row, number + 2**32 if -(2**31) <= number < 0 else number)
+
+
+def _whole(row: TypeRow, value: Any) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        if not isinstance(value, float) or not value.is_integer():
+            raise row.misfit(value) from None
+        return int(value)
+
+
+def _within(row: TypeRow, number: int) -> int:
+    assert row.bounds is not None
+    low, high = row.bounds
+    if not low <= number <= high:
+        raise row.misfit(number)
+    return number
+
+
+def real(row: TypeRow, value: Any) -> float:
+    """Return a number of double precision."""
+    if isinstance(value, bool | str | bytes | bytearray | memoryview):
+        raise row.misfit(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise row.misfit(value) from None
+    if math.isinf(number) and number != value:  # float(Decimal("1E+999")) is inf, no error
+        raise row.misfit(value)
+    return number
+
+
+def single(row: TypeRow, value: Any) -> float:
+    """Return a number that single precision can hold; it is rounded when it is written."""
+    number = real(row, value)
+    try:
+        struct.pack("<f", number)
+    except OverflowError:
+        raise row.misfit(value) from None
+    return number
+
+
+def boolean(row: TypeRow, value: Any) -> bool:
+    """Return the truth of a number, or of a numpy scalar."""
+    if isinstance(value, int | float) or (getattr(value, "ndim", None) == 0 and not isinstance(value, str)):
+        return bool(value)
+    raise row.misfit(value)
+
+
+def string(row: TypeRow, value: Any) -> str:
+    """Return a text."""
+    if not isinstance(value, str):
+        raise row.misfit(value)
+    return str.__str__(value)  # the text itself, also of an Enum whose own str() is its name
+
+
+def currency(row: TypeRow, value: Any) -> Decimal:
+    """Return an amount with at most four decimals, from a Decimal or a whole number."""
+    if isinstance(value, bool | float | str | bytes) or not isinstance(value, Decimal | int):
+        raise row.misfit(value)
+    amount = Decimal(value)
+    if amount.is_finite() and (not amount or amount.adjusted() < 15):
+        rounded = amount.quantize(_CY_STEP, context=CY_CONTEXT)
+        if rounded == amount and -(2**63) <= rounded.scaleb(4, CY_CONTEXT) < 2**63:
+            return amount
+    raise InvalidValue(
+        tr(
+            "{shown} does not fit VT_CY: at most four decimals, -922337203685477.5808 to 922337203685477.5807",
+            shown=shown(value),
+        )
+    )
+
+
+def date(row: TypeRow, value: Any) -> datetime | float:
+    """Return a local time, or a number of days."""
+    if isinstance(value, datetime):
+        try:
+            return value if value.tzinfo is None else value.astimezone().replace(tzinfo=None)
+        except (OverflowError, ValueError, OSError):  # in local time it is before the year 1 or after 9999
+            raise row.misfit(value) from None
+    return real(row, value)
+
+
+# --- content -> what struct packs, and back ---------------------------------------------------------------------------
+
+
+def flag_to_wire(flag: bool) -> int:
+    """Return -1 for true: VARIANT_TRUE has all bits set."""
+    return -1 if flag else 0
+
+
+def amount_to_wire(amount: Decimal) -> int:
+    """Return an amount in ten-thousandths."""
+    return int(amount.scaleb(4, CY_CONTEXT))
+
+
+def amount_from_wire(units: int) -> Decimal:
+    """Return ten-thousandths as an amount."""
+    return Decimal(units).scaleb(-4, CY_CONTEXT)
+
+
+def date_to_wire(moment: datetime | float) -> float:
+    """Return a VT_DATE's content as OLE days."""
+    return ole_days(moment) if isinstance(moment, datetime) else moment
+
+
+# --- VT_DATE ----------------------------------------------------------------------------------------------------------
+
+
+def ole_days(moment: datetime) -> float:
+    """Return a local time as OLE days since 1899-12-30 (before that day the time of day still counts forward)."""
+    us = (moment - _EPOCH) // timedelta(microseconds=1)
+    if us >= 0:
+        return us / _DAY_US
+    day, rest = divmod(us, _DAY_US)
+    return (day * _DAY_US - rest) / _DAY_US
+
+
+def ole_datetime(days: float) -> datetime:
+    """Return OLE days as local time, rounded to a microsecond.
+
+    Raises:
+        OverflowError: outside the years 1 to 9999, infinite, or not a number.
+    """
+    if days != days:
+        raise OverflowError("NaN")
+    top, bottom = abs(days).as_integer_ratio()
+    whole, part = divmod(top, bottom)
+    us = (part * _DAY_US * 2 + bottom) // (2 * bottom)  # exact, half up: a double product would lose the microsecond
+    return _EPOCH + timedelta(days=whole if days >= 0 else -whole, microseconds=us)
+
+
+def plain_date(value: datetime | float) -> datetime | float:
+    """Return a VT_DATE's content as ``datetime``, as it is where none can hold it."""
+    if isinstance(value, datetime):
+        return value
+    try:
+        return ole_datetime(value)
+    except OverflowError:
+        return value
+
+
+def exact_date(days: float) -> datetime | float:
+    """Return OLE days as ``datetime`` where it gives the very same bytes again, else as they are."""
+    moment = plain_date(days)
+    return (
+        moment
+        if isinstance(moment, datetime) and struct.pack("<d", ole_days(moment)) == struct.pack("<d", days)
+        else days
+    )

@@ -1,0 +1,128 @@
+"""THE TABLE of VARIANT types: one row has all that is known of a type (VE026A 3.2, table 3-1).
+
+From the table come the codec, the notation, the conversion of Python and numpy values, and the sets of types by which
+arguments are read. A new type is a member of :class:`VarType` and a row of :data:`TABLE`; :class:`~.type_row.TypeRow`
+describes the columns.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from decimal import Decimal
+from enum import IntEnum
+from types import NoneType
+from typing import Final
+
+from orinkit.core.errors import InvalidValue
+from orinkit.values import conversions, notation_numbers
+from orinkit.values.type_row import TypeRow, bounds_of, no_value
+
+
+class VarType(IntEnum):
+    """The VARIANT types (VE026A table 3-1; I1, I8 and UI8 are newer than the table). An array is ``ARRAY | type``."""
+
+    EMPTY = 0
+    NULL = 1
+    I2 = 2
+    I4 = 3
+    R4 = 4
+    R8 = 5
+    CY = 6
+    DATE = 7
+    BSTR = 8
+    ERROR = 10
+    BOOL = 11
+    VARIANT = 12
+    I1 = 16
+    UI1 = 17
+    UI2 = 18
+    UI4 = 19
+    I8 = 20
+    UI8 = 21
+    ARRAY = 0x2000
+
+
+ARRAY: Final = 0x2000
+
+
+def _integer(
+    code: VarType, layout: str, *dtypes: str, python: type | None = None, elements_for_one: int = 16
+) -> TypeRow:
+    return TypeRow(
+        code, conversions.integer, layout, python=python, dtypes=dtypes, number="integer",
+        elements_for_one=elements_for_one, text=notation_numbers.whole(*bounds_of(layout)),
+    )  # fmt: skip
+
+
+TABLE: Final = (
+    TypeRow(VarType.EMPTY, conversions.nothing, empty=True, python=NoneType),
+    TypeRow(VarType.NULL, conversions.nothing, empty=True),
+    _integer(VarType.I2, "h", "i2"),
+    _integer(VarType.I4, "i", "i4", "i8", "u8", python=int),  # whole numbers are VT_I4 unless they do not fit
+    TypeRow(VarType.R4, conversions.single, "f", dtypes=("f4",), number="real", text=notation_numbers.SINGLE),
+    TypeRow(VarType.R8, conversions.real, "d", python=float, dtypes=("f8",), number="real", text=notation_numbers.DOUBLE),
+    TypeRow(
+        VarType.CY, conversions.currency, "q", python=Decimal, number="decimal", to_wire=conversions.amount_to_wire,
+        from_wire=conversions.amount_from_wire, elements_for_one=1, text=notation_numbers.AMOUNT,
+    ),
+    TypeRow(
+        VarType.DATE, conversions.date, "d", python=datetime, to_wire=conversions.date_to_wire,
+        from_wire=conversions.plain_date, from_wire_exact=conversions.exact_date, elements_for_one=1,
+        text=notation_numbers.MOMENT,
+    ),
+    TypeRow(VarType.BSTR, conversions.string, python=str, dtypes=("U",), elements_for_one=1),
+    TypeRow(VarType.ERROR, conversions.code, "I", number="code", text=notation_numbers.ERROR),
+    TypeRow(
+        VarType.BOOL, conversions.boolean, "h", python=bool, dtypes=("b1",), to_wire=conversions.flag_to_wire,
+        from_wire=bool, text=notation_numbers.FLAG,
+    ),
+    TypeRow(VarType.VARIANT, conversions.only_in_arrays, elements_for_one=1),
+    _integer(VarType.I1, "b", "i1"),
+    _integer(VarType.UI1, "B", "u1", elements_for_one=1 << 32),  # an array is bytes: nothing is done with each of them
+    _integer(VarType.UI2, "H", "u2"),
+    _integer(VarType.UI4, "I", "u4"),
+    _integer(VarType.I8, "q"),
+    _integer(VarType.UI8, "Q"),
+)  # fmt: skip
+"""One row for each type."""
+
+
+# --- derived from the table -------------------------------------------------------------------------------------------
+
+ROWS: Final[dict[int, TypeRow]] = {int(row.code): row for row in TABLE}
+"""The rows by their codes."""
+FORMATS: Final[dict[int, str]] = {int(row.code): row.format for row in TABLE if row.format is not None}
+"""The :mod:`struct` format of one element, for the types whose elements have a fixed size."""
+SIZES: Final[dict[int, int]] = {int(row.code): row.size for row in TABLE if row.format is not None}
+"""Bytes of one element of these types."""
+
+EMPTIES: Final = frozenset(int(row.code) for row in TABLE if row.empty)
+"""The types without data: VT_EMPTY and VT_NULL."""
+INTEGERS: Final = frozenset(int(row.code) for row in TABLE if row.number == "integer")
+REALS: Final = frozenset(int(row.code) for row in TABLE if row.number == "real")
+NUMERIC: Final = INTEGERS | REALS | {int(row.code) for row in TABLE if row.number == "decimal"}
+"""The types that hold a quantity; a truth value and an error code are none."""
+
+BY_PYTHON: Final[dict[type, int]] = {row.python: row.code for row in TABLE if row.python is not None}
+"""Which type a Python value becomes by itself."""
+BY_DTYPE: Final[dict[str, int]] = {dtype: row.code for row in TABLE for dtype in row.dtypes}
+"""Which type a numpy value becomes by itself."""
+
+VARIANT_ARRAY: Final = int(VarType.VARIANT) | ARRAY
+R8_ARRAY: Final = int(VarType.R8) | ARRAY
+UI1_ARRAY: Final = int(VarType.UI1) | ARRAY
+"""Its content is ``bytes``; that of any other array is a list."""
+
+
+def type_name(vt: int) -> str:
+    """Return the documents' spelling of a type: ``VT_I4``, ``VT_R8|VT_ARRAY``; an unknown one with its number."""
+    base = vt & ~ARRAY
+    row = ROWS.get(base)
+    name = row.name if row else f"VT_{base}?"
+    return f"{name}|VT_ARRAY" if vt & ARRAY else name
+
+
+def misfit(vt: int, value: object) -> InvalidValue:
+    """Return the exception for a value that does not fit a type."""
+    row = ROWS.get(vt)
+    return row.misfit(value) if row else no_value(type_name(vt), value)
