@@ -146,10 +146,10 @@ class SlaveAnswer:
     current: tuple[float, ...] | None = None
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
 
-    def value(self, row: Field) -> Any:
-        """Return the value of a field, ``None`` if there is none."""
-        name = _ATTRIBUTES[row.name]
-        return getattr(self, name) if name else self.more.get(row.name)
+    def values(self) -> dict[str, Any]:
+        """Return what is there, by the names of the fields."""
+        found = {name: value for name, value in zip(_NAMES, _own(self), strict=True) if value is not None}
+        return {**found, **self.more} if self.more else found
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> SlaveAnswer:
@@ -164,6 +164,8 @@ _ATTRIBUTES: Final[dict[str, str]] = {
     row.name: name if (name := _STAMP if row.form is Form.STAMP else row.name) in _OWN else "" for row in RECEIVED
 }
 """The attribute of each field; ``""`` for one that is in ``more``."""
+_NAMES: Final = tuple(name for name, own in _ATTRIBUTES.items() if own)
+_own: Final[Callable[[SlaveAnswer], tuple[Any, ...]]] = operator.attrgetter(*filter(None, _ATTRIBUTES.values()))
 
 
 def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa: A002 - the document's word
@@ -174,19 +176,23 @@ def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa
     """
     pose: list[float] = []
     for kind in POSE_PARTS[format.number & POSE_MASK]:
-        numbers = answer.value(POSES[kind])
-        if numbers is None or len(numbers) != POSE_SIZES[kind]:
-            raise _not_there(POSES[kind])
+        row = POSES[kind]
+        numbers = getattr(answer, row.name)
+        if numbers is None or len(numbers) != row.count:
+            raise _not_there(row)
         pose += numbers
+    written = trusted(R8_ARRAY, pose)
     if format.number <= POSE_MASK:
-        return trusted(R8_ARRAY, pose)
-    return trusted(
-        VARIANT_ARRAY,
-        [
-            trusted(R8_ARRAY, pose) if row is None else _written(row, answer.value(row))
-            for row in _rows_of_answer(format.number)
-        ],
-    )
+        return written
+    pose_at, plan = _plan_of_answer(format.number)
+    parts = []
+    for _, row, attribute, _ in plan:
+        value = getattr(answer, attribute) if attribute else answer.more.get(row.name)
+        if value is None or (row.form is Form.REALS and len(value) != row.count):
+            raise _not_there(row)
+        parts.append(_WRITERS[row.form](value))
+    parts.insert(pose_at, written)
+    return trusted(VARIANT_ARRAY, parts)
 
 
 def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A002 - the document's word
@@ -201,13 +207,13 @@ def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A0
     """
     if format.number <= POSE_MASK:
         return SlaveAnswer(*_read_poses(format, value))
-    rows = _rows_of_answer(format.number)
-    if not isinstance(value, list | tuple) or len(value) != len(rows):
-        raise _wrong(format, called("answer"), value, tr("{count} values", count=len(rows)))
-    joints, position, trans = _read_poses(format, value[rows.index(None)])
+    pose_at, plan = _plan_of_answer(format.number)
+    if not isinstance(value, list | tuple) or len(value) != len(plan) + 1:
+        raise _wrong(format, called("answer"), value, tr("{count} values", count=len(plan) + 1))
+    joints, position, trans = _read_poses(format, value[pose_at])
     own: dict[str, Any] = {}
     more: dict[str, Any] = {}
-    for place, row, attribute, reader in _plan_of_reading(format.number):
+    for place, row, attribute, reader in plan:
         if attribute:
             own[attribute] = reader(format, row, value[place])
         else:
@@ -224,25 +230,16 @@ _Reader: TypeAlias = Callable[[ReceiveFormat, Field, Any], Any]
 
 
 @lru_cache(maxsize=256)
-def _rows_of_answer(number: int) -> tuple[Field | None, ...]:
-    """Return what is in an answer that is not a pose alone, in the order of table 4-3; ``None`` for the poses."""
-    poses = min(row.place for row in POSES.values())
-    has = [row for row in ON_WIRE if row.form is not Form.WINDOW and row.receive & number]
-    before = [row for row in has if row.place < poses]
-    return (*before, None, *has[len(before) :])
+def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, Field, str, _Reader], ...]]:
+    """Return the place of the pose in an answer (table 4-3); place, row, attribute and reader of each other field."""
+    has = [row for row in _OTHERS if row.receive & number]
+    pose_at = sum(row.place < _POSE_PLACE for row in has)
+    places = ((place + (place >= pose_at), row) for place, row in enumerate(has))
+    return pose_at, tuple((place, row, _ATTRIBUTES[row.name], _READERS[row.form]) for place, row in places)
 
 
-@lru_cache(maxsize=256)
-def _plan_of_reading(number: int) -> tuple[tuple[int, Field, str, _Reader], ...]:
-    """Return place, row, attribute and reader of each field of an answer but the pose."""
-    rows = enumerate(_rows_of_answer(number))
-    return tuple((place, row, _ATTRIBUTES[row.name], _READERS[row.form]) for place, row in rows if row is not None)
-
-
-def _written(row: Field, value: Any) -> Variant:
-    if value is None or (row.form is Form.REALS and len(value) != row.count):
-        raise _not_there(row)
-    return _WRITERS[row.form](value)
+_POSE_PLACE: Final = min(row.place for row in POSES.values())
+_OTHERS: Final = tuple(row for row in ON_WIRE if row.form not in (Form.POSE, Form.WINDOW))
 
 
 def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers, _Numbers]:
