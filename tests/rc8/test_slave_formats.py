@@ -988,7 +988,7 @@ def test_answers_that_are_not_what_the_format_says(number, value, match):
 def temperature(monkeypatch) -> Field:
     """A row more; tests/streaming/test_slave_field.py has one in the table itself."""
     row = Field(name="temperature", label="temperature", form=Form.REAL, place=7, receive=0x400)
-    plan = (0, ((1, row, "", slave_feedback._READERS[row.form]),))
+    plan = (0, ((1, row, "", slave_feedback._READERS[row.form], slave_feedback._WRITERS[row.form]),))
     monkeypatch.setattr(slave_feedback, "_plan_of_answer", lambda _: plan)
     monkeypatch.setitem(slave_feedback._ATTRIBUTES, row.name, "")
     return row
@@ -1009,14 +1009,14 @@ def test_a_field_without_an_attribute_goes_there_and_back(temperature):
 
 @pytest.mark.usefixtures("temperature")
 def test_a_field_without_an_attribute_that_is_missing():
-    with pytest.raises(InvalidValue, match="^temperature: the receive format has it, but it is missing"):
+    with pytest.raises(InvalidValue, match=r"^temperature: the receive format has it, but it is missing"):
         sf.build_answer(WARM, SlaveAnswer(J))
 
 
 @pytest.mark.usefixtures("temperature")
 @pytest.mark.parametrize("value", [None, "1", [1.0], True, math.nan, math.inf, -math.inf])
 def test_what_is_no_number(value):
-    with pytest.raises(ProtocolError, match="0x0402: temperature is .* instead of a finite number$"):
+    with pytest.raises(ProtocolError, match=r"0x0402: temperature is .* instead of a finite number$"):
         sf.read_answer(WARM, [list(J), value])
     i18n.use("ja")
     with pytest.raises(ProtocolError, match="temperatureには有限の数値が必要ですが"):

@@ -186,11 +186,11 @@ def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa
         return written
     pose_at, plan = _plan_of_answer(format.number)
     parts = []
-    for _, row, attribute, _ in plan:
+    for _, row, attribute, _, writer in plan:
         value = getattr(answer, attribute) if attribute else answer.more.get(row.name)
-        if value is None or (row.form is Form.REALS and len(value) != row.count):
+        if value is None or (row.count > 1 and len(value) != row.count):
             raise _not_there(row)
-        parts.append(_WRITERS[row.form](value))
+        parts.append(writer(value))
     parts.insert(pose_at, written)
     return trusted(VARIANT_ARRAY, parts)
 
@@ -213,7 +213,7 @@ def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A0
     joints, position, trans = _read_poses(format, value[pose_at])
     own: dict[str, Any] = {}
     more: dict[str, Any] = {}
-    for place, row, attribute, reader in plan:
+    for place, row, attribute, reader, _ in plan:
         if attribute:
             own[attribute] = reader(format, row, value[place])
         else:
@@ -227,15 +227,18 @@ _SHOWN: Final = 10  # elements of a wrong answer that a message quotes
 _I4: Final = int(VarType.I4)
 _Numbers: TypeAlias = tuple[float, ...] | None
 _Reader: TypeAlias = Callable[[ReceiveFormat, Field, Any], Any]
+_Writer: TypeAlias = Callable[[Any], Variant]
 
 
 @lru_cache(maxsize=256)
-def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, Field, str, _Reader], ...]]:
-    """Return the place of the pose in an answer (table 4-3); place, row, attribute and reader of each other field."""
+def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, Field, str, _Reader, _Writer], ...]]:
+    """Return the place of the pose in an answer (table 4-3); place, row, attribute, reader, writer of each other field."""
     has = [row for row in _OTHERS if row.receive & number]
     pose_at = sum(row.place < _POSE_PLACE for row in has)
     places = ((place + (place >= pose_at), row) for place, row in enumerate(has))
-    return pose_at, tuple((place, row, _ATTRIBUTES[row.name], _READERS[row.form]) for place, row in places)
+    return pose_at, tuple(
+        (place, row, _ATTRIBUTES[row.name], _READERS[row.form], _WRITERS[row.form]) for place, row in places
+    )
 
 
 _POSE_PLACE: Final = min(row.place for row in POSES.values())
@@ -294,7 +297,7 @@ _READERS: Final[dict[Form, _Reader]] = {
     Form.STAMP: _read_whole, Form.BITS: _read_whole, Form.BYTES: _read_bytes, Form.REALS: _read_up_to_count,
     Form.REAL: _read_real,
 }  # fmt: skip
-_WRITERS: Final[dict[Form, Callable[[Any], Variant]]] = {
+_WRITERS: Final[dict[Form, _Writer]] = {
     Form.STAMP: lambda value: trusted(_I4, as_i4(operator.index(value))),
     Form.BITS: lambda value: trusted(_I4, as_i4(operator.index(value))),
     Form.BYTES: lambda value: Variant(VarType.UI1 | ARRAY, value),

@@ -84,7 +84,7 @@ class Field:
         text: description for users; empty if no file has it.
         form: what its value is.
         place: where it is in slvMove; equal ones are in the order of the rows.
-        count: how many numbers it has, at most.
+        count: how many numbers it has, at most; 1 unless it is an array of numbers.
         kind: of a pose.
         mode: number of a kind of pose in slvChangeMode (low byte).
         receive: its bit in slvRecvFormat. A window is in the parameter if the format has the bit, anything else in the answer.

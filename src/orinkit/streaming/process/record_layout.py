@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from struct import Struct
 from typing import Any, Final, TypeAlias
 
@@ -11,7 +11,7 @@ from orinkit.rc8.slave_fields import MOST_USER_BYTES, Field, Form
 WORD: Final = 8
 """Bytes of a word."""
 
-_Writer: TypeAlias = Callable[..., object]  # of memory, place and value
+_Writer: TypeAlias = Callable[..., object]  # takes memory, place and value
 _Reader: TypeAlias = Callable[[memoryview, int], Any]
 _Place: TypeAlias = tuple[
     int, int, _Writer, bool
@@ -43,10 +43,12 @@ class Layout:
             self._known.append((field.name, self.size * WORD, read))
             self.size += words
 
-    def write(self, view: memoryview, word: int, values: Mapping[str, Any]) -> int:
-        """Write values of fields from a word on; return their flags."""
+    def write(self, view: memoryview, word: int, values: Iterable[tuple[str, Any]]) -> int:
+        """Write names and values of fields from a word on, but for ``None``; return their flags."""
         start, flags = word * WORD, 0
-        for name, value in values.items():
+        for name, value in values:
+            if value is None:
+                continue
             bit, offset, write, one_by_one = self._places[name]
             if one_by_one:
                 write(view, start + offset, *value)
@@ -81,15 +83,17 @@ def _pose(field: Field) -> _Codec:
 
 
 def _reals(field: Field) -> _Codec:
-    packed = [Struct(f"q{count}d") for count in range(field.count + 1)]
+    most = field.count
+    packed = [Struct(f"q{count}d") for count in range(most + 1)]
 
     def write(view: memoryview, at: int, values: tuple[float, ...]) -> None:
-        count = min(len(values), field.count)
+        count = min(len(values), most)
         packed[count].pack_into(view, at, count, *values[:count])
 
     def read(view: memoryview, at: int) -> tuple[float, ...]:
-        count = _bounded(view, at, field.count)  # a record that is being overwritten may have any number there
-        return packed[count].unpack_from(view, at)[1:]
+        (count,) = _WHOLE.unpack_from(view, at)  # a record that is being overwritten may have any number there
+        values: tuple[float, ...] = packed[count if 0 <= count <= most else 0].unpack_from(view, at)
+        return values[1:]
 
     return 1 + field.count, write, read
 
@@ -116,12 +120,8 @@ def _write_bytes(view: memoryview, at: int, data: bytes) -> None:
 
 
 def _read_bytes(view: memoryview, at: int) -> bytes:
-    return bytes(view[at + WORD : at + WORD + _bounded(view, at, MOST_USER_BYTES)])
-
-
-def _bounded(view: memoryview, at: int, most: int) -> int:
-    count: int = _WHOLE.unpack_from(view, at)[0]
-    return max(0, min(count, most))
+    (count,) = _WHOLE.unpack_from(view, at)
+    return bytes(view[at + WORD : at + WORD + max(0, min(count, MOST_USER_BYTES))])
 
 
 _WHOLE: Final = Struct("q")

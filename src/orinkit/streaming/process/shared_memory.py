@@ -11,7 +11,7 @@ import mmap
 import os
 import tempfile
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from operator import attrgetter
@@ -117,9 +117,11 @@ class Outputs:
 
     def given(self) -> dict[str, Any]:
         """Return those that are not ``None``, by their names."""
-        if self is _NO_OUTPUTS:
-            return {}
-        return {name: value for name, value in zip(_OUTPUT_NAMES, _values(self), strict=True) if value is not None}
+        return {name: value for name, value in self.items() if value is not None}
+
+    def items(self) -> Iterable[tuple[str, Any]]:
+        """Return names and values, ``None`` too."""
+        return zip(_OUTPUT_NAMES, _values(self), strict=True)
 
     def changed(self, other: Outputs) -> Outputs:
         """Return these with what the others have put over them."""
@@ -219,7 +221,7 @@ class Shared:
             count = words[_Word.WRITTEN]
             at = _QUEUE_AT + count % QUEUE_ROOM * _POINT
             _VALUES[len(values)].pack_into(self._view, (at + 2) * WORD, *values)
-            flags = 0 if outputs is _NO_OUTPUTS else _SENT.write(self._view, at + _POINT_OUTPUTS, outputs.given())
+            flags = 0 if outputs is _NO_OUTPUTS else _SENT.write(self._view, at + _POINT_OUTPUTS, outputs.items())
             words[at + 1] = flags << 8 | len(values)
             words[at] = count
             words[_Word.WRITTEN] = count + 1
@@ -261,7 +263,7 @@ class Shared:
             words = self._words
             count = words[_Word.OUTPUTS_BEGUN] + 1
             words[_Word.OUTPUTS_BEGUN] = count
-            words[_Word.OUTPUTS_FLAGS] = _SENT.write(self._view, _Word.OUTPUTS, outputs.given())
+            words[_Word.OUTPUTS_FLAGS] = _SENT.write(self._view, _Word.OUTPUTS, outputs.items())
             words[_Word.OUTPUTS_DONE] = count
 
     def hold(self) -> None:
@@ -404,6 +406,6 @@ class Shared:
         words[at + 5] = sample.answered_ns
         command = sample.command[:_MOST_VALUES]
         _VALUES[len(command)].pack_into(self._view, (at + _SAMPLE_VALUES) * WORD, *command)
-        words[at + 3] = _GOT.write(self._view, at + _SAMPLE_FIELDS, sample.values) << 8 | len(sample.command)
+        words[at + 3] = _GOT.write(self._view, at + _SAMPLE_FIELDS, sample.values.items()) << 8 | len(sample.command)
         words[at] = number
         words[_Word.SAMPLES] = number + 1

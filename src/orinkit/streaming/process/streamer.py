@@ -248,7 +248,8 @@ class Streamer:
         self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _Clock(setup.receive.microseconds)
         self._outputs = setup.outputs
-        self._given = setup.outputs.given()
+        self._beside: dict[str, Any] = {}  # the pose, in a set-point
+        self._note_outputs()
         self._outputs_seen = 0
         self._target: tuple[float, ...] | None = None  # the last that could be read
         self._target_seen = 0
@@ -371,7 +372,13 @@ class Streamer:
     def _change(self, outputs: Outputs) -> None:
         changed = self._outputs.changed(outputs)
         if changed is not self._outputs:
-            self._outputs, self._given = changed, changed.given()
+            self._outputs = changed
+            self._note_outputs()
+
+    def _note_outputs(self) -> None:
+        self._beside = self._outputs.given()
+        if self._setup.window is not None:
+            self._beside["window"] = self._setup.window
 
     def _ask_lateness(self) -> None:
         late = None if self._late is None else self._connection.lateness(self._late)
@@ -387,7 +394,7 @@ class Streamer:
         if setup.mode.kind == "J":
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
             command = (*command, *setup.beyond)
-        point = SetPoint(command, extra, **self._given, window=setup.window)
+        point = SetPoint(command, extra, **self._beside)
         return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
 
     def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
