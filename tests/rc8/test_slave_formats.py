@@ -10,10 +10,12 @@ import pytest
 
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, InvalidArgument, InvalidValue, ProtocolError
+from orinkit.rc8 import slave_feedback
 from orinkit.rc8 import slave_formats as sf
+from orinkit.rc8.slave_fields import Field, Form
 from orinkit.rc8.slave_formats import Receive, ReceiveFormat, Send, SetPoint, SlaveAnswer, SlaveMode, UserWindow
 from orinkit.values.codec import decode, encode, encode_variant
-from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, variant
+from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, variant
 from support.strategies import same
 
 pytestmark = pytest.mark.core
@@ -977,3 +979,50 @@ def test_answers_that_are_not_what_the_format_says(number, value, match):
         ProtocolError, match=r"slvMove の応答 \(受信フォーマット 0x0.*\): .*には.*が必要ですが、.* です"
     ):
         sf.read_answer(ReceiveFormat(number), value)
+
+
+# --- a field that has no attribute ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def temperature(monkeypatch) -> Field:
+    """A row more; tests/streaming/test_slave_field.py has one in the table itself."""
+    row = Field(name="temperature", label="temperature", form=Form.REAL, place=7, receive=0x400)
+    plan = (0, ((1, row, "", slave_feedback._READERS[row.form], slave_feedback._WRITERS[row.form]),))
+    monkeypatch.setattr(slave_feedback, "_plan_of_answer", lambda _: plan)
+    monkeypatch.setitem(slave_feedback._ATTRIBUTES, row.name, "")
+    return row
+
+
+WARM = ReceiveFormat(0x402)
+
+
+def test_a_field_without_an_attribute_goes_there_and_back(temperature):
+    given = SlaveAnswer.of({"joints": J, temperature.name: 36.5})
+    assert given == SlaveAnswer(J, more={"temperature": 36.5})
+    assert given.values() == {"joints": J, "temperature": 36.5}
+    answer = on_the_wire(sf.build_answer(WARM, given))
+    assert [element.type for element in answer.value] == [R8_ARRAY, VarType.R8]
+    assert sf.read_answer(WARM, plain(answer)) == given
+    assert hash(given) == hash(SlaveAnswer(J))
+
+
+@pytest.mark.usefixtures("temperature")
+def test_a_field_without_an_attribute_that_is_missing():
+    with pytest.raises(InvalidValue, match=r"^temperature: the receive format has it, but it is missing"):
+        sf.build_answer(WARM, SlaveAnswer(J))
+
+
+@pytest.mark.usefixtures("temperature")
+@pytest.mark.parametrize("value", [None, "1", [1.0], True, math.nan, math.inf, -math.inf])
+def test_what_is_no_number(value):
+    with pytest.raises(ProtocolError, match=r"0x0402: temperature is .* instead of a finite number$"):
+        sf.read_answer(WARM, [list(J), value])
+    i18n.use("ja")
+    with pytest.raises(ProtocolError, match="temperatureには有限の数値が必要ですが"):
+        sf.read_answer(WARM, [list(J), value])
+
+
+def test_a_whole_number_is_a_number(temperature):
+    found = sf.read_answer(WARM, [list(J), 36]).more[temperature.name]
+    assert (found, type(found)) == (36.0, float)

@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import dataclass
-from enum import IntFlag
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
 from orinkit.cao import coerce
 from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_values import POSE_SIZES, PoseKind, as_i4, called, elements, hexadecimal, invalid, whole
+from orinkit.rc8.slave_fields import (
+    ON_WIRE,
+    POSE_MASK,
+    POSE_PARTS,
+    POSE_SIZES,
+    POSES,
+    RECEIVE_BITS,
+    RECEIVED,
+    Field,
+    Form,
+    PoseKind,
+    Receive,
+)
+from orinkit.rc8.slave_values import as_i4, called, called_in_answer, elements, hexadecimal, invalid, whole
 from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Variant, VarType, trusted
 
-CURRENTS: Final = 8
-"""How many motor currents an answer has."""
-
-
 # --- slvRecvFormat (table 4-1) -----------------------------------------------------------------------------------------
-
-
-class Receive(IntFlag):
-    """What slvMove answers beside the pose; the pose itself is a number in POSE_MASK."""
-
-    TIME = 0x10
-    HAND = 0x20
-    CURRENT = 0x40
-    MINI = 0x100
-    USER = 0x200
-
-
-POSE_MASK: Final = 0x0F
-"""The part of a receive format that says what the pose is."""
-POSE_PARTS: Final[dict[int, tuple[PoseKind, ...]]] = {
-    0: ("J",), 1: ("P",), 2: ("J",), 3: ("T",), 4: ("P", "J"), 5: ("T", "J"),
-}  # fmt: skip
-"""The kinds of pose of each number in POSE_MASK; 0 is what a controller answers before any slvRecvFormat (RC8 4.6.3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +53,12 @@ class ReceiveFormat:
         """Whether an answer is a bare array."""
         return self.number <= POSE_MASK
 
-    def has(self, flag: Receive) -> bool:
+    def has(self, flag: Receive | int) -> bool:
         """Tell whether an answer has this part."""
         return bool(self.number & int(flag))
 
 
-_RECEIVE_BITS: Final = POSE_MASK | sum(map(int, Receive))
+_RECEIVE_BITS: Final = POSE_MASK | sum(RECEIVE_BITS)
 
 
 def receive_format(number: int, unit: int = 0) -> ReceiveFormat:
@@ -83,8 +74,10 @@ def receive_format(number: int, unit: int = 0) -> ReceiveFormat:
     if number & ~_RECEIVE_BITS or number & POSE_MASK not in POSE_PARTS:
         raise invalid(
             tr(
-                "receive format {number}: 0 to 5 for the pose, with any of 0x10, 0x20, 0x40, 0x100 and 0x200",
+                "receive format {number}: 0 to {most} for the pose, with any of {bits}",
                 number=hexadecimal(number),
+                most=max(POSE_PARTS),
+                bits=", ".join(f"{bit:#x}" for bit in RECEIVE_BITS),
             ),
         )
     if unit not in (0, 1):
@@ -140,6 +133,7 @@ class SlaveAnswer:
         hand: states of the hand I/O, bit by bit.
         user: states of the user I/O that were asked for.
         current: of the motors.
+        more: fields without an attribute here, by their names.
     """
 
     joints: tuple[float, ...] | None = None
@@ -150,6 +144,28 @@ class SlaveAnswer:
     hand: int | None = None
     user: bytes | None = None
     current: tuple[float, ...] | None = None
+    more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
+
+    def values(self) -> dict[str, Any]:
+        """Return what is there, by the names of the fields."""
+        found = {name: value for name, value in zip(_NAMES, _own(self), strict=True) if value is not None}
+        return {**found, **self.more} if self.more else found
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> SlaveAnswer:
+        """Return the answer with these values of fields, by their names."""
+        own = {name: values[each] for each, name in _ATTRIBUTES.items() if name and each in values}
+        return cls(**own, more={each: value for each, value in values.items() if not _ATTRIBUTES[each]})
+
+
+_STAMP: Final = "timestamp"  # the attribute of what is a time for programs
+_OWN: Final = frozenset(each.name for each in fields(SlaveAnswer)) - {"more"}
+_ATTRIBUTES: Final[dict[str, str]] = {
+    row.name: name if (name := _STAMP if row.form is Form.STAMP else row.name) in _OWN else "" for row in RECEIVED
+}
+"""The attribute of each field; ``""`` for one that is in ``more``."""
+_NAMES: Final = tuple(name for name, own in _ATTRIBUTES.items() if own)
+_own: Final[Callable[[SlaveAnswer], tuple[Any, ...]]] = operator.attrgetter(*filter(None, _ATTRIBUTES.values()))
 
 
 def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa: A002 - the document's word
@@ -160,14 +176,23 @@ def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa
     """
     pose: list[float] = []
     for kind in POSE_PARTS[format.number & POSE_MASK]:
-        numbers = getattr(answer, _POSE_NAMES[kind])
-        if numbers is None or len(numbers) != POSE_SIZES[kind]:
-            raise _not_there(_POSE_NAMES[kind])
+        row = POSES[kind]
+        numbers = getattr(answer, row.name)
+        if numbers is None or len(numbers) != row.count:
+            raise _not_there(row)
         pose += numbers
+    written = trusted(R8_ARRAY, pose)
     if format.number <= POSE_MASK:
-        return trusted(R8_ARRAY, pose)
-    parts = _parts_of_answer(format.number)
-    return trusted(VARIANT_ARRAY, [_written(part, pose if part == "pose" else getattr(answer, part)) for part in parts])
+        return written
+    pose_at, plan = _plan_of_answer(format.number)
+    parts = []
+    for _, row, attribute, _, writer in plan:
+        value = getattr(answer, attribute) if attribute else answer.more.get(row.name)
+        if value is None or (row.count > 1 and len(value) != row.count):
+            raise _not_there(row)
+        parts.append(writer(value))
+    parts.insert(pose_at, written)
+    return trusted(VARIANT_ARRAY, parts)
 
 
 def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A002 - the document's word
@@ -182,48 +207,49 @@ def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A0
     """
     if format.number <= POSE_MASK:
         return SlaveAnswer(*_read_poses(format, value))
-    parts = _parts_of_answer(format.number)
-    if not isinstance(value, list | tuple) or len(value) != len(parts):
-        raise _wrong(format, "answer", value, tr("{count} values", count=len(parts)))
-    found = dict(zip(parts, value, strict=True))
-    joints, position, trans = _read_poses(format, found.pop("pose"))
-    return SlaveAnswer(joints, position, trans, **{part: _read_part(format, part, found[part]) for part in found})
+    pose_at, plan = _plan_of_answer(format.number)
+    if not isinstance(value, list | tuple) or len(value) != len(plan) + 1:
+        raise _wrong(format, called("answer"), value, tr("{count} values", count=len(plan) + 1))
+    joints, position, trans = _read_poses(format, value[pose_at])
+    own: dict[str, Any] = {}
+    more: dict[str, Any] = {}
+    for place, row, attribute, reader, _ in plan:
+        if attribute:
+            own[attribute] = reader(format, row, value[place])
+        else:
+            more[row.name] = reader(format, row, value[place])
+    return SlaveAnswer(joints, position, trans, **own, more=more)
 
 
-_POSE_NAMES: Final[dict[PoseKind, str]] = {"J": "joints", "P": "position", "T": "trans"}
-_ANSWER_ORDER: Final = {
-    "timestamp": int(Receive.TIME), "pose": ~0, "mini": int(Receive.MINI), "user": int(Receive.USER),
-    "hand": int(Receive.HAND), "current": int(Receive.CURRENT),
-}  # fmt: skip
 _REALS: Final = frozenset({float, int})
 _IS_FINITE: Final = (1e300).__gt__  # of a magnitude; no number of an answer comes near
-_ANSWER_NAMES: Final = {"user": "states"}  # where a message calls it something else than in a parameter
 _SHOWN: Final = 10  # elements of a wrong answer that a message quotes
 _I4: Final = int(VarType.I4)
 _Numbers: TypeAlias = tuple[float, ...] | None
+_Reader: TypeAlias = Callable[[ReceiveFormat, Field, Any], Any]
+_Writer: TypeAlias = Callable[[Any], Variant]
 
 
 @lru_cache(maxsize=256)
-def _parts_of_answer(number: int) -> tuple[str, ...]:
-    """Return what is in an answer that is not a pose alone, in the order of table 4-3."""
-    return tuple(part for part, flag in _ANSWER_ORDER.items() if number & flag)
+def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, Field, str, _Reader, _Writer], ...]]:
+    """Return the place of the pose in an answer (table 4-3); place, row, attribute, reader, writer of each other field."""
+    has = [row for row in _OTHERS if row.receive & number]
+    pose_at = sum(row.place < _POSE_PLACE for row in has)
+    places = ((place + (place >= pose_at), row) for place, row in enumerate(has))
+    return pose_at, tuple(
+        (place, row, _ATTRIBUTES[row.name], _READERS[row.form], _WRITERS[row.form]) for place, row in places
+    )
 
 
-def _written(part: str, value: Any) -> Variant:
-    if value is None or (part == "current" and len(value) != CURRENTS):
-        raise _not_there(part)
-    if part == "user":
-        return Variant(VarType.UI1 | ARRAY, value)
-    if part in ("pose", "current"):
-        return trusted(R8_ARRAY, list(value))
-    return trusted(_I4, as_i4(operator.index(value)))
+_POSE_PLACE: Final = min(row.place for row in POSES.values())
+_OTHERS: Final = tuple(row for row in ON_WIRE if row.form not in (Form.POSE, Form.WINDOW))
 
 
 def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers, _Numbers]:
     """Return joints, position and transformation of an answer's pose."""
     kinds = POSE_PARTS[receive.number & POSE_MASK]
     count = sum([POSE_SIZES[kind] for kind in kinds])
-    numbers = _read_reals(receive, "pose", given, count, count)
+    numbers = _read_reals(receive, None, given, count, count)
     first = kinds[0]
     if first == "J":
         return numbers, None, None
@@ -232,16 +258,29 @@ def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers,
     return (joints, numbers[:size], None) if first == "P" else (joints, None, numbers[:size])
 
 
-def _read_part(receive: ReceiveFormat, part: str, given: Any) -> Any:
-    if part == "current":
-        return _read_reals(receive, part, given, 1, CURRENTS)
-    if type(given) is not (bytes if part == "user" else int):
-        wanted = tr("an array of VT_UI1") if part == "user" else tr("a whole number")
-        raise _wrong(receive, part, given, wanted)
+def _read_whole(receive: ReceiveFormat, row: Field, given: Any) -> int:
+    if type(given) is not int:
+        raise _wrong(receive, called_in_answer(row), given, tr("a whole number"))
     return given
 
 
-def _read_reals(receive: ReceiveFormat, part: str, given: Any, few: int, most: int) -> tuple[float, ...]:
+def _read_bytes(receive: ReceiveFormat, row: Field, given: Any) -> bytes:
+    if type(given) is not bytes:
+        raise _wrong(receive, called_in_answer(row), given, tr("an array of VT_UI1"))
+    return given
+
+
+def _read_up_to_count(receive: ReceiveFormat, row: Field, given: Any) -> tuple[float, ...]:
+    return _read_reals(receive, row, given, 1, row.count)
+
+
+def _read_real(receive: ReceiveFormat, row: Field, given: Any) -> float:
+    if type(given) in _REALS and _IS_FINITE(abs(given)):
+        return float(given)
+    raise _wrong(receive, called_in_answer(row), given, tr("a finite number"))
+
+
+def _read_reals(receive: ReceiveFormat, row: Field | None, given: Any, few: int, most: int) -> tuple[float, ...]:
     if (
         isinstance(given, list | tuple)
         and few <= len(given) <= most
@@ -250,14 +289,28 @@ def _read_reals(receive: ReceiveFormat, part: str, given: Any, few: int, most: i
     ):
         return tuple(map(float, given))
     count = str(few) if few == most else f"{few}..{most}"
-    raise _wrong(receive, part, given, tr("{count} finite numbers", count=count))
+    name = called("pose") if row is None else called_in_answer(row)
+    raise _wrong(receive, name, given, tr("{count} finite numbers", count=count))
 
 
-def _wrong(receive: ReceiveFormat, part: str, given: Any, wanted: str) -> ProtocolError:
+_READERS: Final[dict[Form, _Reader]] = {
+    Form.STAMP: _read_whole, Form.BITS: _read_whole, Form.BYTES: _read_bytes, Form.REALS: _read_up_to_count,
+    Form.REAL: _read_real,
+}  # fmt: skip
+_WRITERS: Final[dict[Form, _Writer]] = {
+    Form.STAMP: lambda value: trusted(_I4, as_i4(operator.index(value))),
+    Form.BITS: lambda value: trusted(_I4, as_i4(operator.index(value))),
+    Form.BYTES: lambda value: Variant(VarType.UI1 | ARRAY, value),
+    Form.REALS: lambda value: trusted(R8_ARRAY, list(value)),
+    Form.REAL: lambda value: trusted(VarType.R8, float(value)),
+}
+
+
+def _wrong(receive: ReceiveFormat, name: str, given: Any, wanted: str) -> ProtocolError:
     shown = brief(given[:_SHOWN] if isinstance(given, list | tuple | str | bytes) else given)
     if isinstance(given, list | tuple | bytes):
         shown = tr("{count} values, {shown}", count=len(given), shown=shown)
-    name, number = called(_ANSWER_NAMES.get(part, part)), hexadecimal(receive.number)
+    number = hexadecimal(receive.number)
     return ProtocolError(
         tr(
             "slvMove's answer with receive format {number}: {name} is {shown} instead of {wanted}",
@@ -269,6 +322,6 @@ def _wrong(receive: ReceiveFormat, part: str, given: Any, wanted: str) -> Protoc
     )
 
 
-def _not_there(part: str) -> InvalidValue:
-    name = called(_ANSWER_NAMES.get(part, part))
+def _not_there(row: Field) -> InvalidValue:
+    name = called_in_answer(row)
     return InvalidValue(tr("{name}: the receive format has it, but it is missing or of another length", name=name))

@@ -14,25 +14,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import IntFlag
 from functools import lru_cache
 from itertools import islice
+from operator import attrgetter
 from typing import Final
 
 from orinkit.core.errors import CallError, InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_feedback import CURRENTS as CURRENTS
-from orinkit.rc8.slave_feedback import POSE_MASK as POSE_MASK
-from orinkit.rc8.slave_feedback import POSE_PARTS as POSE_PARTS
-from orinkit.rc8.slave_feedback import Receive as Receive
 from orinkit.rc8.slave_feedback import ReceiveFormat as ReceiveFormat
 from orinkit.rc8.slave_feedback import SlaveAnswer as SlaveAnswer
 from orinkit.rc8.slave_feedback import build_answer as build_answer
 from orinkit.rc8.slave_feedback import read_answer as read_answer
 from orinkit.rc8.slave_feedback import read_receive_parameter as read_receive_parameter
 from orinkit.rc8.slave_feedback import receive_format as receive_format
+from orinkit.rc8.slave_fields import MOST_USER_BYTES as MOST_USER_BYTES
+from orinkit.rc8.slave_fields import PARAMETERS, POSES, Form
+from orinkit.rc8.slave_fields import POSE_MASK as POSE_MASK
+from orinkit.rc8.slave_fields import POSE_PARTS as POSE_PARTS
+from orinkit.rc8.slave_fields import POSE_SIZES as POSE_SIZES
+from orinkit.rc8.slave_fields import SEND_FORMATS as SEND_FORMATS
+from orinkit.rc8.slave_fields import PoseKind as PoseKind
+from orinkit.rc8.slave_fields import Receive as Receive
+from orinkit.rc8.slave_fields import Send as Send
 from orinkit.rc8.slave_values import LARGEST as LARGEST
-from orinkit.rc8.slave_values import MOST_USER_BYTES as MOST_USER_BYTES
 from orinkit.rc8.slave_values import (
     PARTS,
     ExtraAxes,
@@ -43,9 +47,7 @@ from orinkit.rc8.slave_values import (
     read_numbers,
     read_pose,
 )
-from orinkit.rc8.slave_values import POSE_SIZES as POSE_SIZES
 from orinkit.rc8.slave_values import USER_STEP as USER_STEP
-from orinkit.rc8.slave_values import PoseKind as PoseKind
 from orinkit.rc8.slave_values import UserWindow as UserWindow
 from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Variant, trusted
@@ -71,7 +73,7 @@ class SlaveMode:
 
 OFF: Final = 0
 """slvChangeMode's number for leaving slave mode."""
-_LOW_BYTES: Final[dict[int, PoseKind]] = {1: "P", 2: "J", 3: "T"}
+_LOW_BYTES: Final[dict[int, PoseKind]] = dict(sorted((row.mode, kind) for kind, row in POSES.items()))
 SLAVE_MODES: Final[dict[int, SlaveMode]] = {
     buffering << 8 | low: SlaveMode(buffering << 8 | low, kind, buffering)
     for buffering in (0, 1, 2)
@@ -107,18 +109,6 @@ def mode_number(buffering: int, kind: str) -> int:
     )  # fmt: skip
 
 
-class Send(IntFlag):
-    """What slvMove carries beside the pose."""
-
-    HAND = 0x20
-    MINI = 0x100
-    USER = 0x200
-
-
-SEND_FORMATS: Final = (0x0000, 0x0020, 0x0100, 0x0120, 0x0200, 0x0220)
-"""The numbers that slvSendFormat takes: mini I/O and user I/O exclude each other."""
-
-
 def send_format(number: int) -> Send:
     """Return the format of a number of slvSendFormat.
 
@@ -130,7 +120,7 @@ def send_format(number: int) -> Send:
     return Send(number)
 
 
-_ASKS_USER: Final = int(Receive.USER)
+_ASKS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is Form.WINDOW)
 
 
 # --- slvMove's parameter (tables 4-2 and 4-5) -------------------------------------------------------------------------
@@ -166,9 +156,9 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: Send, receive: Recei
         InvalidValue: something is missing that the formats want, or given that they have no place for; a wrong count; a
             number that is not finite or above LARGEST; user I/O beyond its bounds.
     """
-    parts = _parts_of_set_point(int(send), receive.number & _ASKS_USER)
+    parts = _parts_of_set_point(int(send), receive.number & _ASKS)
     numbers = numbers_to_send(kind, point.pose, point.extra)
-    if not parts and (point.mini, point.hand, point.user, point.window) == _NOTHING:
+    if not parts and _OPTIONAL(point) == _NOTHING:
         return numbers
     parameter = [trusted(R8_ARRAY, numbers)]
     for name, part in PARTS.items():
@@ -190,7 +180,7 @@ def read_set_point(kind: PoseKind, parameter: Variant, send: Send, receive: Rece
         CallError: DISP_E_TYPEMISMATCH, no array or no number; E_INVALIDARG, a wrong count, flags that are none or do not
             agree with what follows them, a number that is not finite or above LARGEST, user I/O beyond its bounds.
     """
-    parts = _parts_of_set_point(int(send), receive.number & _ASKS_USER)
+    parts = _parts_of_set_point(int(send), receive.number & _ASKS)
     if not parts and parameter.type == R8_ARRAY:  # the commonest by far
         return SetPoint(*read_pose(kind, parameter.value))
     given = iter(_split(parameter, parts))
@@ -198,14 +188,14 @@ def read_set_point(kind: PoseKind, parameter: Variant, send: Send, receive: Rece
     return SetPoint(pose, extra, **{part: PARTS[part].read(part, *islice(given, PARTS[part].span)) for part in parts})
 
 
-_NOTHING: Final = (None, None, None, None)
+_OPTIONAL: Final = attrgetter(*PARTS)
+_NOTHING: Final = (None,) * len(PARTS)
 
 
 @lru_cache(maxsize=64)
-def _parts_of_set_point(send: int, asks_user: int) -> tuple[str, ...]:
+def _parts_of_set_point(send: int, asks: int) -> tuple[str, ...]:
     """Return what stands behind the pose, in the order of table 4-2."""
-    has = {"mini": send & Send.MINI, "user": send & Send.USER, "window": asks_user, "hand": send & Send.HAND}
-    return tuple(part for part in PARTS if has[part])
+    return tuple(row.name for row in PARAMETERS if row.send & send or (row.form is Form.WINDOW and row.receive & asks))
 
 
 def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:

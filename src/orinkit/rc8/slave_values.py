@@ -19,22 +19,20 @@ import operator
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import N_, tr
+from orinkit.rc8.slave_fields import FIELDS as TABLE
+from orinkit.rc8.slave_fields import MOST_USER_BYTES, PARAMETERS, POSE_SIZES, Field, Form, PoseKind
 from orinkit.values.pose_numbers import FIELDS, FIG_AUTO, brief
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, type_name
 
-PoseKind: TypeAlias = Literal["P", "J", "T"]
-"""What the numbers of a set-point are: a position, joints, a homogeneous transformation."""
 ExtraAxes: TypeAlias = tuple[tuple[int, float], ...]
 """Extra axes and where they go: ``((7, 120.0), (8, -5.0))``, in degrees or mm."""
 
-POSE_SIZES: Final[dict[PoseKind, int]] = {"P": 7, "J": 8, "T": 10}
-"""How many numbers a whole pose has."""
 LARGEST: Final = 1e6
 """The largest magnitude of a number of a pose, mm or degrees."""
 
@@ -203,8 +201,6 @@ def _mismatch(given: Variant) -> CallError:
 
 USER_STEP: Final = 8
 """User I/O is sent and asked for in bytes: the number of the first one is a multiple of this."""
-MOST_USER_BYTES: Final = 64
-"""The most bytes of user I/O in one slvMove and in its answer (RC8 4.2, note 3: many of them make it late)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,23 +218,12 @@ class UserWindow:
 
 _NAMES: Final = {
     "pose": N_("pose"),
-    "mini": N_("mini I/O"),
-    "hand": N_("hand I/O"),
-    "user": N_("user I/O to send"),
-    "user offset": N_("offset of user I/O to send"),
-    "user size": N_("size of user I/O to send"),
-    "window": N_("user I/O to receive"),
-    "window offset": N_("offset of user I/O to receive"),
-    "window size": N_("size of user I/O to receive"),
     "format": N_("receive format"),
     "unit": N_("unit of timestamps"),
-    "timestamp": N_("timestamp"),
     "answer": N_("the whole"),
-    "joints": N_("pose of type J"),
-    "position": N_("pose of type P"),
-    "trans": N_("pose of type T"),
-    "states": N_("user I/O"),
-    "current": N_("motor currents"),
+    **{field.name: field.label for field in TABLE},
+    **{f"{field.name} offset": field.offset_label for field in TABLE},
+    **{f"{field.name} size": field.size_label for field in TABLE},
 }
 _BYTE: Final = 255
 
@@ -324,12 +309,12 @@ class Part:
     write: Callable[[str, Any], list[Variant]]
 
 
-PARTS: Final = {
-    "mini": Part(1, _read_state, _write_state),
-    "user": Part(3, _read_user, _write_user),
-    "window": Part(2, _read_window, _write_window),
-    "hand": Part(1, _read_state, _write_state),
+_FORMS: Final = {
+    Form.BITS: Part(1, _read_state, _write_state),
+    Form.BYTES: Part(3, _read_user, _write_user),
+    Form.WINDOW: Part(2, _read_window, _write_window),
 }
+PARTS: Final = {field.name: _FORMS[field.form] for field in PARAMETERS}
 """What may stand behind the pose, in the order of table 4-2, by its name in a set-point.
 
 Reading raises CallError: DISP_E_TYPEMISMATCH, no number; E_INVALIDARG, a fraction, user I/O beyond its bounds. Writing
@@ -343,6 +328,11 @@ raises InvalidValue.
 def called(part: str) -> str:
     """Return what a message calls a part of slvMove."""
     return tr(_NAMES[part])
+
+
+def called_in_answer(field: Field) -> str:
+    """Return what a message about an answer calls a field."""
+    return tr(field.answer_label or field.label)
 
 
 def whole(given: Variant, part: str) -> int:

@@ -162,8 +162,7 @@ def _job(
     def read(dialect: Dialect) -> Options:
         return read_options(
             dialect, dialect.slave_mode if mode is None else mode, kind, _RECEIVED[kind],
-            mini=None, hand=None, user=None, user_window=None, limits=limits, speed=speed, period=PERIOD, queue=100,
-            idle=None, on_range="clamp", record=record,
+            limits=limits, speed=speed, period=PERIOD, queue=100, idle=None, on_range="clamp", record=record,
         )  # fmt: skip
 
     return _Job(path, kind, read, read(dialect), speed, retime, move, motor)

@@ -8,16 +8,16 @@ from itertools import pairwise
 from pathlib import Path
 from threading import Event, Thread
 from time import time_ns
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from orinkit.client._shared.stream_options import Options
 from orinkit.core.errors import StreamError
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_formats import PoseKind
+from orinkit.rc8.slave_fields import POSES, PoseKind
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.process.shared_memory import SAMPLE_ROOM, Feed, RawSample, Shared
-from orinkit.streaming.recording.samples import Sample
+from orinkit.streaming.recording.samples import OWN, Sample
 from orinkit.values.poses import J, P, T
 
 POLL: Final = 0.002
@@ -181,14 +181,24 @@ def broken_off(sent: int) -> StreamError:
 
 def sample_of(raw: RawSample, began_ns: int) -> Sample:
     """Return a sample as users see it."""
+    own: dict[str, Any] = {}
+    more: dict[str, Any] = {}
+    for name, value in raw.values.items():
+        make = _POSES.get(name)
+        (own if name in OWN else more)[name] = value if make is None else make(value)
     return Sample(
-        raw.number, (raw.sent_ns - began_ns) / 1e9, raw.command, raw.code, raw.time,
-        J.of(raw.joints) if raw.joints else None,
-        P.of(raw.position) if raw.position else None,
-        T.of(raw.trans) if raw.trans else None,
-        raw.mini, raw.hand, raw.user, raw.current, raw.delay_ns / 1e9 if raw.delay_ns >= 0 else None,
-        (raw.answered_ns - began_ns) / 1e9,
-    )  # fmt: skip
+        raw.number,
+        (raw.sent_ns - began_ns) / 1e9,
+        raw.command,
+        raw.code,
+        **own,
+        delay=raw.delay_ns / 1e9 if raw.delay_ns >= 0 else None,
+        answered=(raw.answered_ns - began_ns) / 1e9,
+        more=more,
+    )
+
+
+_POSES: Final = {row.name: POSE_TYPES[kind].of for kind, row in POSES.items()}
 
 
 @dataclass(slots=True)

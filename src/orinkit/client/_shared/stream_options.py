@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, NoReturn, TypeAlias
+from typing import Any, Final, Literal, NoReturn, TypeAlias
 
 from orinkit.arms import model_of_type
 from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
+from orinkit.rc8.slave_fields import EXCLUSIVE, OUTPUTS, PARAMETERS, POSE_PARTS, POSES, RECEIVED, WORDS, Form
 from orinkit.rc8.slave_formats import (
     POSE_SIZES,
-    Receive,
     ReceiveFormat,
     Send,
     SetPoint,
@@ -29,7 +29,8 @@ from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 from orinkit.values.pose_numbers import brief, finite
 
 Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
-"""What can come back with each set-point; the controller's time and the joints are by default."""
+"""What can come back with each set-point; the controller's time and the joints are by default. The words of the table of
+fields, written out for type checkers."""
 OnRange: TypeAlias = Literal["clamp", "refuse"]
 """What is done with a live target beyond the arm's range."""
 
@@ -37,20 +38,13 @@ PERIOD: Final = 0.008
 """Seconds of a controller's cycle (RC8 4.1)."""
 
 _POSES: Final[dict[frozenset[str], int]] = {
-    frozenset(): 2,
-    frozenset({"position"}): 1,
-    frozenset({"joints"}): 2,
-    frozenset({"trans"}): 3,
-    frozenset({"position", "joints"}): 4,
-    frozenset({"trans", "joints"}): 5,
+    frozenset(POSES[kind].name for kind in kinds): number for number, kinds in POSE_PARTS.items()
 }
-_FLAGS: Final[dict[str, Receive]] = {
-    "time": Receive.TIME,
-    "hand": Receive.HAND,
-    "current": Receive.CURRENT,
-    "mini": Receive.MINI,
-}
-_POSE_NAMES: Final = frozenset({"position", "joints", "trans"})
+_JOINTS: Final = _POSES[frozenset({POSES["J"].name})]  # also if no pose is named
+_POSE_NAMES: Final = frozenset(row.name for row in POSES.values())
+_FLAGS: Final = {row.name: row.receive for row in WORDS if row.receive}
+_STAMP: Final = sum(row.receive for row in RECEIVED if row.form is Form.STAMP)
+_WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is Form.WINDOW)
 _LONGEST_PERIOD: Final = 1.0  # s
 _LONGEST_IDLE: Final = 1e6  # s
 _FULL: Final = 100.0
@@ -79,9 +73,9 @@ class Options:
 
 
 def read_options(
-    dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, mini: int | None, hand: int | None, user: tuple[int, bytes] | None,
-    user_window: tuple[int, int] | None, limits: Limits | PathLimits | None, speed: float, period: float, queue: int,
-    idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
+    dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, limits: Limits | PathLimits | None, speed: float,
+    period: float, queue: int, idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
+    user_window: tuple[int, int] | None = None, **outputs: int | tuple[int, bytes] | None,
 ) -> Options:  # fmt: skip
     """Return the options of slave mode.
 
@@ -92,22 +86,22 @@ def read_options(
         _refuse("mode", mode, "0, 1, 2")
     wanted = mode_of(mode_number(mode, pose))
     assert wanted is not None
-    outputs = read_outputs(mini, hand, user)
+    states = read_outputs(**outputs)
     window = _window(user_window)
-    number = _receive(recv) | (Receive.USER if window else 0)
+    number = _receive(recv) | (_WINDOW if window else 0)
     if not dialect.slave_formats:
-        number = _plain(mode, pose, number, outputs)
+        number = _plain(mode, pose, number, states)
     if on_range not in ("clamp", "refuse"):
         _refuse("on_range", on_range, "clamp, refuse")
     if limits is not None and not isinstance(limits, Limits if wanted.kind == "J" else PathLimits):
         raise InvalidValue(tr("limits: joints (pose J) have Limits, positions (pose P, T) have PathLimits"))
     options = Options(
-        wanted, ReceiveFormat(number, microseconds=True), _send(outputs), outputs, window, limits,
+        wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
         _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _LONGEST_PERIOD),
         int(_amount("queue", queue, 1, _MOST_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _LONGEST_IDLE),
         on_range, _path(record),
     )  # fmt: skip
-    check_outputs(options, outputs)
+    check_outputs(options, states)
     return options
 
 
@@ -117,14 +111,14 @@ def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
     Raises:
         InvalidValue: something is wanted that it does not have.
     """
-    if mode == 2 or pose != "J" or number & ~int(Receive.TIME) != _POSES[frozenset()] or outputs != Outputs():
+    if mode == 2 or pose != "J" or number & ~_STAMP != _JOINTS or outputs != Outputs():
         raise InvalidValue(
             tr(
                 'this controller has slave modes 0 and 1 for pose "J" only, answers the joints only, and '
                 "takes no outputs"
             )
         )
-    return _POSES[frozenset()]
+    return _JOINTS
 
 
 def check_outputs(options: Options, outputs: Outputs) -> None:
@@ -133,37 +127,66 @@ def check_outputs(options: Options, outputs: Outputs) -> None:
     Raises:
         InvalidValue: they cannot.
     """
-    kind, all_ = options.mode.kind, options.outputs.changed(outputs)
-    nowhere = SetPoint((0.0,) * POSE_SIZES[kind], (), all_.mini, all_.hand, all_.user, options.window)
+    kind, given = options.mode.kind, options.outputs.changed(outputs).given()
+    nowhere = SetPoint((0.0,) * POSE_SIZES[kind], (), **given, window=options.window)
     encode_set_point(kind, nowhere, options.send, options.receive)
 
 
-def read_outputs(mini: int | None, hand: int | None, user: tuple[int, bytes] | None) -> Outputs:
+def read_outputs(**given: int | tuple[int, bytes] | None) -> Outputs:
     """Return outputs.
+
+    Args:
+        **given: by the names of the table of fields.
 
     Raises:
         InvalidValue: what is given is no number, or no number and bytes.
     """
-    given: tuple[tuple[str, object], ...] = (("mini", mini), ("hand", hand))
-    for name, value in given:
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
-            _refuse(name, value, tr("a whole number"))
-    if user is None:
-        return Outputs(mini, hand)
-    first, data = _pair("user", user, '(128, b"\\x01")')
+    found: dict[str, Any] = {}
+    for row in OUTPUTS:
+        value = given.get(row.name)
+        if value is not None:
+            found[row.name] = _OUTPUT_READERS[row.form](row.name, value)
+    return Outputs(**found)
+
+
+def check_opened(options: Options, outputs: Outputs) -> None:
+    """Check that the block was opened with these outputs.
+
+    Raises:
+        InvalidValue: it was opened without one of them.
+    """
+    opened = options.outputs.given()
+    for name in outputs.given():
+        if name not in opened:
+            raise InvalidValue(
+                tr("{name} outputs are not sent: open the block with them, slave_mode({name}=...)", name=name)
+            )
+
+
+def _bits(name: str, value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        _refuse(name, value, tr("a whole number"))
+    return value
+
+
+def _bytes(name: str, value: object) -> tuple[int, bytes]:
+    first, data = _pair(name, value, '(128, b"\\x01")')
     if not isinstance(first, int) or not isinstance(data, bytes | bytearray):
-        _refuse("user", user, '(128, b"\\x01")')
-    return Outputs(mini, hand, (first, bytes(data)))
+        _refuse(name, value, '(128, b"\\x01")')
+    return first, bytes(data)
+
+
+_OUTPUT_READERS: Final[dict[Form, Callable[[str, object], object]]] = {Form.BITS: _bits, Form.BYTES: _bytes}
 
 
 def _send(outputs: Outputs) -> Send:
-    if outputs.mini is not None and outputs.user is not None:
-        raise InvalidValue(tr("mini and user outputs cannot be sent together (RC8 table 4-1)"))
-    send = Send(0)
-    for given, flag in ((outputs.mini, Send.MINI), (outputs.hand, Send.HAND), (outputs.user, Send.USER)):
-        if given is not None:
-            send |= flag
-    return send
+    given = outputs.given()
+    for first, second in EXCLUSIVE:
+        if first in given and second in given:
+            raise InvalidValue(
+                tr("{first} and {second} outputs cannot be sent together (RC8 table 4-1)", first=first, second=second)
+            )
+    return Send(sum(int(row.send) for row in OUTPUTS if row.name in given))
 
 
 def _receive(recv: Iterable[str]) -> int:
@@ -174,14 +197,14 @@ def _receive(recv: Iterable[str]) -> int:
     for name in given:
         if not isinstance(name, str) or name not in _FLAGS.keys() | _POSE_NAMES:
             _refuse("recv", name, ", ".join(sorted(_FLAGS.keys() | _POSE_NAMES)))
-    poses = _POSES.get(names & _POSE_NAMES)
+    poses = _POSES.get(names & _POSE_NAMES or frozenset({POSES["J"].name}))
     if poses is None:
         raise InvalidValue(
             tr("recv: position and trans cannot come back together; joints can come with either (RC8 table 4-1)")
         )
-    number = poses | int(Receive.TIME)
+    number = poses | _STAMP
     for name in names & _FLAGS.keys():
-        number |= int(_FLAGS[name])
+        number |= _FLAGS[name]
     return number
 
 

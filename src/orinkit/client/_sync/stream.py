@@ -14,7 +14,7 @@ from typing import Any
 
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.stream import Progress, Reader, StreamResult
-from orinkit.client._shared.stream_options import Options, check_outputs, read_outputs
+from orinkit.client._shared.stream_options import Options, check_opened, check_outputs, read_outputs
 from orinkit.client._sync.motion import Mover
 from orinkit.client._sync.slave_mode import SlaveMode
 from orinkit.core.errors import InvalidValue
@@ -185,7 +185,7 @@ class Stream(SlaveMode):
             StreamError: slave mode has ended.
         """
         values = read_point(point, self._kind, self._axes)
-        outputs = self._changed(mini, hand, user)
+        outputs = self._changed(mini=mini, hand=hand, user=user)
         while self._alive().shared.waiting >= self._options.queue:
             pause(common.POLL)
         with self._lock:
@@ -266,17 +266,12 @@ class Stream(SlaveMode):
     ) -> None:
         """Change outputs, of those that the block was opened with, from the next cycle on (RC8 table 4-2)."""
         streaming = self._alive()
-        self._outputs = self._outputs.changed(self._changed(mini, hand, user))
+        self._outputs = self._outputs.changed(self._changed(mini=mini, hand=hand, user=user))
         streaming.shared.set_outputs(self._outputs)
 
-    def _changed(self, mini: int | None, hand: int | None, user: tuple[int, bytes] | None) -> Outputs:
-        have = self._options.outputs
-        new_ones = read_outputs(mini, hand, user)
-        for name, new, old in (("mini", mini, have.mini), ("hand", hand, have.hand), ("user", user, have.user)):
-            if new is not None and old is None:
-                raise InvalidValue(
-                    tr("{name} outputs are not sent: open the block with them, slave_mode({name}=...)", name=name)
-                )
+    def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
+        new_ones = read_outputs(**given)
+        check_opened(self._options, new_ones)
         check_outputs(self._options, new_ones)
         return new_ones
 

@@ -59,13 +59,12 @@ class Setup:
     def to_message(self) -> dict[str, Any]:
         """Return it as JSON can have it; :meth:`from_message` is the other way."""
         message: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
-        user = self.outputs.user
         message |= {
             "mode": self.mode.number,
             "send": int(self.send),
             "receive": (self.receive.number, self.receive.microseconds),
             "window": self.window and (self.window.offset, self.window.size),
-            "outputs": (self.outputs.mini, self.outputs.hand, user and (user[0], user[1].hex())),
+            "outputs": {name: _to_json(value) for name, value in self.outputs.given().items()},
             "limits": [getattr(self.limits, each.name) for each in fields(self.limits)],
         }
         return message
@@ -76,15 +75,22 @@ class Setup:
         mode = mode_of(message["mode"])
         assert mode is not None
         window, limits = message["window"], message["limits"]
-        mini, hand, user = message["outputs"]
         parts: dict[str, Any] = {
             "mode": mode,
             "send": Send(message["send"]),
             "receive": ReceiveFormat(*message["receive"]),
             "window": window and UserWindow(*window),
-            "outputs": Outputs(mini, hand, user and (user[0], bytes.fromhex(user[1]))),
+            "outputs": Outputs(**{name: _from_json(value) for name, value in message["outputs"].items()}),
             "limits": Limits(*map(tuple, limits)) if mode.kind == "J" else PathLimits(*limits),
             "start": tuple(message["start"]),
             "beyond": tuple(message["beyond"]),
         }
         return cls(**message | parts)
+
+
+def _to_json(output: int | tuple[int, bytes]) -> int | tuple[int, str]:
+    return output if isinstance(output, int) else (output[0], output[1].hex())
+
+
+def _from_json(output: Any) -> Any:
+    return output if isinstance(output, int) else (output[0], bytes.fromhex(output[1]))

@@ -11,12 +11,16 @@ import mmap
 import os
 import tempfile
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Final
+from operator import attrgetter
+from struct import Struct
+from typing import Any, Final
 
+from orinkit.rc8.slave_fields import OUTPUTS, RECEIVED
 from orinkit.rc8.slave_lateness import Lateness
+from orinkit.streaming.process.record_layout import WORD, Layout
 
 QUEUE_ROOM: Final = 4096
 """Set-points that there is room for: 32 s at 8 ms."""
@@ -31,8 +35,6 @@ RESTS: Final = 3
 """Equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)."""
 
 _MOST_VALUES: Final = 13  # of a pose with extra axes
-_MOST_AXES: Final = 8
-_MOST_USER: Final = 64  # bytes of user I/O
 
 
 class Feed(IntEnum):
@@ -74,10 +76,6 @@ class _Word(IntEnum):
     OUTPUTS_BEGUN = 24
     OUTPUTS_DONE = 25
     OUTPUTS_FLAGS = 26
-    OUTPUTS_MINI = 27
-    OUTPUTS_HAND = 28
-    OUTPUTS_OFFSET = 29
-    OUTPUTS_LENGTH = 30
     SAMPLES = 32
     SENT = 33
     DRY = 34
@@ -86,20 +84,21 @@ class _Word(IntEnum):
     LATE = 37
     LATE_LONGEST = 38
     LATE_TOTAL = 39
-    OUTPUTS_USER = 40
+    OUTPUTS = 40
 
 
-_HEAD: Final = 64
-_POINT: Final = 32
-_SAMPLE: Final = 72
+_VALUES: Final = [Struct(f"{count}d") for count in range(_MOST_VALUES + 1)]
+_SENT: Final = Layout(OUTPUTS, sent=True)
+_GOT: Final = Layout(RECEIVED)
+_HEAD: Final = _Word.OUTPUTS + _SENT.size
+_POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # in a point: number, flags and count, values, outputs
+_POINT: Final = _POINT_OUTPUTS + _SENT.size
+_SAMPLE_VALUES: Final = 6  # in a sample: number, sent, code, flags and count, delay, answered, command, fields
+_SAMPLE_FIELDS: Final = _SAMPLE_VALUES + _MOST_VALUES
+_SAMPLE: Final = _SAMPLE_FIELDS + _GOT.size
 _QUEUE_AT: Final = _HEAD
 _SAMPLES_AT: Final = _QUEUE_AT + QUEUE_ROOM * _POINT
-_SIZE: Final = 8 * (_SAMPLES_AT + SAMPLE_ROOM * _SAMPLE)
-
-# of a point
-_MINI, _HAND, _USER = 1, 2, 4
-# of a sample
-_TIME, _JOINTS, _POSITION, _TRANS, _CURRENT, _GOT_MINI, _GOT_HAND, _GOT_USER = (1 << bit for bit in range(8))
+_SIZE: Final = WORD * (_SAMPLES_AT + SAMPLE_ROOM * _SAMPLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,13 +115,21 @@ class Outputs:
     hand: int | None = None
     user: tuple[int, bytes] | None = None
 
+    def given(self) -> dict[str, Any]:
+        """Return those that are not ``None``, by their names."""
+        return {name: value for name, value in self.items() if value is not None}
+
+    def items(self) -> Iterable[tuple[str, Any]]:
+        """Return names and values, ``None`` too."""
+        return zip(_OUTPUT_NAMES, _values(self), strict=True)
+
     def changed(self, other: Outputs) -> Outputs:
         """Return these with what the others have put over them."""
-        return Outputs(
-            self.mini if other.mini is None else other.mini,
-            self.hand if other.hand is None else other.hand,
-            self.user if other.user is None else other.user,
-        )
+        return self if other is _NO_OUTPUTS else Outputs(**{**self.given(), **other.given()})
+
+
+_OUTPUT_NAMES: Final = tuple(row.name for row in OUTPUTS)
+_values: Final[Callable[[Outputs], tuple[Any, ...]]] = attrgetter(*_OUTPUT_NAMES)
 
 
 @dataclass(slots=True)
@@ -133,6 +140,7 @@ class RawSample:
         sent_ns: of the monotonic clock.
         answered_ns: the same.
         delay_ns: how long the live target that it is the first to follow had been set when it was sent; -1: none.
+        values: of the fields that the answer had, by their names.
         number: of the sample; the memory gives it.
     """
 
@@ -141,14 +149,7 @@ class RawSample:
     code: int
     command: tuple[float, ...]
     delay_ns: int = -1
-    time: float | None = None
-    joints: tuple[float, ...] | None = None
-    position: tuple[float, ...] | None = None
-    trans: tuple[float, ...] | None = None
-    current: tuple[float, ...] | None = None
-    mini: int | None = None
-    hand: int | None = None
-    user: bytes | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
     number: int = 0
 
 
@@ -216,23 +217,11 @@ class Shared:
     def put(self, values: Sequence[float], outputs: Outputs = _NO_OUTPUTS) -> None:
         """Queue a set-point; there has to be room for it."""
         with self._lock:
-            words, numbers = self._words, self._numbers
+            words = self._words
             count = words[_Word.WRITTEN]
             at = _QUEUE_AT + count % QUEUE_ROOM * _POINT
-            flags = 0
-            numbers_at = at + 2
-            for offset, value in enumerate(values):
-                numbers[numbers_at + offset] = value
-            if outputs.mini is not None:
-                flags |= _MINI
-                words[at + 16] = outputs.mini
-            if outputs.hand is not None:
-                flags |= _HAND
-                words[at + 17] = outputs.hand
-            if outputs.user is not None:
-                flags |= _USER
-                words[at + 18], words[at + 19] = outputs.user[0], len(outputs.user[1])
-                self._put_bytes(at + 20, outputs.user[1])
+            _VALUES[len(values)].pack_into(self._view, (at + 2) * WORD, *values)
+            flags = 0 if outputs is _NO_OUTPUTS else _SENT.write(self._view, at + _POINT_OUTPUTS, outputs.items())
             words[at + 1] = flags << 8 | len(values)
             words[at] = count
             words[_Word.WRITTEN] = count + 1
@@ -274,18 +263,7 @@ class Shared:
             words = self._words
             count = words[_Word.OUTPUTS_BEGUN] + 1
             words[_Word.OUTPUTS_BEGUN] = count
-            flags = 0
-            if outputs.mini is not None:
-                flags |= _MINI
-                words[_Word.OUTPUTS_MINI] = outputs.mini
-            if outputs.hand is not None:
-                flags |= _HAND
-                words[_Word.OUTPUTS_HAND] = outputs.hand
-            if outputs.user is not None:
-                flags |= _USER
-                words[_Word.OUTPUTS_OFFSET], words[_Word.OUTPUTS_LENGTH] = outputs.user[0], len(outputs.user[1])
-                self._put_bytes(_Word.OUTPUTS_USER, outputs.user[1])
-            words[_Word.OUTPUTS_FLAGS] = flags
+            words[_Word.OUTPUTS_FLAGS] = _SENT.write(self._view, _Word.OUTPUTS, outputs.items())
             words[_Word.OUTPUTS_DONE] = count
 
     def hold(self) -> None:
@@ -341,23 +319,16 @@ class Shared:
         words, numbers = self._words, self._numbers
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         flags = words[at + 3]
-        length = min(flags >> 8, _MOST_VALUES)
-
-        def values(offset: int, count: int) -> tuple[float, ...]:
-            return tuple(numbers[at + offset : at + offset + count])
-
+        values_at = at + _SAMPLE_VALUES
         sample = RawSample(
-            words[at + 1], words[at + 70], words[at + 2], values(6, length), words[at + 4],
-            numbers[at + 5] if flags & _TIME else None,
-            values(20, _MOST_AXES) if flags & _JOINTS else None,
-            values(28, 7) if flags & _POSITION else None,
-            values(36, 10) if flags & _TRANS else None,
-            values(46, _MOST_AXES) if flags & _CURRENT else None,
-            words[at + 54] if flags & _GOT_MINI else None,
-            words[at + 55] if flags & _GOT_HAND else None,
-            self._bytes(at + 57, words[at + 56]) if flags & _GOT_USER else None,
+            words[at + 1],
+            words[at + 5],
+            words[at + 2],
+            tuple(numbers[values_at : values_at + min(flags & 0xFF, _MOST_VALUES)]),
+            words[at + 4],
+            _GOT.read(self._view, at + _SAMPLE_FIELDS, flags >> 8),
             number,
-        )  # fmt: skip
+        )
         whole = words[at] == number and self._words[_Word.SAMPLES] - number <= SAMPLE_ROOM
         return sample if whole else None
 
@@ -388,13 +359,7 @@ class Shared:
         head = words[at + 1]
         flags = head >> 8
         values = tuple(self._numbers[at + 2 : at + 2 + (head & 0xFF)])
-        outputs = _NO_OUTPUTS
-        if flags:
-            outputs = Outputs(
-                words[at + 16] if flags & _MINI else None,
-                words[at + 17] if flags & _HAND else None,
-                (words[at + 18], self._bytes(at + 20, words[at + 19])) if flags & _USER else None,
-            )
+        outputs = Outputs(**_SENT.read(self._view, at + _POINT_OUTPUTS, flags)) if flags else _NO_OUTPUTS
         words[_Word.READ] = count + 1
         return values, outputs
 
@@ -415,13 +380,7 @@ class Shared:
         done = words[_Word.OUTPUTS_DONE]
         if done == seen:
             return None
-        flags = words[_Word.OUTPUTS_FLAGS]
-        user = words[_Word.OUTPUTS_OFFSET], self._bytes(_Word.OUTPUTS_USER, words[_Word.OUTPUTS_LENGTH])
-        outputs = Outputs(
-            words[_Word.OUTPUTS_MINI] if flags & _MINI else None,
-            words[_Word.OUTPUTS_HAND] if flags & _HAND else None,
-            user if flags & _USER else None,
-        )
+        outputs = Outputs(**_SENT.read(self._view, _Word.OUTPUTS, words[_Word.OUTPUTS_FLAGS]))
         return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
 
     def note(self, *, sent: int, dry: int, rests: int) -> None:
@@ -437,44 +396,16 @@ class Shared:
 
     def add(self, sample: RawSample) -> None:
         """Write a sample over the oldest one."""
-        words, numbers = self._words, self._numbers
+        words = self._words
         number = words[_Word.SAMPLES]
         if not number:
             words[_Word.BEGAN] = sample.sent_ns
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         words[at] = -1
         words[at + 1], words[at + 2], words[at + 4] = sample.sent_ns, sample.code, sample.delay_ns
-        words[at + 70] = sample.answered_ns
-        flags = 0
-        if sample.time is not None:
-            flags |= _TIME
-            numbers[at + 5] = sample.time
-        for bit, offset, room, values in (
-            (0, 6, _MOST_VALUES, sample.command),
-            (_JOINTS, 20, _MOST_AXES, sample.joints),
-            (_POSITION, 28, 7, sample.position),
-            (_TRANS, 36, 10, sample.trans),
-            (_CURRENT, 46, _MOST_AXES, sample.current),
-        ):
-            if values is not None:
-                flags |= bit
-                for place, value in enumerate(values[:room]):
-                    numbers[at + offset + place] = value
-        for bit, offset, word in ((_GOT_MINI, 54, sample.mini), (_GOT_HAND, 55, sample.hand)):
-            if word is not None:
-                flags |= bit
-                words[at + offset] = word
-        if sample.user is not None:
-            flags |= _GOT_USER
-            words[at + 56] = min(len(sample.user), _MOST_USER)
-            self._put_bytes(at + 57, sample.user[:_MOST_USER])
-        words[at + 3] = flags | len(sample.command) << 8
+        words[at + 5] = sample.answered_ns
+        command = sample.command[:_MOST_VALUES]
+        _VALUES[len(command)].pack_into(self._view, (at + _SAMPLE_VALUES) * WORD, *command)
+        words[at + 3] = _GOT.write(self._view, at + _SAMPLE_FIELDS, sample.values.items()) << 8 | len(sample.command)
         words[at] = number
         words[_Word.SAMPLES] = number + 1
-
-    def _put_bytes(self, word: int, data: bytes) -> None:
-        data = data[:_MOST_USER]
-        self._view[word * 8 : word * 8 + len(data)] = data
-
-    def _bytes(self, word: int, length: int) -> bytes:
-        return bytes(self._view[word * 8 : word * 8 + min(length, _MOST_USER)])

@@ -15,6 +15,7 @@ from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, InvalidValue, OrinError, error_for
 from orinkit.core.i18n import N_, tr
+from orinkit.rc8.slave_fields import RECEIVED, Form
 from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveAnswer, encode_set_point, read_answer
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.rc8.slave_lateness import Lateness, read_lateness
@@ -22,7 +23,7 @@ from orinkit.streaming.planning.planners import Planner
 from orinkit.streaming.process.channel import Channel
 from orinkit.streaming.process.config import Setup
 from orinkit.streaming.process.pacing import FLOWS, Call, Delivery
-from orinkit.streaming.process.shared_memory import RESTS, Feed, Order, RawSample, Shared
+from orinkit.streaming.process.shared_memory import RESTS, Feed, Order, Outputs, RawSample, Shared
 from orinkit.transport.runner import Link, run, say_goodbye
 from orinkit.values.variant import ARRAY, Variant, VarType
 
@@ -33,6 +34,7 @@ _CYCLES: Final = 1.5  # that a set-point waits for its answer before it is sent 
 _TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
+_STAMP: Final = next(row.name for row in RECEIVED if row.form is Form.STAMP)
 _STOPPED: Final = frozenset(b"Tt")
 _STALL: Final = 0.25  # s for which a program may be stopped: the machine, or a debugger that looks around
 _STOPS: Final = {  # bits of SysState (reference: SysState)
@@ -204,10 +206,8 @@ class _Clock:
     _last: int | None = None
     _ticks: int = field(default=0)
 
-    def read(self, stamp: int | None) -> float | None:
+    def read(self, stamp: int) -> float:
         """Return seconds."""
-        if stamp is None:
-            return None
         last = stamp if self._last is None else self._last
         self._ticks = stamp if self._last is None else self._ticks + (stamp - last) % _WRAP_US
         self._last = stamp
@@ -248,6 +248,8 @@ class Streamer:
         self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _Clock(setup.receive.microseconds)
         self._outputs = setup.outputs
+        self._beside: dict[str, Any] = {}  # the pose, in a set-point
+        self._note_outputs()
         self._outputs_seen = 0
         self._target: tuple[float, ...] | None = None  # the last that could be read
         self._target_seen = 0
@@ -322,7 +324,7 @@ class Streamer:
             return self._come_to_rest()
         self._was_dry = False
         values, outputs = taken
-        self._outputs = self._outputs.changed(outputs)
+        self._change(outputs)
         self._sent += 1
         return self._towards(values, self._planner.take(values))
 
@@ -356,7 +358,7 @@ class Streamer:
         newer = self._shared.outputs(self._outputs_seen)
         if newer is not None:
             self._outputs_seen, outputs = newer
-            self._outputs = self._outputs.changed(outputs)
+            self._change(outputs)
         delivery = self._flow.deliver(self._parameter(command))
         self._rests = self._rests + 1 if command == self._previous else 0
         self._moved = self._moved or not self._rests
@@ -367,6 +369,17 @@ class Streamer:
         self._shared.add(self._sample(command, delivery))
         self._shared.note(sent=self._sent, dry=self._dry, rests=self._rests if self._planner.at_rest else 0)
 
+    def _change(self, outputs: Outputs) -> None:
+        changed = self._outputs.changed(outputs)
+        if changed is not self._outputs:
+            self._outputs = changed
+            self._note_outputs()
+
+    def _note_outputs(self) -> None:
+        self._beside = self._outputs.given()
+        if self._setup.window is not None:
+            self._beside["window"] = self._setup.window
+
     def _ask_lateness(self) -> None:
         late = None if self._late is None else self._connection.lateness(self._late)
         if self._late is not None and late is not None and late.count:
@@ -374,14 +387,14 @@ class Streamer:
             self._shared.add_lateness(late)
 
     def _parameter(self, command: tuple[float, ...]) -> Any:
-        setup, outputs = self._setup, self._outputs
+        setup = self._setup
         if setup.plain:
             return Variant(VarType.R4 | ARRAY, [*command, *setup.beyond])
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
             command = (*command, *setup.beyond)
-        point = SetPoint(command, extra, outputs.mini, outputs.hand, outputs.user, setup.window)
+        point = SetPoint(command, extra, **self._beside)
         return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
 
     def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
@@ -390,7 +403,7 @@ class Streamer:
         delay = -1
         if self._delay_from:
             delay, self._delay_from = sent - self._delay_from, 0
-        return RawSample(
-            sent, round(delivery.answered * 1e9), delivery.code, command, delay, self._clock.read(answer.timestamp),
-            answer.joints, answer.position, answer.trans, answer.current, answer.mini, answer.hand, answer.user,
-        )  # fmt: skip
+        values = answer.values()
+        if _STAMP in values:
+            values[_STAMP] = self._clock.read(values[_STAMP])
+        return RawSample(sent, round(delivery.answered * 1e9), delivery.code, command, delay, values)

@@ -6,15 +6,18 @@ import csv
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.optional_deps import require
-from orinkit.streaming.recording.samples import Sample
+from orinkit.rc8.slave_fields import POSES, RECEIVED, Field, Form
+from orinkit.streaming.recording.samples import OWN, Sample
 from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME
 from orinkit.streaming.trajectory.limit_violations import check_period
 from orinkit.values.pose_numbers import FIELDS, brief
@@ -163,24 +166,24 @@ class _Csv:
 
 
 class _Group:
-    """Columns that come from one attribute of a sample.
+    """Columns that come from one value of a sample.
 
     Args:
-        attribute: its name.
+        value: returns it.
         names: of the columns.
         form: of a number.
     """
 
-    __slots__ = ("_attribute", "_form", "names")
+    __slots__ = ("_form", "_value", "names")
 
-    def __init__(self, attribute: str, names: Sequence[str], form: str = _VALUE) -> None:
+    def __init__(self, value: Callable[[Sample], Any], names: Sequence[str], form: str = _VALUE) -> None:
         self.names = names
-        self._attribute = attribute
+        self._value = value
         self._form = form
 
     def texts(self, sample: Sample) -> list[str]:
         """Return as many texts as there are names, empty ones for what the sample has not."""
-        value = getattr(sample, self._attribute)
+        value = self._value(sample)
         if value is None:
             return [""] * len(self.names)
         if isinstance(value, bytes):
@@ -195,23 +198,37 @@ def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
     """Return the columns after the time, for what the first sample has."""
     count = len(sample.command)
     names = [*_titles(kind), *(f"extra_{number}" for number in range(1, count))][:count]
-    groups = [_Group("command", [f"{name}{COMMAND}" for name in names], _EXACT)]
+    groups = [_Group(attrgetter("command"), [f"{name}{COMMAND}" for name in names], _EXACT)]
     if sample.joints is not None:
         if kind != "J":
             count = len(sample.joints) if any(sample.joints[_ROBOT_JOINTS:]) else _ROBOT_JOINTS
-        groups.append(_Group("joints", [f"{name}{ENCODER}" for name in FIELDS["J"][:count]]))
-    groups.append(_Group("sent", ["sent_s"], _TIME))
-    if sample.time is not None:
-        groups.append(_Group("time", ["controller_s"], _TIME))
-    groups.append(_Group("code", ["code"], "#010x"))
-    if sample.position is not None:
-        groups.append(_Group("position", _titles("P")))
-    elif sample.trans is not None:
-        groups.append(_Group("trans", _titles("T"), _EXACT))
-    groups += [_Group(name, [name], "d") for name in ("mini", "hand", "user") if getattr(sample, name) is not None]
-    if sample.current is not None:
-        groups.append(_Group("current", [f"current_{joint}" for joint in range(1, len(sample.current) + 1)]))
-    return groups
+        groups.append(_Group(attrgetter("joints"), [f"{name}{ENCODER}" for name in FIELDS["J"][:count]]))
+    groups.append(_Group(attrgetter("sent"), ["sent_s"], _TIME))
+    has = [row for row in RECEIVED if row is not POSES["J"] and sample.value(row) is not None]
+    groups += [_group_of(row, sample) for row in has if row.form is Form.STAMP]
+    groups.append(_Group(attrgetter("code"), ["code"], "#010x"))
+    poses = [row for row in has if row.form is Form.POSE][:1]  # the columns of another one have the same names
+    others = [row for row in has if row.form not in (Form.STAMP, Form.POSE)]
+    return groups + [_group_of(row, sample) for row in (*poses, *others)]
+
+
+_NUMBER_FORMS: Final = {Form.STAMP: _TIME, Form.BITS: "d"}
+
+
+def _group_of(row: Field, sample: Sample) -> _Group:
+    """Return the columns of a field that the first sample has."""
+    form = _EXACT if row.kind == "T" else _NUMBER_FORMS.get(row.form, _VALUE)
+    name = row.column or row.name
+    names = [name]
+    if row.kind is not None:
+        names = _titles(row.kind)
+    elif row.form is Form.REALS:
+        names = [f"{name}_{number}" for number in range(1, len(sample.value(row)) + 1)]
+    return _Group(partial(_value_of, row), names, form)
+
+
+def _value_of(row: Field, sample: Sample) -> Any:
+    return sample.value(row)
 
 
 def _titles(kind: PoseKind) -> list[str]:
@@ -281,9 +298,10 @@ def _mcap_writer() -> Any:
 
 def _as_json(sample: Sample) -> dict[str, Any]:
     """Return what a sample has."""
-    found = {name: value for name in _SAMPLE if (value := getattr(sample, name)) is not None}
-    if sample.user is not None:
-        found["user"] = sample.user.hex()
+    found = {name: value for name, get in _GETTERS.items() if (value := get(sample)) is not None}
+    for row in _HEXADECIMAL:
+        if row.name in found:
+            found[row.name] = found[row.name].hex()
     return found
 
 
@@ -300,22 +318,24 @@ def _finite(entry: Any) -> Any:
     return None if isinstance(entry, float) and not math.isfinite(entry) else entry
 
 
+_JSON_TYPES: Final = {
+    Form.STAMP: "number", Form.REAL: "number", Form.POSE: "array", Form.REALS: "array", Form.BITS: "integer",
+    Form.BYTES: "string",
+}  # fmt: skip
 _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "number": ("integer", N_("number of the set-point, from 0")),
     "sent": ("number", N_("when it was sent, s since the first one")),
     "command": ("array", N_("what was sent: joints in deg, or X, Y, Z in mm, angles in deg and Fig, or a T")),
     "code": ("integer", N_("return code")),
-    "time": ("number", N_("the controller's time, s")),
-    "joints": ("array", N_("where the arm is, deg (mm for linear joints)")),
-    "position": ("array", N_("where the tool is: X, Y, Z in mm, RX, RY, RZ in deg, Fig")),
-    "trans": ("array", N_("the same: X, Y, Z in mm, orient and approach vector, Fig")),
-    "mini": ("integer", N_("states of the mini I/O")),
-    "hand": ("integer", N_("states of the hand I/O")),
-    "user": ("string", N_("states of the user I/O, hexadecimal bytes")),
-    "current": ("array", N_("of the motors, A")),
+    **{row.name: (_JSON_TYPES[row.form], row.text) for row in RECEIVED},
     "delay": ("number", N_("from when a live target was set until this set-point, the first one towards it, was sent, s")),
     "answered": ("number", N_("when the answer was there, s since the first one was sent")),
 }  # fmt: skip
+_ROWS: Final = {row.name: row for row in RECEIVED}
+_GETTERS: Final[dict[str, Callable[[Sample], Any]]] = {
+    name: partial(_value_of, _ROWS[name]) if name in _ROWS and name not in OWN else attrgetter(name) for name in _SAMPLE
+}
+_HEXADECIMAL: Final = tuple(row for row in RECEIVED if row.form is Form.BYTES)
 _INFO: Final[dict[str, tuple[str, str]]] = {
     "kind": ("string", N_("what the set-points are: J, P or T")),
     "period": ("number", N_("time between two set-points, s")),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Final
 
+from orinkit.rc8.slave_fields import RECEIVED, Field
 from orinkit.values.poses import J, P, T
 
 
@@ -27,6 +30,7 @@ class Sample:
         delay: s from when a live target was set until this set-point, the first one towards it, was sent; ``None`` for
             any other.
         answered: when the answer was there, s of the same clock as ``sent``; in mode 2 that is when there was room.
+        more: fields of the answer that have no attribute here, by their names.
     """
 
     number: int
@@ -43,3 +47,12 @@ class Sample:
     current: tuple[float, ...] | None = None
     delay: float | None = None
     answered: float = 0.0
+    more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
+
+    def value(self, row: Field) -> Any:
+        """Return the value of a field of the answer, ``None`` if there is none."""
+        return getattr(self, row.name) if row.name in OWN else self.more.get(row.name)
+
+
+OWN: Final = frozenset(each.name for each in fields(Sample)) & {row.name for row in RECEIVED}
+"""Fields of the answer that have an attribute."""

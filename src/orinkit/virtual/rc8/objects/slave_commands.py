@@ -22,7 +22,7 @@ from orinkit.values.variant import Value, Variant
 from orinkit.virtual.rc8.client_context import Caller
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.robot.slave_feedback import answer_of
+from orinkit.virtual.rc8.robot.slave_feedback import answer_of, require_sources
 from orinkit.virtual.rc8.robot.slave_mode import io
 from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
 from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Command
@@ -73,10 +73,12 @@ def set_receive_format(caller: Caller, parameter: Variant) -> None:
     """Set what this client's slvMove is answered.
 
     Raises:
-        CallError: E_INVALIDARG, there is no such format, or not the I/O for it; its conditions.
+        CallError: E_INVALIDARG, there is no such format, or not the I/O for it; E_NOTIMPL, a field that is not simulated; its
+            conditions.
     """
     require("slvRecvFormat", caller.state.arm, caller)
     wanted = read_receive_parameter(parameter)
+    require_sources(wanted)
     io.require_received(caller.state.variables, wanted)
     caller.formats.receive = wanted
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
-from orinkit.rc8.slave_formats import Receive, ReceiveFormat, SlaveAnswer, UserWindow, build_answer
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+from orinkit.rc8.slave_fields import POSE_MASK, POSE_PARTS, RECEIVED, Field
+from orinkit.rc8.slave_formats import ReceiveFormat, SlaveAnswer, UserWindow, build_answer
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.robot import state_report
 from orinkit.virtual.rc8.robot.arm import Arm
@@ -16,6 +22,24 @@ _MICRO: Final = 1_000_000
 _LARGEST_TIME: Final = 0x7FFF_FFFF  # then it begins at 0 again: µs after 36 minutes
 
 
+class Moment(NamedTuple):
+    """What values of an answer are taken from.
+
+    Attributes:
+        arm: the arm.
+        here: where its encoders are, as CurPos, CurJnt and CurTrn have it.
+        variables: of the controller, for its I/O.
+        receive: the client's format.
+        window: the user I/O that was asked for.
+    """
+
+    arm: Arm
+    here: state_report.Source
+    variables: Variables
+    receive: ReceiveFormat
+    window: UserWindow | None
+
+
 def answer_of(arm: Arm, variables: Variables, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
     """Return the answer in a client's format; poses are those of the encoders, as CurPos, CurJnt and CurTrn.
 
@@ -25,26 +49,51 @@ def answer_of(arm: Arm, variables: Variables, receive: ReceiveFormat, window: Us
         receive: the format.
         window: the user I/O that was asked for.
     """
-    here, kinds = state_report.current(arm), receive.kinds
-    return build_answer(
-        receive,
-        SlaveAnswer(
-            joints=tuple(here.angles()) if "J" in kinds else None,
-            position=tuple(here.position()) if "P" in kinds else None,
-            trans=tuple(here.trans()) if "T" in kinds else None,
-            timestamp=_timestamp(arm, receive) if receive.has(Receive.TIME) else None,
-            mini=io.mini(variables) if receive.has(Receive.MINI) else None,
-            hand=io.hand(variables) if receive.has(Receive.HAND) else None,
-            user=io.user(variables, window) if window is not None else None,
-            current=_currents(arm) if receive.has(Receive.CURRENT) else None,
-        ),
-    )
+    moment = Moment(arm, state_report.current(arm), variables, receive, window)
+    rows = _rows_of(receive.number)
+    return build_answer(receive, SlaveAnswer.of({row.name: SOURCES[row.name](moment) for row in rows}))
 
 
-def _timestamp(arm: Arm, receive: ReceiveFormat) -> int:
+def require_sources(receive: ReceiveFormat) -> None:
+    """Check that this controller has everything that a receive format asks for.
+
+    Raises:
+        CallError: E_NOTIMPL, a field is not simulated.
+    """
+    for row in _rows_of(receive.number):
+        if row.name not in SOURCES:
+            raise error_for(hresult.E_NOTIMPL, tr(row.label))
+
+
+@lru_cache(maxsize=256)
+def _rows_of(number: int) -> tuple[Field, ...]:
+    kinds = POSE_PARTS[number & POSE_MASK]
+    return tuple(row for row in RECEIVED if row.kind in kinds or row.receive & number)
+
+
+def _timestamp(moment: Moment) -> int:
     """Return when the last cycle was, since power-on."""
-    return round(arm.seconds() * (_MICRO if receive.microseconds else _MILLI)) & _LARGEST_TIME
+    unit = _MICRO if moment.receive.microseconds else _MILLI
+    return round(moment.arm.seconds() * unit) & _LARGEST_TIME
 
 
-def _currents(arm: Arm) -> tuple[float, ...]:
+def _user(moment: Moment) -> bytes | None:
+    return None if moment.window is None else io.user(moment.variables, moment.window)
+
+
+def _currents(moment: Moment) -> tuple[float, ...]:
+    arm = moment.arm
     return tuple(state_report.eight(arm.servo.sample(arm.motor.on).current))
+
+
+SOURCES: Final[dict[str, Callable[[Moment], Any]]] = {
+    "time": _timestamp,
+    "joints": lambda moment: tuple(moment.here.angles()),
+    "position": lambda moment: tuple(moment.here.position()),
+    "trans": lambda moment: tuple(moment.here.trans()),
+    "mini": lambda moment: io.mini(moment.variables),
+    "hand": lambda moment: io.hand(moment.variables),
+    "user": _user,
+    "current": _currents,
+}
+"""Where the value of each field comes from, by the names of the table."""

@@ -11,7 +11,8 @@ from typing import Final
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_formats import Receive, ReceiveFormat, Send, SetPoint, UserWindow
+from orinkit.rc8.slave_fields import OUTPUTS, PARAMETERS, RECEIVED, Form
+from orinkit.rc8.slave_formats import ReceiveFormat, Send, SetPoint, UserWindow
 from orinkit.virtual.rc8.variables.table import Variables
 
 _BYTE: Final = 8
@@ -19,6 +20,8 @@ _MINI: Final = (0, 32)  # first point, how many
 _MINI_OUT: Final = (16, 16)
 _HAND_IN: Final = (48, 8)
 _HAND_OUT: Final = (64, 8)
+_OUT: Final = {"mini": _MINI_OUT, "hand": _HAND_OUT}  # by the names of the table of fields
+_BACK: Final = {"mini": _MINI, "hand": _HAND_OUT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +45,9 @@ def require_sent(variables: Variables, send: Send) -> None:
     Raises:
         CallError: E_INVALIDARG, the controller has fewer.
     """
-    for flag, points in ((Send.MINI, _MINI_OUT), (Send.HAND, _HAND_OUT)):
-        if send & flag:
-            _require(variables, *points)
+    for row in OUTPUTS:
+        if row.name in _OUT and row.send & send:
+            _require(variables, *_OUT[row.name])
 
 
 def require_received(variables: Variables, receive: ReceiveFormat) -> None:
@@ -53,9 +56,9 @@ def require_received(variables: Variables, receive: ReceiveFormat) -> None:
     Raises:
         CallError: E_INVALIDARG, the controller has fewer.
     """
-    for flag, points in ((Receive.MINI, _MINI), (Receive.HAND, _HAND_OUT)):
-        if receive.has(flag):
-            _require(variables, *points)
+    for row in RECEIVED:
+        if row.name in _BACK and receive.has(row.receive):
+            _require(variables, *_BACK[row.name])
 
 
 def require_window(variables: Variables, window: UserWindow) -> None:
@@ -74,13 +77,15 @@ def outputs_of(variables: Variables, point: SetPoint) -> tuple[Output, ...]:
         CallError: E_INVALIDARG, the controller has fewer points.
     """
     found = []
-    if point.mini is not None:
-        found.append(_output(*_MINI_OUT, point.mini))
-    if point.user is not None:
-        first, states = point.user
-        found.append(_output(first, len(states) * _BYTE, int.from_bytes(states, "little")))
-    if point.hand is not None:
-        found.append(_output(*_HAND_OUT, point.hand))
+    for row in PARAMETERS:
+        value = getattr(point, row.name)
+        if value is None or not row.send:
+            continue
+        if row.form is Form.BYTES:
+            first, states = value
+            found.append(_output(first, len(states) * _BYTE, int.from_bytes(states, "little")))
+        else:
+            found.append(_output(*_OUT[row.name], value))
     for each in found:
         _require(variables, each.first, each.count)
     return tuple(found)

@@ -1,0 +1,181 @@
+"""THE TABLE of the fields of slave mode: what slvMove carries and answers beside codes and modes (RC8 4.2, tables 4-1 to 4-3).
+
+One row of :data:`FIELDS` describes one field. The rows are in the order in which programs see the fields (``Sample``, files);
+``place`` has their order in slvMove. These follow from the rows:
+
+=====================================  ================================================================================
+what                                   from which columns
+=====================================  ================================================================================
+bits of slvSendFormat, slvRecvFormat   ``send``, ``receive``; pairs that exclude each other are in :data:`EXCLUSIVE`
+slvMove's parameter and its answer     ``place``, ``form``, ``count``; ``label`` and its sisters name a field in messages
+memory of the streaming process        ``form``, ``count``
+``Sample``, MCAP                       ``name``; ``text`` is the description in the schema
+CSV                                    ``column``, ``form``, ``count``
+words of ``recv=``                     ``name``, if ``by_word``
+parameters of ``slave_mode()``         ``name``; the parameters themselves are written out in the client
+I/O points and sources of values       ``name``: tables in ``virtual/rc8/robot/slave_mode/io.py`` and ``slave_feedback.py``
+=====================================  ================================================================================
+
+A field that is received takes one row here, and for the virtual RC8 one entry in ``SOURCES`` of ``slave_feedback.py``. Its value
+is then in ``Sample.more`` under its name, until ``Sample`` has an attribute of that name. A field that is sent also takes an
+attribute of ``SetPoint`` and ``Outputs``, and a parameter of the client's methods, because these are typed.
+
+A new kind of value takes a member of :class:`Form`, and its entry in the table of each module that handles values:
+``rc8/slave_values.py``, ``rc8/slave_feedback.py``, ``streaming/process/record_layout.py``, ``streaming/recording/recorder.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntFlag
+from itertools import combinations
+from typing import Final, Literal, TypeAlias
+
+from orinkit.core.i18n import N_
+
+PoseKind: TypeAlias = Literal["P", "J", "T"]
+"""What the numbers of a set-point are: a position, joints, a homogeneous transformation."""
+
+
+class Form(Enum):
+    """What the value of a field is."""
+
+    POSE = "pose"
+    """Numbers in slvMove's VT_R8 array of poses."""
+    REALS = "reals"
+    """Up to ``count`` numbers, a VT_R8 array. Received only."""
+    REAL = "real"
+    """One number, VT_R8. Received only."""
+    STAMP = "stamp"
+    """The controller's time, a VT_I4 that wraps; seconds for programs. Received only."""
+    BITS = "bits"
+    """32 states of I/O, VT_I4."""
+    BYTES = "bytes"
+    """States of I/O, a VT_UI1 array. The bytes to send follow the number of the first point and their count, two VT_I4."""
+    WINDOW = "window"
+    """Number of the first point and count of the bytes that the answer is to have, two VT_I4. Sent only."""
+
+
+class Receive(IntFlag):
+    """What slvMove answers beside the pose; the pose itself is a number in POSE_MASK."""
+
+    TIME = 0x10
+    HAND = 0x20
+    CURRENT = 0x40
+    MINI = 0x100
+    USER = 0x200
+
+
+class Send(IntFlag):
+    """What slvMove carries beside the pose."""
+
+    HAND = 0x20
+    MINI = 0x100
+    USER = 0x200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """One row.
+
+    Attributes:
+        name: for programs.
+        label: what a message calls it.
+        text: description for users; empty if no file has it.
+        form: what its value is.
+        place: where it is in slvMove; equal ones are in the order of the rows.
+        count: how many numbers it has, at most; 1 unless it is an array of numbers.
+        kind: of a pose.
+        mode: number of a kind of pose in slvChangeMode (low byte).
+        receive: its bit in slvRecvFormat. A window is in the parameter if the format has the bit, anything else in the answer.
+        send: its bit in slvSendFormat.
+        by_word: whether ``recv=`` takes its name.
+        column: name of its columns in a CSV file; ``""`` for the field's name.
+        answer_label: what a message about an answer calls it; ``""`` for ``label``.
+        offset_label, size_label: what a message calls bounds of user I/O.
+    """
+
+    name: str
+    label: str
+    form: Form
+    place: int
+    text: str = ""
+    count: int = 1
+    kind: PoseKind | None = None
+    mode: int = 0
+    receive: int = 0
+    send: int = 0
+    by_word: bool = True
+    column: str = ""
+    answer_label: str = ""
+    offset_label: str = ""
+    size_label: str = ""
+
+
+FIELDS: Final[tuple[Field, ...]] = (
+    Field(name="time", label=N_("timestamp"), form=Form.STAMP, place=0, receive=Receive.TIME, column="controller_s",
+          text=N_("the controller's time, s")),
+    Field(name="joints", label=N_("pose of type J"), form=Form.POSE, place=1, count=8, kind="J", mode=2,
+          text=N_("where the arm is, deg (mm for linear joints)")),
+    Field(name="position", label=N_("pose of type P"), form=Form.POSE, place=1, count=7, kind="P", mode=1,
+          text=N_("where the tool is: X, Y, Z in mm, RX, RY, RZ in deg, Fig")),
+    Field(name="trans", label=N_("pose of type T"), form=Form.POSE, place=1, count=10, kind="T", mode=3,
+          text=N_("the same: X, Y, Z in mm, orient and approach vector, Fig")),
+    Field(name="mini", label=N_("mini I/O"), form=Form.BITS, place=2, receive=Receive.MINI, send=Send.MINI,
+          text=N_("states of the mini I/O")),
+    Field(name="hand", label=N_("hand I/O"), form=Form.BITS, place=5, receive=Receive.HAND, send=Send.HAND,
+          text=N_("states of the hand I/O")),
+    Field(name="user", label=N_("user I/O to send"), form=Form.BYTES, place=3, receive=Receive.USER, send=Send.USER,
+          by_word=False, answer_label=N_("user I/O"), offset_label=N_("offset of user I/O to send"),
+          size_label=N_("size of user I/O to send"), text=N_("states of the user I/O, hexadecimal bytes")),
+    Field(name="window", label=N_("user I/O to receive"), form=Form.WINDOW, place=4, receive=Receive.USER, by_word=False,
+          offset_label=N_("offset of user I/O to receive"), size_label=N_("size of user I/O to receive")),
+    Field(name="current", label=N_("motor currents"), form=Form.REALS, place=6, count=8, receive=Receive.CURRENT,
+          text=N_("of the motors, A")),
+)  # fmt: skip
+"""The rows."""
+
+EXCLUSIVE: Final = (("mini", "user"),)
+"""Fields that cannot be sent together (table 4-1)."""
+
+MOST_USER_BYTES: Final = 64
+"""The most bytes of user I/O in one slvMove and in its answer (RC8 4.2, note 3: many of them make it late)."""
+
+# --- slvRecvFormat's number of poses (table 4-1) ----------------------------------------------------------------------
+
+POSE_MASK: Final = 0x0F
+"""The part of a receive format that says what the pose is."""
+POSE_PARTS: Final[dict[int, tuple[PoseKind, ...]]] = {
+    0: ("J",), 1: ("P",), 2: ("J",), 3: ("T",), 4: ("P", "J"), 5: ("T", "J"),
+}  # fmt: skip
+"""The kinds of pose of each number in POSE_MASK; 0 is what a controller answers before any slvRecvFormat (RC8 4.6.3)."""
+
+# --- what follows from the rows ---------------------------------------------------------------------------------------
+
+ON_WIRE: Final = tuple(sorted(FIELDS, key=lambda field: field.place))
+"""The rows in the order of slvMove."""
+POSES: Final[dict[PoseKind, Field]] = {field.kind: field for field in FIELDS if field.kind}
+"""The rows of poses by their kinds."""
+POSE_SIZES: Final[dict[PoseKind, int]] = {kind: field.count for kind, field in POSES.items()}
+"""How many numbers a whole pose has."""
+PARAMETERS: Final = tuple(field for field in ON_WIRE if field.send or field.form is Form.WINDOW)
+"""What may follow the pose in slvMove's parameter, in its order (table 4-2)."""
+OUTPUTS: Final = tuple(field for field in FIELDS if field.send)
+"""States that are sent."""
+RECEIVED: Final = tuple(field for field in FIELDS if field.form is not Form.WINDOW)
+"""What an answer may have: poses and all else."""
+WORDS: Final = tuple(field for field in RECEIVED if field.by_word)
+"""What ``recv=`` takes."""
+RECEIVE_BITS: Final[tuple[int, ...]] = tuple(sorted({int(field.receive) for field in FIELDS if field.receive}))
+"""All bits of slvRecvFormat but those of POSE_MASK."""
+
+
+def _send_formats() -> tuple[int, ...]:
+    bits = {field.name: int(field.send) for field in OUTPUTS}
+    sets = [each for size in range(len(bits) + 1) for each in combinations(bits, size)]
+    allowed = [each for each in sets if not any(set(pair) <= set(each) for pair in EXCLUSIVE)]
+    return tuple(sorted(sum(bits[name] for name in each) for each in allowed))
+
+
+SEND_FORMATS: Final = _send_formats()
+"""The numbers that slvSendFormat takes."""
