@@ -204,8 +204,10 @@ def test_entry_points_that_cannot_be_read(monkeypatch: pytest.MonkeyPatch) -> No
         raise ValueError("damaged")
 
     monkeypatch.setattr(metadata, "entry_points", fail)
+    registry._entries.cache_clear()
     with pytest.raises(InvalidAddress, match="unknown transport 'gopher'"):
         parse_address("gopher://x")
+    registry._entries.cache_clear()
 
 
 def test_references_that_lead_nowhere(unchanged: None) -> None:

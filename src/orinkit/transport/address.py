@@ -6,7 +6,6 @@ drivers ``can://INTERFACE/CHANNEL``, as ``can://socketcan/can0``.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
@@ -20,9 +19,8 @@ DEFAULT_PORT: Final = 5007
 """The port of b-CAP (List 3-1)."""
 
 _WEB: Final = {"http": 80, "https": 443}
-_LONGEST: Final = 4000  # characters of a path
-_BAUDRATES: Final = range(50, 20_000_001)
-_STOPS: Final = {"1": 1.0, "1.0": 1.0, "1.5": 1.5, "2": 2.0, "2.0": 2.0}
+LONGEST: Final = 4000
+"""Characters of a path."""
 _USUAL: Final = "tcp"
 """The scheme of an address that has none."""
 _BITRATES: Final = range(1000, 1_000_001)  # of classic CAN
@@ -77,34 +75,6 @@ def network_of(host: str) -> str:
     return "127.0.0.1" if address.is_loopback else str(address)
 
 
-@dataclass(frozen=True, slots=True)
-class SerialAddress:
-    """A serial port and how it is set; ``str`` gives its URL.
-
-    Attributes:
-        path: as the system names it: ``/dev/ttyUSB0``, ``COM3``.
-        baudrate: bits in a second.
-        parity: ``"N"`` none, ``"E"`` even, ``"O"`` odd, ``"M"`` mark, ``"S"`` space.
-        bits: of a character, 5 to 8.
-        stop: stop bits: 1, 1.5 or 2.
-        flow: 0 no flow control, 1 XON/XOFF, 2 hardware (RTS/CTS).
-    """
-
-    scheme: ClassVar[str] = "serial"
-    path: str
-    baudrate: int = 38400
-    parity: str = "N"
-    bits: int = 8
-    stop: float = 1.0
-    flow: int = 0
-
-    def __str__(self) -> str:
-        from urllib.parse import quote  # few programs have a serial port
-
-        settings = f"baudrate={self.baudrate}&parity={self.parity}&bits={self.bits}&stop={self.stop:g}&flow={self.flow}"
-        return f"serial://{quote(self.path, safe=_PLAIN)}?{settings}"
-
-
 class HttpAddress(NamedTuple):
     """Where e-CAP is spoken; ``str`` gives its URL.
 
@@ -122,16 +92,6 @@ class HttpAddress(NamedTuple):
 
     def __str__(self) -> str:
         return f"{Address(self.scheme, self.host, self.port)}{self.path if self.path != '/' else ''}"
-
-
-@dataclass(frozen=True, slots=True)
-class PtyAddress:
-    """A pair of pseudo-terminals that a server opens: a serial line without any hardware."""
-
-    scheme: ClassVar[str] = "pty"
-
-    def __str__(self) -> str:
-        return "pty://"
 
 
 CanOption: TypeAlias = str | int | float | bool
@@ -164,11 +124,12 @@ class CanAddress:
         from urllib.parse import quote  # as above
 
         pairs = [*([("bitrate", self.bitrate)] if self.bitrate is not None else []), *self.options]
-        query = "&".join(f"{name}={quote(_option_text(value), safe=_PLAIN)}" for name, value in pairs)
-        return f"can://{self.interface}/{quote(self.channel, safe=_PLAIN)}{'?' if query else ''}{query}"
+        query = "&".join(f"{name}={quote(_option_text(value), safe=PLAIN)}" for name, value in pairs)
+        return f"can://{self.interface}/{quote(self.channel, safe=PLAIN)}{'?' if query else ''}{query}"
 
 
-_PLAIN: Final = "/\\:.,-_+@"  # what a path has often, and stays readable
+PLAIN: Final = "/\\:.,-_+@"
+"""What a path has often, and stays readable."""
 
 
 def parse_address(text: str) -> AnyAddress:
@@ -242,7 +203,7 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
         raise bad_address(text, reason, scheme)
     if not colon:
         return host, usual
-    number = _whole(port)
+    number = whole_number(port)
     if not 0 <= number <= 65535:
         reason = tr("port {port!r:.80} is not 0 to 65535", port=port)
         raise bad_address(text, reason, scheme)
@@ -257,100 +218,6 @@ def parse_http(given: Given) -> HttpAddress:
         reason = tr("a path has no blanks, no # and only ASCII: others are written %XX")
         raise bad_address(text, reason, scheme)
     return HttpAddress(scheme, *_split_port(text, place, scheme), slash + path or "/")
-
-
-# --- serial ports -----------------------------------------------------------------------------------------------------
-
-
-def parse_serial(given: Given) -> SerialAddress:
-    """Read ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
-    from urllib.parse import unquote
-
-    text = given.text
-    place, mark, query = given.rest.partition("?")
-    if place.startswith("dev/"):
-        raise bad_address(text, tr("a path begins with a slash"), "serial")
-    settings: dict[str, str] = {}
-    for part in query.split("&") if mark and query else ():
-        name, _, value = part.partition("=")
-        name = name.strip().lower()
-        if name not in _SETTINGS or name in settings:
-            raise bad_address(text, _wrong_setting(name, twice=name in settings), "serial")
-        settings[name] = value.strip()
-    return _port(text, unquote(place, errors="surrogateescape"), settings, "serial")
-
-
-def parse_com(given: Given) -> SerialAddress:
-    """Read ``1:38400:N:8:1:0``; what is left out, or empty, is as usual."""
-    if given.url:
-        return parse_serial(given)
-    text = given.text
-    place, *values = (part.strip() for part in given.rest.split(":"))
-    if len(values) > len(_SETTINGS):
-        reason = tr(
-            "at most {count} settings follow the port, a path with colons needs the form serial://",
-            count=len(_SETTINGS),
-        )
-        raise bad_address(text, reason, "com")
-    number = _whole(place)
-    if number > 0:
-        place = f"COM{number}" if os.name == "nt" else f"/dev/ttyS{number - 1}"
-    elif place.isdecimal():
-        raise bad_address(text, tr("COM ports count from 1"), "com")
-    settings = {name: value for name, value in zip(_SETTINGS, values, strict=False) if value}
-    return _port(text, place, settings, "com")
-
-
-def _port(text: str, path: str, settings: dict[str, str], form: str) -> SerialAddress:
-    path = path.strip()
-    if not path or len(path) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in path):
-        reason = tr("a serial port is needed")
-        raise bad_address(text, reason, form)
-    if os.name != "nt" and "/" not in path:
-        path = f"/dev/{path}"
-    baudrate = _whole(settings.get("baudrate", "38400"))
-    if baudrate not in _BAUDRATES:
-        raise bad_address(
-            text, _wrong_value("baudrate", settings["baudrate"], f"{_BAUDRATES.start}-{_BAUDRATES.stop - 1}"), form
-        )
-    parity = settings.get("parity", "N").upper()
-    if len(parity) != 1 or parity not in "NEOMS":
-        raise bad_address(text, _wrong_value("parity", settings["parity"], "N, E, O, M, S"), form)
-    bits = _whole(settings.get("bits", "8"))
-    if bits not in range(5, 9):
-        raise bad_address(text, _wrong_value("bits", settings["bits"], "5, 6, 7, 8"), form)
-    stop = _STOPS.get(settings.get("stop", "1"))
-    if stop is None:
-        raise bad_address(text, _wrong_value("stop", settings["stop"], "1, 1.5, 2"), form)
-    flow = _whole(settings.get("flow", "0"))
-    if flow not in range(3):
-        raise bad_address(
-            text,
-            _wrong_value("flow", settings["flow"], tr("0 none, 1 XON/XOFF, 2 hardware")),
-            form,
-        )
-    return SerialAddress(path, baudrate, parity, bits, stop, flow)
-
-
-def parse_pty(given: Given) -> PtyAddress:
-    """Read nothing: the system chooses the terminals."""
-    if given.rest:
-        raise bad_address(given.text, tr("pty takes nothing more, not {rest!r:.80}", rest=given.rest), "pty")
-    return PtyAddress()
-
-
-_SETTINGS: Final = ("baudrate", "parity", "bits", "stop", "flow")
-
-
-def _wrong_setting(name: str, *, twice: bool) -> str:
-    if twice:
-        return tr("{name} is given twice", name=name)
-    known = ", ".join(_SETTINGS)
-    return tr("there is no setting {name!r:.80}; {known} are known", name=name, known=known)
-
-
-def _wrong_value(name: str, value: str, known: str) -> str:
-    return tr("{name} cannot be {value!r:.80}; known: {known}", name=name, value=value, known=known)
 
 
 # --- CAN --------------------------------------------------------------------------------------------------------------
@@ -369,7 +236,7 @@ def parse_can(given: Given) -> CanAddress:
     channel = unquote(channel, errors="surrogateescape")
     if interface == "udp_multicast" and channel[:1] == "[" and channel[-1:] == "]":
         channel = channel[1:-1]  # an IPv6 address as in other URLs
-    if len(channel) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
+    if len(channel) > LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
         raise bad_address(text, tr("that is no channel"), "can")
     options: dict[str, CanOption] = {}
     for part in query.split("&") if query else ():
@@ -380,7 +247,7 @@ def parse_can(given: Given) -> CanAddress:
     bitrate = options.pop("bitrate", None)
     if bitrate is not None and (not isinstance(bitrate, int) or bitrate not in _BITRATES):
         known = f"{_BITRATES.start}-{_BITRATES.stop - 1}"
-        raise bad_address(text, _wrong_value("bitrate", _option_text(bitrate), known), "can")
+        raise bad_address(text, wrong_value("bitrate", _option_text(bitrate), known), "can")
     return CanAddress(interface, channel, bitrate, tuple(options.items()))
 
 
@@ -413,6 +280,11 @@ def _wrong_option(name: str, *, twice: bool) -> str:
     return tr("{name!r:.80} cannot be an option", name=name)
 
 
-def _whole(text: str) -> int:
+def wrong_value(name: str, value: str, known: str) -> str:
+    """Return the reason why a setting cannot have a value."""
+    return tr("{name} cannot be {value!r:.80}; known: {known}", name=name, value=value, known=known)
+
+
+def whole_number(text: str) -> int:
     """Return a whole number, -1 for what is none."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else -1

@@ -14,6 +14,8 @@ Entry points are looked up if a scheme is unknown. A program may call :func:`reg
 
 from __future__ import annotations
 
+import sys
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, TypeAlias
 
 from orinkit.core.errors import InvalidAddress, InvalidValue, MissingExtra
@@ -175,7 +177,7 @@ _BUILT_IN: Final = (
     ),
     Transport(
         "serial",
-        parse="orinkit.transport.address:parse_serial",
+        parse="orinkit.transport.serial.address:parse_serial",
         example="serial:///dev/ttyUSB0?baudrate=38400",
         carrier="orinkit.bcap.wire:LINE",
         link="orinkit.transport.serial.opening:open_link",
@@ -186,7 +188,7 @@ _BUILT_IN: Final = (
             N_("Serial port to listen on, as /dev/ttyUSB0?baudrate=115200; 38400 8N1 by default; may be given again.")
         ),
     ),
-    Transport("com", parse="orinkit.transport.address:parse_com", example="com:1:38400:N:8:1:0", alias="serial"),
+    Transport("com", parse="orinkit.transport.serial.address:parse_com", example="com:1:38400:N:8:1:0", alias="serial"),
     _http(
         "http",
         Option(
@@ -201,7 +203,7 @@ _BUILT_IN: Final = (
     _http("https"),
     Transport(
         "pty",
-        parse="orinkit.transport.address:parse_pty",
+        parse="orinkit.transport.serial.address:parse_pty",
         example="pty://",
         listener="orinkit.server.serial_line:PtyListener.open",
         refusal="orinkit.transport.links:for_servers",
@@ -281,6 +283,11 @@ def row_of(address: AnyAddress) -> Transport:
 
 def entries() -> dict[str, EntryPoint]:
     """Return the entry points by scheme; nothing of them is imported."""
+    return _entries(tuple(sys.path))
+
+
+@cache  # a client may send any number of unknown schemes, and each look at all packages holds up the others
+def _entries(_path: tuple[str, ...]) -> dict[str, EntryPoint]:
     from importlib import metadata  # takes long, and few programs have such a package
 
     try:

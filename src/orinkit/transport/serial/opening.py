@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 
-from orinkit.transport.address import SerialAddress
 from orinkit.transport.registry import Opening
 from orinkit.transport.runner import AsyncLink, Link
 from orinkit.transport.serial import settings
+from orinkit.transport.serial.address import SerialAddress
 
 
 def open_link(address: SerialAddress, opening: Opening) -> Link:  # noqa: ARG001 - as all openers
