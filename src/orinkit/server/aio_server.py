@@ -9,7 +9,7 @@ from typing import Final, Self
 
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import Host
-from orinkit.core.errors import ConnectFailed, OrinError
+from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
 from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
@@ -146,7 +146,7 @@ async def _listen(address: AnyAddress, shared: Connections, http: HttpOptions) -
     opened = resolve(row.listener)(address, shared, *((http,) if row.http else ()))
     try:
         listener: Listener = await opened
-    except OrinError:  # it is not the port that is wrong
+    except ConnectFailed:  # it is not the port that is wrong
         raise
     except (OSError, ValueError) as error:
         raise _failed(address, error) from error
