@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit.cli._shared.serving import Listening, _urls, _warnings
+from orinkit.cli._shared.serving import Listening, PlacesHere, _urls, _warnings
 from orinkit.cli._shared.web import Web
 from orinkit.core import i18n
 from orinkit.core.errors import ConnectFailed, InvalidAddress, ProtocolError
@@ -60,27 +60,27 @@ def test_options_of_http_without_http(refused, options, named):
 def test_a_token_file_that_others_can_read(tmp_path):
     file = tmp_path / "token"
     file.write_text("0123456789abcdef")
-    web = Web(http=("8080",), token_file=str(file))
+    listening = Listening(PlacesHere(http=("8080",)), Web(token_file=str(file)))
     for mode in (0o600, 0o400):
         file.chmod(mode)
-        assert list(_warnings(Listening(web=web))) == []
+        assert list(_warnings(listening)) == []
     for mode in (0o644, 0o640, 0o602):
         file.chmod(mode)
-        (warning,) = _warnings(Listening(web=web))
+        (warning,) = _warnings(listening)
         assert f"--token-file {file} can be read or changed by other accounts. Try: chmod 600" in warning
     i18n.use("ja")
-    (warning,) = _warnings(Listening(web=web))
+    (warning,) = _warnings(listening)
     assert "他のアカウントからも読み書きできます" in warning
 
 
 def test_a_token_is_none_of_b_cap():
-    web = Web(http=("8080",), token_file="token.txt")
-    assert list(_warnings(Listening(web=web))) == []
-    (warning,) = _warnings(Listening(tcp=("5007",), pty=True, web=web))
+    web = Web(token_file="token.txt")
+    assert list(_warnings(Listening(PlacesHere(http=("8080",)), web))) == []
+    (warning,) = _warnings(Listening(PlacesHere(http=("8080",), tcp=("5007",), pty=True), web))
     assert warning.startswith("orinkit: warning: --token-file is for --http only")
     assert "--tcp, --pty" in warning
     i18n.use("ja")
-    (warning,) = _warnings(Listening(udp=("5007",), web=web))
+    (warning,) = _warnings(Listening(PlacesHere(http=("8080",), udp=("5007",)), web))
     assert "--udp に接続できる人" in warning
 
 
@@ -90,9 +90,9 @@ def test_a_token_is_none_of_b_cap():
 @pytest.mark.parametrize(
     ("listening", "urls"),
     [
-        (Listening(tcp=("5008",), udp=("5009",)), ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"]),
-        (Listening(web=Web(http=("8080", "192.0.2.1"))), ["http://127.0.0.1:8080", "http://192.0.2.1"]),
-        (Listening(web=Web(http=("0",), cert="c.pem")), ["https://127.0.0.1:0"]),
+        (Listening(PlacesHere(tcp=("5008",), udp=("5009",))), ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"]),
+        (Listening(PlacesHere(http=("8080", "192.0.2.1"))), ["http://127.0.0.1:8080", "http://192.0.2.1"]),
+        (Listening(PlacesHere(http=("0",)), Web(cert="c.pem")), ["https://127.0.0.1:0"]),
     ],
 )
 def test_a_port_alone_is_one_of_this_machine(listening, urls):
@@ -102,7 +102,7 @@ def test_a_port_alone_is_one_of_this_machine(listening, urls):
 @pytest.mark.parametrize("port", ["65536", "99999999999"])
 def test_a_port_that_is_none(port):
     with pytest.raises(InvalidAddress, match="is not 0 to 65535"):
-        _urls(Listening(tcp=(port,)))
+        _urls(Listening(PlacesHere(tcp=(port,))))
 
 
 def test_a_client_still_needs_a_host(refused):

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from orinkit.arms import load_model
+from orinkit.bcap.wire import STREAM
 from orinkit.core import hresult
 from orinkit.core.errors import CallTimeout, error_for
 from orinkit.rc8.slave_formats import ReceiveFormat, Send, SlaveAnswer, UserWindow, mode_of
@@ -55,7 +56,7 @@ class Controller(Connection):
     """
 
     def __init__(self, script: Callable[[int], None]) -> None:
-        super().__init__(None, setup(), "tcp")  # nothing goes over the wire
+        super().__init__(None, setup(), STREAM)  # nothing goes over the wire
         self._script = script
         self.count = 0
         self.asked: list[tuple[int, int]] = []

@@ -11,19 +11,20 @@ from pathlib import Path
 import orinkit
 
 
-def install(directory: Path, name: str, entries: str, **modules: str) -> Path:
+def install(directory: Path, name: str, entries: str, *, group: str = "orinkit.providers", **modules: str) -> Path:
     """Write a package with entry points of orinkit; it is installed where the directory is on the path.
 
     Args:
         directory: is made if it is not there; several packages may be in one.
         name: of the package; its version is 1.0.
         entries: lines ``name = module:attribute``.
+        group: of the entry points.
         modules: their sources.
     """
     info = directory / f"{name.replace('-', '_')}-1.0.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text(f"[orinkit.providers]\n{entries}\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(f"[{group}]\n{entries}\n", encoding="utf-8")
     for module, source in modules.items():
         (directory / f"{module}.py").write_text(source, encoding="utf-8")
     return directory

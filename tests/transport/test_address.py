@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidAddress
-from orinkit.transport.address import Address, HttpAddress, PtyAddress, SerialAddress, network_of, parse_address
+from orinkit.transport.address import Address, HttpAddress, network_of, parse_address
+from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.values.pose_numbers import brief
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="names of ports are others in Windows")
@@ -97,7 +98,7 @@ def test_serial_ports(text: str, address: SerialAddress) -> None:
 
 
 def test_com_in_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orinkit.transport.address.os.name", "nt")
+    monkeypatch.setattr("orinkit.transport.serial.address.os.name", "nt")
     assert parse_address("com:3:9600") == SerialAddress("COM3", 9600)
     assert parse_address("com:COM7") == parse_address("serial://COM7") == SerialAddress("COM7")
     assert parse_address(r"serial://\\.\COM12") == SerialAddress(r"\\.\COM12")

@@ -27,7 +27,8 @@ from orinkit.core.errors import (
     TransportError,
 )
 from orinkit.transport import aio_links, links
-from orinkit.transport.address import Address, PtyAddress, SerialAddress
+from orinkit.transport.address import Address
+from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.transport.serial.aio_windows import AsyncPortLink
 from orinkit.transport.serial.settings import open_port
 from orinkit.transport.serial.windows import PortLink

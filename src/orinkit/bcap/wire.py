@@ -120,9 +120,6 @@ LINE: Final = Wire(
 )  # fmt: skip
 """Time-outs of 500 ms: RC8 table 5-1."""
 
-WIRES: Final = {wire.name: wire for wire in (STREAM, DATAGRAM, LINE)}
-"""All of them, by the scheme of an address."""
-
 LEAST_TRIES: Final = 1
 MOST_TRIES: Final = 7
 DEFAULT_TRIES: Final = 5

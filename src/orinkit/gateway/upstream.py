@@ -43,7 +43,7 @@ from orinkit.core.errors import (
 )
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_calls import leaves_moving
-from orinkit.transport.address import HttpAddress
+from orinkit.transport.registry import resolve, row_of
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, Limits
 from orinkit.values.pose_numbers import brief
@@ -114,8 +114,7 @@ class Upstream:
     def __post_init__(self) -> None:
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         access_to(address, self.token, self.cafile)
-        if isinstance(address, HttpAddress):
-            from orinkit.transport.http import aio_link  # noqa: F401 - takes long; later other clients would wait for it
+        resolve(row_of(address).aio_link)  # importing HTTP takes long; later other clients would wait for it
         dialect_of(self.dialect, self.url)
         _check_seconds("retry", self.retry)
         check_dead_after(self.dead_after)

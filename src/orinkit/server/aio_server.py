@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from types import TracebackType
-from typing import Final, Self, TypeAlias
+from typing import Final, Self
 
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import Host
@@ -16,17 +16,15 @@ from orinkit.server.capacity import DEFAULT_CLIENTS
 from orinkit.server.context import Connections, Listener
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.log_limiter import THROTTLE
-from orinkit.server.tcp import TcpListener
-from orinkit.transport.address import Address, CanAddress, HttpAddress, PtyAddress, SerialAddress, parse_address
-from orinkit.transport.links import for_drivers
+from orinkit.transport.address import parse_address
+from orinkit.transport.links import refused
+from orinkit.transport.registry import AnyAddress, resolve, row_of
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 from orinkit.values.codec import DEFAULT_LIMITS, Limits
 
 logger = logging.getLogger("orinkit.server")
 
 DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
-Place: TypeAlias = Address | HttpAddress | SerialAddress | PtyAddress
-"""Where b-CAP or e-CAP can be served."""
 
 _GRACE: Final = 1.0  # seconds for clients to take their last answers and for handlers to end
 
@@ -130,47 +128,38 @@ class AsyncServer:
         await self.close()
 
 
-def _place(url: str) -> Place:
+def _place(url: str) -> AnyAddress:
     """Read where to listen.
 
     Raises:
-        InvalidAddress: it is no address, or a CAN bus.
+        InvalidAddress: it is no address, or one where no server can listen, as a CAN bus.
     """
     address = parse_address(url)
-    if isinstance(address, CanAddress):
-        raise for_drivers(address)
+    if not row_of(address).listener:
+        raise refused(address)
     return address
 
 
-async def _listen(address: Place, shared: Connections, http: HttpOptions) -> Listener:
+async def _listen(address: AnyAddress, shared: Connections, http: HttpOptions) -> Listener:
     """Open one address."""
-    if isinstance(address, Address | HttpAddress):
-        return await _listen_at(address, shared, http)
-    from orinkit.server import serial_line  # few servers have a serial line
-
-    if isinstance(address, SerialAddress):
-        return await serial_line.PortListener.open(address, shared)
-    return await serial_line.PtyListener.open(address, shared)
-
-
-async def _listen_at(address: Address | HttpAddress, shared: Connections, http: HttpOptions) -> Listener:
+    row = row_of(address)
+    opened = resolve(row.listener)(address, shared, *((http,) if row.http else ()))
     try:
-        if isinstance(address, HttpAddress):
-            from orinkit.server.http.listener import HttpListener  # few servers speak e-CAP
-
-            return await HttpListener.open(address, shared, http)
-        if address.scheme == "udp":
-            from orinkit.server.udp import UdpListener
-
-            return await UdpListener.open(address, shared)
-        return await TcpListener.open(address, shared)
+        listener: Listener = await opened
     except ConnectFailed:  # it is not the port that is wrong
         raise
     except (OSError, ValueError) as error:
-        raise ConnectFailed(
-            tr(
-                "cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
-                address=address,
-                error=error,
-            )
-        ) from error
+        raise _failed(address, error) from error
+    return listener
+
+
+def _failed(address: AnyAddress, error: Exception) -> ConnectFailed:
+    if not hasattr(address, "port"):
+        return ConnectFailed(tr("cannot listen on {address}: {error}", address=address, error=error))
+    return ConnectFailed(
+        tr(
+            "cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
+            address=address,
+            error=error,
+        )
+    )

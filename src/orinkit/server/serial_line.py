@@ -13,8 +13,8 @@ from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
 from orinkit.server.context import Connections
 from orinkit.server.peer import Caller
-from orinkit.transport.address import PtyAddress, SerialAddress
 from orinkit.transport.fork_safety import keep_from_children
+from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.transport.serial.settings import open_failed, settings
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Final, Self, cast
 
 from orinkit.bcap.server import Execute
-from orinkit.bcap.wire import STREAM
+from orinkit.bcap.wire import STREAM, Wire
 from orinkit.cao.provider import ClientInfo
 from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
@@ -30,14 +30,15 @@ _TOLD: Final = 64  # of those who are told at a time; further ones are closed at
 
 
 class TcpConnection(Peer, asyncio.BufferedProtocol):
-    """One client on TCP.
+    """One client on TCP, or on another stream.
 
     A buffered protocol, because asyncio gives a plain one every piece of data in a new block of 256 KiB, which costs
     more than everything else that is done for a call.
     """
 
-    def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop) -> None:
-        super().__init__(shared, loop, STREAM)
+    def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop, wire: Wire = STREAM) -> None:
+        super().__init__(shared, loop, wire)
+        self._kind = wire.name
         shared.opening += 1
         self._idle_timer: asyncio.TimerHandle | None = None
         self._partial = 0  # bytes of it that are counted
@@ -170,7 +171,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _about(self) -> ClientInfo:
         host, port = self._place
-        return ClientInfo(host, STREAM.name, port, self.look)
+        return ClientInfo(host, self._kind, port, self.look)
 
     def _refuse(self, call: Execute) -> None:
         super()._refuse(call)

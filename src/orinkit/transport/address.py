@@ -6,27 +6,23 @@ drivers ``can://INTERFACE/CHANNEL``, as ``can://socketcan/can0``.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
+from orinkit.transport import registry
+from orinkit.transport.registry import AnyAddress, Given
 from orinkit.values.pose_numbers import brief
 
 DEFAULT_PORT: Final = 5007
 """The port of b-CAP (List 3-1)."""
 
-_HOSTS: Final = ("tcp", "udp")
-_PORTS: Final = ("serial", "com")
 _WEB: Final = {"http": 80, "https": 443}
-_KNOWN: Final = (*_HOSTS, *_PORTS, "pty", *_WEB, "can")
-_LONGEST: Final = 4000  # characters of a path
-_BAUDRATES: Final = range(50, 20_000_001)
-_STOPS: Final = {"1": 1.0, "1.0": 1.0, "1.5": 1.5, "2": 2.0, "2.0": 2.0}
-_EXAMPLE: Final = "tcp://192.168.0.1:5007"
-_SERIAL_EXAMPLE: Final = "serial:///dev/ttyUSB0?baudrate=38400"
-_CAN_EXAMPLE: Final = "can://slcan//dev/ttyACM0?bitrate=500000"
+LONGEST: Final = 4000
+"""Characters of a path."""
+_USUAL: Final = "tcp"
+"""The scheme of an address that has none."""
 _BITRATES: Final = range(1000, 1_000_001)  # of classic CAN
 _TAKEN: Final = ("interface", "channel", "bustype", "context", "config_context", "ignore_config")
 """Names of python-can that cannot be options: the address says the first two, and reads no configuration files."""
@@ -79,34 +75,6 @@ def network_of(host: str) -> str:
     return "127.0.0.1" if address.is_loopback else str(address)
 
 
-@dataclass(frozen=True, slots=True)
-class SerialAddress:
-    """A serial port and how it is set; ``str`` gives its URL.
-
-    Attributes:
-        path: as the system names it: ``/dev/ttyUSB0``, ``COM3``.
-        baudrate: bits in a second.
-        parity: ``"N"`` none, ``"E"`` even, ``"O"`` odd, ``"M"`` mark, ``"S"`` space.
-        bits: of a character, 5 to 8.
-        stop: stop bits: 1, 1.5 or 2.
-        flow: 0 no flow control, 1 XON/XOFF, 2 hardware (RTS/CTS).
-    """
-
-    scheme: ClassVar[str] = "serial"
-    path: str
-    baudrate: int = 38400
-    parity: str = "N"
-    bits: int = 8
-    stop: float = 1.0
-    flow: int = 0
-
-    def __str__(self) -> str:
-        from urllib.parse import quote  # few programs have a serial port
-
-        settings = f"baudrate={self.baudrate}&parity={self.parity}&bits={self.bits}&stop={self.stop:g}&flow={self.flow}"
-        return f"serial://{quote(self.path, safe=_PLAIN)}?{settings}"
-
-
 class HttpAddress(NamedTuple):
     """Where e-CAP is spoken; ``str`` gives its URL.
 
@@ -124,16 +92,6 @@ class HttpAddress(NamedTuple):
 
     def __str__(self) -> str:
         return f"{Address(self.scheme, self.host, self.port)}{self.path if self.path != '/' else ''}"
-
-
-@dataclass(frozen=True, slots=True)
-class PtyAddress:
-    """A pair of pseudo-terminals that a server opens: a serial line without any hardware."""
-
-    scheme: ClassVar[str] = "pty"
-
-    def __str__(self) -> str:
-        return "pty://"
 
 
 CanOption: TypeAlias = str | int | float | bool
@@ -166,65 +124,71 @@ class CanAddress:
         from urllib.parse import quote  # as above
 
         pairs = [*([("bitrate", self.bitrate)] if self.bitrate is not None else []), *self.options]
-        query = "&".join(f"{name}={quote(_option_text(value), safe=_PLAIN)}" for name, value in pairs)
-        return f"can://{self.interface}/{quote(self.channel, safe=_PLAIN)}{'?' if query else ''}{query}"
+        query = "&".join(f"{name}={quote(_option_text(value), safe=PLAIN)}" for name, value in pairs)
+        return f"can://{self.interface}/{quote(self.channel, safe=PLAIN)}{'?' if query else ''}{query}"
 
 
-AnyAddress: TypeAlias = Address | HttpAddress | SerialAddress | PtyAddress | CanAddress
-_PLAIN: Final = "/\\:.,-_+@"  # what a path has often, and stays readable
+PLAIN: Final = "/\\:.,-_+@"
+"""What a path has often, and stays readable."""
 
 
 def parse_address(text: str) -> AnyAddress:
     """Read a URL or a connection string; a bare host means TCP, a missing port 5007.
 
     Raises:
-        InvalidAddress: it is none, or its transport is not there.
+        InvalidAddress: it is none, its transport is unknown, or the package of its transport cannot be loaded.
     """
     if not isinstance(text, str):
-        raise _bad(brief(text), tr("a text is needed"))
-    scheme, rest, url = _split_scheme(text.strip())
+        raise bad_address(brief(text), tr("a text is needed"))
+    given = _split_scheme(text)
     if text.strip().startswith("/"):
-        raise _bad(
-            text,
-            tr("a serial port has serial:// before it"),
-            _SERIAL_EXAMPLE,
+        raise bad_address(text, tr("a serial port has serial:// before it"), "serial")
+    row = registry.find(given.scheme)
+    if row is None:
+        known = registry.schemes()
+        raise bad_address(
+            text, tr("unknown transport {scheme!r:.80}; {known} are known", scheme=given.scheme, known=known)
         )
-    if scheme in _HOSTS:
-        return Address(scheme, *_split_port(text, rest.removesuffix("/"), scheme))
-    if scheme in _WEB:
-        return _http(text, rest, scheme)
-    if scheme in _PORTS:
-        return _serial(text, rest) if url or scheme == "serial" else _com(text, rest)
-    if scheme == "pty":
-        if rest:
-            raise _bad(
-                text,
-                tr("pty takes nothing more, not {rest!r:.80}", rest=rest),
-                "pty://",
-            )
-        return PtyAddress()
-    if scheme == "can":
-        return _can(text, rest)
-    known = "tcp, udp, http, https, serial, com, can"
-    raise _bad(
-        text,
-        tr("unknown transport {scheme!r:.80}; {known} are known", scheme=scheme, known=known),
+    address: AnyAddress = registry.resolve(row.parse)(given)
+    return address
+
+
+def bad_address(text: str, reason: str, scheme: str = _USUAL) -> InvalidAddress:
+    """Return the exception for an address that cannot be read.
+
+    Args:
+        text: the address.
+        reason: in the current language.
+        scheme: whose row has an example of what would do.
+    """
+    row = registry.find(scheme) or registry.find(_USUAL)
+    example = "" if row is None else row.example
+    return InvalidAddress(
+        tr("{text!r:.200} is no address: {reason}. Example: {example}", text=text, reason=reason, example=example)
     )
 
 
-def _split_scheme(place: str) -> tuple[str, str, bool]:
+def _split_scheme(text: str) -> Given:
+    place = text.strip()
     scheme, mark, rest = place.partition("://")
     if mark:
-        return scheme.lower(), rest, True
+        return Given(text, scheme.lower(), rest)
     scheme, mark, rest = place.partition(":")
-    if mark and scheme.lower() in _KNOWN:
-        return scheme.lower(), rest, False
-    return "tcp", place, False
+    if mark and registry.known(scheme.lower()):
+        return Given(text, scheme.lower(), rest, url=False)
+    return Given(text, _USUAL, place, url=False)
+
+
+# --- hosts ------------------------------------------------------------------------------------------------------------
+
+
+def parse_host(given: Given) -> Address:
+    """Read ``192.168.0.1:5007``."""
+    return Address(given.scheme, *_split_port(given.text, given.rest.removesuffix("/"), given.scheme))
 
 
 def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
     usual = _WEB.get(scheme, DEFAULT_PORT)
-    example = f"{scheme}://192.168.0.1:{usual if scheme not in _WEB else 8080}"
     if place.startswith("["):
         host, closing, rest = place[1:].partition("]")
         colon, port = rest[:1], rest[1:]
@@ -233,139 +197,57 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
         host, colon, port = place.partition(":")
         whole = ":" not in port
     if host.isdecimal():
-        raise _bad(text, tr("{host:.80} is no host", host=host), example)
+        raise bad_address(text, tr("{host:.80} is no host", host=host), scheme)
     if not whole or not host or any(sign in host for sign in " /?@#[]\0\t\r\n"):
         reason = tr("a host and perhaps a port are needed")
-        raise _bad(text, reason, example)
+        raise bad_address(text, reason, scheme)
     if not colon:
         return host, usual
-    number = _whole(port)
+    number = whole_number(port)
     if not 0 <= number <= 65535:
         reason = tr("port {port!r:.80} is not 0 to 65535", port=port)
-        raise _bad(text, reason, example)
+        raise bad_address(text, reason, scheme)
     return host, number
 
 
-def _http(text: str, rest: str, scheme: str) -> HttpAddress:
+def parse_http(given: Given) -> HttpAddress:
     """Read ``127.0.0.1:8080/path?query``."""
+    text, scheme, rest, _ = given
     place, slash, path = rest.partition("/")
     if "?" in place or "#" in rest or any(not "!" <= sign <= "~" for sign in path):
         reason = tr("a path has no blanks, no # and only ASCII: others are written %XX")
-        raise _bad(text, reason, f"{scheme}://192.168.0.1:8080/ecap")
+        raise bad_address(text, reason, scheme)
     return HttpAddress(scheme, *_split_port(text, place, scheme), slash + path or "/")
-
-
-# --- serial ports -----------------------------------------------------------------------------------------------------
-
-
-def _serial(text: str, rest: str) -> SerialAddress:
-    """Read ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
-    from urllib.parse import unquote
-
-    place, mark, query = rest.partition("?")
-    if place.startswith("dev/"):
-        raise _bad(text, tr("a path begins with a slash"), _SERIAL_EXAMPLE)
-    settings: dict[str, str] = {}
-    for part in query.split("&") if mark and query else ():
-        name, _, value = part.partition("=")
-        name = name.strip().lower()
-        if name not in _SETTINGS or name in settings:
-            raise _bad(text, _wrong_setting(name, twice=name in settings), _SERIAL_EXAMPLE)
-        settings[name] = value.strip()
-    return _port(text, unquote(place, errors="surrogateescape"), settings, _SERIAL_EXAMPLE)
-
-
-def _com(text: str, rest: str) -> SerialAddress:
-    """Read ``1:38400:N:8:1:0``; what is left out, or empty, is as usual."""
-    example = "com:1:38400:N:8:1:0"
-    place, *values = (part.strip() for part in rest.split(":"))
-    if len(values) > len(_SETTINGS):
-        reason = tr(
-            "at most {count} settings follow the port, a path with colons needs the form serial://",
-            count=len(_SETTINGS),
-        )
-        raise _bad(text, reason, example)
-    number = _whole(place)
-    if number > 0:
-        place = f"COM{number}" if os.name == "nt" else f"/dev/ttyS{number - 1}"
-    elif place.isdecimal():
-        raise _bad(text, tr("COM ports count from 1"), example)
-    settings = {name: value for name, value in zip(_SETTINGS, values, strict=False) if value}
-    return _port(text, place, settings, example)
-
-
-def _port(text: str, path: str, settings: dict[str, str], example: str) -> SerialAddress:
-    path = path.strip()
-    if not path or len(path) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in path):
-        reason = tr("a serial port is needed")
-        raise _bad(text, reason, example)
-    if os.name != "nt" and "/" not in path:
-        path = f"/dev/{path}"
-    baudrate = _whole(settings.get("baudrate", "38400"))
-    if baudrate not in _BAUDRATES:
-        raise _bad(
-            text, _wrong_value("baudrate", settings["baudrate"], f"{_BAUDRATES.start}-{_BAUDRATES.stop - 1}"), example
-        )
-    parity = settings.get("parity", "N").upper()
-    if len(parity) != 1 or parity not in "NEOMS":
-        raise _bad(text, _wrong_value("parity", settings["parity"], "N, E, O, M, S"), example)
-    bits = _whole(settings.get("bits", "8"))
-    if bits not in range(5, 9):
-        raise _bad(text, _wrong_value("bits", settings["bits"], "5, 6, 7, 8"), example)
-    stop = _STOPS.get(settings.get("stop", "1"))
-    if stop is None:
-        raise _bad(text, _wrong_value("stop", settings["stop"], "1, 1.5, 2"), example)
-    flow = _whole(settings.get("flow", "0"))
-    if flow not in range(3):
-        raise _bad(
-            text,
-            _wrong_value("flow", settings["flow"], tr("0 none, 1 XON/XOFF, 2 hardware")),
-            example,
-        )
-    return SerialAddress(path, baudrate, parity, bits, stop, flow)
-
-
-_SETTINGS: Final = ("baudrate", "parity", "bits", "stop", "flow")
-
-
-def _wrong_setting(name: str, *, twice: bool) -> str:
-    if twice:
-        return tr("{name} is given twice", name=name)
-    known = ", ".join(_SETTINGS)
-    return tr("there is no setting {name!r:.80}; {known} are known", name=name, known=known)
-
-
-def _wrong_value(name: str, value: str, known: str) -> str:
-    return tr("{name} cannot be {value!r:.80}; known: {known}", name=name, value=value, known=known)
 
 
 # --- CAN --------------------------------------------------------------------------------------------------------------
 
 
-def _can(text: str, rest: str) -> CanAddress:
+def parse_can(given: Given) -> CanAddress:
     """Read ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
     from urllib.parse import unquote
 
-    place, _, query = rest.partition("?")
+    text = given.text
+    place, _, query = given.rest.partition("?")
     interface, _, channel = place.partition("/")
     if not interface.replace("-", "_").isidentifier() or not interface.isascii() or len(interface) > _NAME:
         reason = tr("an interface of python-can is needed: socketcan, slcan, serial, udp_multicast, virtual, pcan ...")
-        raise _bad(text, reason, _CAN_EXAMPLE)
+        raise bad_address(text, reason, "can")
     channel = unquote(channel, errors="surrogateescape")
     if interface == "udp_multicast" and channel[:1] == "[" and channel[-1:] == "]":
         channel = channel[1:-1]  # an IPv6 address as in other URLs
-    if len(channel) > _LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
-        raise _bad(text, tr("that is no channel"), _CAN_EXAMPLE)
+    if len(channel) > LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
+        raise bad_address(text, tr("that is no channel"), "can")
     options: dict[str, CanOption] = {}
     for part in query.split("&") if query else ():
         name, _, value = part.partition("=")
         if name in options or name in _TAKEN or not name.isidentifier() or not name.isascii() or len(name) > _NAME:
-            raise _bad(text, _wrong_option(name, twice=name in options), _CAN_EXAMPLE)
+            raise bad_address(text, _wrong_option(name, twice=name in options), "can")
         options[name] = _option(unquote(value))
     bitrate = options.pop("bitrate", None)
     if bitrate is not None and (not isinstance(bitrate, int) or bitrate not in _BITRATES):
         known = f"{_BITRATES.start}-{_BITRATES.stop - 1}"
-        raise _bad(text, _wrong_value("bitrate", _option_text(bitrate), known), _CAN_EXAMPLE)
+        raise bad_address(text, wrong_value("bitrate", _option_text(bitrate), known), "can")
     return CanAddress(interface, channel, bitrate, tuple(options.items()))
 
 
@@ -398,12 +280,11 @@ def _wrong_option(name: str, *, twice: bool) -> str:
     return tr("{name!r:.80} cannot be an option", name=name)
 
 
-def _whole(text: str) -> int:
+def wrong_value(name: str, value: str, known: str) -> str:
+    """Return the reason why a setting cannot have a value."""
+    return tr("{name} cannot be {value!r:.80}; known: {known}", name=name, value=value, known=known)
+
+
+def whole_number(text: str) -> int:
     """Return a whole number, -1 for what is none."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else -1
-
-
-def _bad(text: str, reason: str, example: str = _EXAMPLE) -> InvalidAddress:
-    return InvalidAddress(
-        tr("{text!r:.200} is no address: {reason}. Example: {example}", text=text, reason=reason, example=example)
-    )

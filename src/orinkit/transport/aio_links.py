@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
-from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
 from orinkit.transport.credentials import NOTHING, Access
-from orinkit.transport.links import for_drivers, for_servers
+from orinkit.transport.links import refused
+from orinkit.transport.registry import AnyAddress, Opening, resolve, row_of
 from orinkit.transport.runner import AsyncLink
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 from orinkit.values.codec import DEFAULT_LIMITS
@@ -33,26 +31,8 @@ async def open_link(
         ConnectFailed: it cannot be opened; with HTTP that shows later.
         MissingExtra: a serial port, or HTTP, needs a package.
     """
-    if isinstance(address, Address):
-        if address.scheme == "udp":
-            from orinkit.transport.sockets.aio_udp import AsyncUdpLink  # a program has one kind of link, most have TCP
-
-            return await AsyncUdpLink.connect(address, seconds)
-        from orinkit.transport.sockets.aio_tcp import AsyncTcpLink
-
-        return await AsyncTcpLink.connect(address, seconds, dead_after)
-    if isinstance(address, HttpAddress):
-        from orinkit.transport.http.aio_link import AsyncHttpLink
-
-        return AsyncHttpLink(address, access, most, dead_after=dead_after)
-    if isinstance(address, SerialAddress):
-        if os.name == "nt":
-            from orinkit.transport.serial.aio_windows import AsyncPortLink
-
-            return await AsyncPortLink.open(address, seconds)
-        from orinkit.transport.serial.aio_port import AsyncSerialLink
-
-        return await AsyncSerialLink.open(address)
-    if isinstance(address, CanAddress):
-        raise for_drivers(address)
-    raise for_servers()
+    row = row_of(address)
+    if not row.aio_link:
+        raise refused(address)
+    link: AsyncLink = await resolve(row.aio_link)(address, Opening(seconds, access, most, dead_after))
+    return link

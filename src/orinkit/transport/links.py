@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-
-from orinkit.core.errors import InvalidAddress
+from orinkit.core.errors import InvalidAddress, StreamError
 from orinkit.core.i18n import tr
-from orinkit.transport.address import Address, AnyAddress, CanAddress, HttpAddress, SerialAddress
 from orinkit.transport.credentials import NOTHING, Access
+from orinkit.transport.registry import AnyAddress, Opening, Transport, find, resolve, row_of
 from orinkit.transport.runner import Link
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 from orinkit.values.codec import DEFAULT_LIMITS
@@ -34,64 +32,56 @@ def open_link(
         ConnectFailed: it cannot be opened; with HTTP that shows later.
         MissingExtra: a serial port, or HTTP, needs a package.
     """
-    if isinstance(address, Address):
-        if address.scheme == "udp":
-            from orinkit.transport.sockets.udp import UdpLink  # a program has one kind of link, most have TCP
+    row = row_of(address)
+    if not row.link:
+        raise refused(address)
+    link: Link = resolve(row.link)(address, Opening(seconds, access, most, dead_after))
+    return link
 
-            return UdpLink.connect(address, seconds)
-        from orinkit.transport.sockets.tcp import TcpLink
 
-        return TcpLink.connect(address, seconds, dead_after)
-    if isinstance(address, HttpAddress):
-        from orinkit.transport.http.link import HttpLink
+def lendable(kind: str) -> Transport:
+    """Return the row of links that another process can adopt.
 
-        return HttpLink(address, access, most, dead_after=dead_after)
-    if isinstance(address, SerialAddress):
-        from orinkit.transport.serial import settings
+    Args:
+        kind: name of the carrier: ``"tcp"``, ``"udp"``, ``"serial"``, or that of a transport from elsewhere.
 
-        if os.name == "nt":
-            from orinkit.transport.serial.windows import PortLink
-
-            return PortLink(settings.open_port(address))
-        from orinkit.transport.serial.port import SerialLink
-
-        return SerialLink(settings.open_file(address))
-    if isinstance(address, CanAddress):
-        raise for_drivers(address)
-    raise for_servers()
+    Raises:
+        StreamError: If it cannot adopt them.
+    """
+    row = find(kind)
+    if row is None or not row.adopt:
+        raise StreamError(tr("a connection over {kind} cannot be lent to another process", kind=kind))
+    return row
 
 
 def adopt(kind: str, descriptor: int) -> Link:
     """Use a link that another process has opened, by its descriptor, which is this link's from then on.
 
     Args:
-        kind: ``"tcp"``, ``"udp"`` or ``"serial"``.
+        kind: as of :func:`lendable`.
         descriptor: of the socket or the port.
     """
-    if kind == "serial":
-        from orinkit.transport.serial.port import SerialLink
-        from orinkit.transport.serial.settings import as_file
-
-        return SerialLink(as_file(descriptor))
-    import socket
-
-    if kind == "udp":
-        from orinkit.transport.sockets.udp import UdpLink
-
-        return UdpLink(socket.socket(fileno=descriptor), heard=True)
-    from orinkit.transport.sockets.tcp import TcpLink
-
-    return TcpLink(socket.socket(fileno=descriptor))
+    link: Link = resolve(lendable(kind).adopt)(descriptor)
+    return link
 
 
-def for_servers() -> InvalidAddress:
+def refused(address: AnyAddress) -> InvalidAddress:
+    """Return the exception for an address where no client can connect, or no server listen."""
+    refusal = row_of(address).refusal
+    if refusal:
+        reason: InvalidAddress = resolve(refusal)(address)
+        return reason
+    return InvalidAddress(tr("{address!r:.200} cannot be used here", address=str(address)))
+
+
+def for_servers(_address: AnyAddress) -> InvalidAddress:
     """Return the exception for an address that a client cannot use."""
     return InvalidAddress(
         tr("'pty://' is an address for servers; connect to the serial:// address that the server tells")
     )
 
 
-def for_drivers(address: CanAddress) -> InvalidAddress:
+def for_drivers(address: AnyAddress) -> InvalidAddress:
     """Return the exception for a CAN bus where a controller is wanted, or is to be served."""
     return InvalidAddress(
         tr(

@@ -21,6 +21,7 @@ from orinkit.client._shared.common import RC8, dialect_of
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.hresult import signed
 from orinkit.core.i18n import printable, tr
+from orinkit.transport.registry import examples
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
 
@@ -33,10 +34,8 @@ OBJECT = Group(tr("Object"), sort_key=7)
 
 Url: TypeAlias = Annotated[
     str,
-    Parameter(help=tr(
-"Controller: tcp://192.168.0.1:5007, or only its host; udp://..., "
-"serial:///dev/ttyUSB0?baudrate=38400, http://HOST:PORT.")),
-]  # fmt: skip
+    Parameter(help=tr("Controller: {examples}. A host alone is connected with TCP.", examples=examples())),
+]
 Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document; bytes in hex, dates in ISO 8601."))]  # fmt: skip
 
 

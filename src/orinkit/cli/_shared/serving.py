@@ -10,14 +10,15 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, AsyncExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import Failure, unusable, whole_number
 from orinkit.cli._shared.files import is_open_to_others
 from orinkit.cli._shared.interrupts import ending
+from orinkit.cli._shared.places import LISTENING, Places, places_class
 from orinkit.cli._shared.web import Web
 from orinkit.core import logs
 from orinkit.core.errors import InvalidValue
@@ -26,17 +27,18 @@ from orinkit.server.accepting import watch
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.server.alive_option import ALIVE, check_alive
 from orinkit.server.capacity import DEFAULT_CLIENTS
-from orinkit.transport.address import Address, HttpAddress, is_loopback, parse_address
+from orinkit.server.http.options import HttpOptions
+from orinkit.transport.address import Address, is_loopback, parse_address
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 
+if TYPE_CHECKING:
+    PlacesHere = Places
+else:
+    PlacesHere = places_class()
+
 _CONTROL_CLIENTS: Final = 16
-_WITH_PORTS: Final = ("tcp", "udp", "http", "https")
-LISTENING: Final = Group(tr("Network"), sort_key=8)
+_NOWHERE: Final = PlacesHere()
 _WEB: Final = Web()
-
-
-def _default(_given: object) -> str:
-    return DEFAULT_URL.removeprefix("tcp://")
 
 
 @Parameter(name="*", group=LISTENING)
@@ -44,32 +46,7 @@ def _default(_given: object) -> str:
 class Listening:
     """Where to listen, and how much to take."""
 
-    tcp: Annotated[
-        tuple[str, ...],
-        Parameter(
-            show_default=_default,
-            help=tr(
-                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be given again. Port 0 takes a "
-                "free one. No default beside --udp, --serial, --pty and --http."
-            ),
-        ),
-    ] = ()
-    udp: Annotated[
-        tuple[str, ...],
-        Parameter(help=tr("HOST:PORT to listen on with UDP, or PORT alone for 127.0.0.1; may be given again.")),
-    ] = ()
-    serial: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help=tr(
-                "Serial port to listen on, as /dev/ttyUSB0?baudrate=115200; 38400 8N1 by default; may be given again."
-            )
-        ),
-    ] = ()
-    pty: Annotated[
-        bool,
-        Parameter(help=tr("Listen on a new pseudo-terminal: a serial line without a cable.")),
-    ] = False
+    at: PlacesHere = _NOWHERE
     web: Web = _WEB
     clients: Annotated[int, Parameter(converter=whole_number, help=tr("Most clients at a time."))] = DEFAULT_CLIENTS
     clients_per_address: Annotated[
@@ -120,7 +97,7 @@ def check(listening: Listening) -> None:
     except InvalidValue as error:
         raise Failure(str(error).replace("dead_after", "--dead-after").replace("alive", "--alive"), 2) from None
     _urls(listening)
-    listening.web.options()
+    _http_options(listening)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +173,7 @@ async def _serve(
                 objects=listening.objects,
                 dead_after=listening.dead_after,
                 alive=listening.alive,
-                http=listening.web.options(),
+                http=_http_options(listening),
             )
             await servers.enter_async_context(server)
             ready = [*before, *(f"ready {url}" for url in server.urls)]
@@ -239,24 +216,12 @@ def _urls(listening: Listening) -> list[str]:
         Failure: an address is of another kind than its option.
         InvalidAddress: one is no address.
     """
-    urls = [_url(scheme, place) for scheme in ("tcp", "udp", "serial") for place in getattr(listening, scheme)]
-    urls += [_url(listening.web.scheme, place) for place in listening.web.http]
-    if listening.pty:
-        urls.append("pty://")
-    return urls or [DEFAULT_URL]
+    secure = listening.web.secure
+    return [offer.url(place, secure=secure) for offer, place in listening.at.given()] or [DEFAULT_URL]
 
 
-def _url(scheme: str, place: str) -> str:
-    named = "://" in place or place.lower().startswith((f"{scheme}:", "com:"))
-    if scheme in _WITH_PORTS and place.isascii() and place.isdecimal():
-        place = f"127.0.0.1:{place}"
-    url = place if named else f"{scheme}://{place}"
-    found = parse_address(url).scheme
-    if found != scheme:
-        raise unusable(
-            tr("--{option} {address}: that is an address of {scheme}", option=scheme, address=place, scheme=found),
-        )
-    return url
+def _http_options(listening: Listening) -> HttpOptions:
+    return listening.web.options(served=any(offer.http for offer, _ in listening.at.given()))
 
 
 def _port(url: str) -> int:
@@ -267,21 +232,16 @@ def _port(url: str) -> int:
 def _warnings(listening: Listening) -> Iterator[str]:
     """Yield what should be known of who can use the device."""
     web = listening.web
-    for scheme in ("tcp", "udp"):
-        for place in getattr(listening, scheme):
-            address = parse_address(_url(scheme, place))
-            if isinstance(address, Address) and not is_loopback(address.host):
-                yield _warning(place, tr("b-CAP knows no passwords"))
-    for place in web.http if web.token_file is None else ():
-        address = parse_address(_url(web.scheme, place))
-        if isinstance(address, HttpAddress) and not is_loopback(address.host):
-            yield _warning(place, tr("there is no --token-file"))
+    for offer, place in listening.at.given():
+        host = getattr(parse_address(offer.url(place, secure=web.secure)), "host", "")
+        if host and not is_loopback(host) and not (offer.http and web.token_file is not None):
+            yield _warning(place, tr("there is no --token-file") if offer.http else tr("b-CAP knows no passwords"))
     if web.token_file is not None and is_open_to_others(web.token_file):
         yield tr(
             "orinkit: warning: --token-file {path} can be read or changed by other accounts. Try: chmod 600 {path}",
             path=web.token_file,
         )
-    beside = [f"--{option}" for option in ("tcp", "udp", "serial", "pty") if getattr(listening, option)]
+    beside = dict.fromkeys(f"--{offer.scheme}" for offer, _ in listening.at.given() if not offer.http)
     if web.token_file is not None and beside:
         options = ", ".join(beside)
         yield tr(

@@ -19,17 +19,8 @@ HTTP: Final = Group(tr("HTTP"), sort_key=9)
 @Parameter(name="*", group=HTTP)
 @dataclass(frozen=True)
 class Web:
-    """Where to listen for e-CAP, and who is let in."""
+    """Who is let in over HTTP, and the server's certificate."""
 
-    http: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help=tr(
-                "HOST:PORT to listen on for e-CAP over HTTP, or PORT alone for 127.0.0.1; may be given "
-                "again. A host alone means port 80. With --cert it is https, and port 443."
-            )
-        ),
-    ] = ()
     token_file: Annotated[
         str | None,
         Parameter(help=tr('File with a token that clients have to show ("Authorization: Bearer ...").')),
@@ -59,17 +50,20 @@ class Web:
     ] = DEFAULT_HTTP.idle
 
     @property
-    def scheme(self) -> str:
-        """``"https"`` with a certificate, ``"http"`` without."""
-        return "http" if self.cert is None else "https"
+    def secure(self) -> bool:
+        """Whether the server has a certificate."""
+        return self.cert is not None
 
-    def options(self) -> HttpOptions:
+    def options(self, *, served: bool) -> HttpOptions:
         """Return what the server is told.
+
+        Args:
+            served: there is an address for HTTP.
 
         Raises:
             Failure: a file cannot be read, or an option makes no sense.
         """
-        self._refuse_what_does_nothing()
+        self._refuse_what_does_nothing(served=served)
         for option, path in (("--cert", self.cert), ("--key", self.key)):
             if path is not None:
                 read(option, path)
@@ -79,7 +73,7 @@ class Web:
         except InvalidValue as error:
             raise Failure(str(error), 2) from None
 
-    def _refuse_what_does_nothing(self) -> None:
+    def _refuse_what_does_nothing(self, *, served: bool) -> None:
         if self.key is not None and self.cert is None:
             raise unusable(tr("--key needs --cert"))
         given = {
@@ -89,7 +83,7 @@ class Web:
             "--http-idle": self.http_idle != DEFAULT_HTTP.idle,
         }
         options = ", ".join(option for option, is_given in given.items() if is_given)
-        if options and not self.http:
+        if options and not served:
             raise unusable(
                 tr(
                     "{options} needs --http HOST:PORT: it is for e-CAP over HTTP, b-CAP has no such thing",

@@ -15,6 +15,8 @@ from orinkit.cli._shared.serving import Listening, begin_log, check, run
 from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 from orinkit.gateway import RemoteProvider, Restricted, Rules, Upstream
+from orinkit.transport.address import parse_address
+from orinkit.transport.registry import examples, row_of
 
 _UPSTREAM: Final = Group(tr("Controllers"), sort_key=6)
 _RULES: Final = Group(tr("What is allowed"), sort_key=7)
@@ -33,9 +35,8 @@ def gateway(
         Parameter(
             group=_UPSTREAM,
             help=tr(
-"A controller: tcp://192.168.0.1:5007, udp://..., serial:///dev/ttyUSB0, http://...; "
-"NAME=URL for one of several, which clients choose by the machine name of "
-"Controller_Connect."),
+"A controller: {examples}; NAME=URL for one of several, which clients choose by the machine name of "
+"Controller_Connect.", examples=examples()),
         ),
     ],
     provider: Annotated[
@@ -146,4 +147,4 @@ def _named(given: tuple[str, ...]) -> list[tuple[str, str]]:
 
 
 def _is_web(url: str) -> bool:
-    return url.lower().startswith("http")
+    return row_of(parse_address(url)).http

@@ -15,7 +15,8 @@ from cyclopts import Group, Parameter
 
 from orinkit.cli._shared.errors import Failure, unusable, whole_number
 from orinkit.cli._shared.interrupts import ending
-from orinkit.cli._shared.serving import LISTENING, Listening, begin_log, check, run
+from orinkit.cli._shared.places import LISTENING, Places, places_class
+from orinkit.cli._shared.serving import Listening, begin_log, check, run
 from orinkit.cli._shared.web import Web
 from orinkit.cli.abh3.bus import BusOptions, Url, joined, whole_numbers
 from orinkit.core.i18n import tr
@@ -30,6 +31,17 @@ _BROADCASTS: Final = 8
 _LOOK: Final = 0.1  # s between two looks whether there was a signal
 
 
+if TYPE_CHECKING:
+    AdmittingPlaces = Places
+else:
+    AdmittingPlaces = places_class(
+        tr(
+            "HOST:PORT to let CAO clients in at, or PORT alone for 127.0.0.1; may be given again. "
+            "Port 0 takes a free one. Without these options nobody is let in."
+        )
+    )
+
+_NOWHERE: Final = AdmittingPlaces()
 _WEB: Final = Web()
 
 
@@ -38,15 +50,7 @@ _WEB: Final = Web()
 class Admitting(Listening):
     """Where CAO clients are let in, if anywhere."""
 
-    tcp: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help=tr(
-                "HOST:PORT to let CAO clients in at, or PORT alone for 127.0.0.1; may be given again. "
-                "Port 0 takes a free one. Without these options nobody is let in."
-            )
-        ),
-    ] = ()
+    at: AdmittingPlaces = _NOWHERE
     web: Web = _WEB  # said again: the annotation is looked up in this module
 
 
@@ -136,9 +140,9 @@ def serve_abh3(
 ) -> int:  # fmt: skip
     """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP.
 
-    With --tcp, --udp, --serial, --pty or --http CAO clients are let in too: CaoProv.Waco.ABH3 on this bus, "ready URL" for each.
+    With an address, as --tcp HOST:PORT, CAO clients are let in too: CaoProv.Waco.ABH3 on this bus, "ready URL" for each.
     """
-    served = bool(listening.tcp or listening.udp or listening.serial or listening.pty or listening.web.http)
+    served = any(listening.at.given())
     check(listening)
     at = bus.address(url)
     period = -1 if single_period is None else _period(single_period)

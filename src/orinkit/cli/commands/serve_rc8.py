@@ -12,7 +12,8 @@ from cyclopts import Group, Parameter
 from orinkit.arms import MODEL_NAMES
 from orinkit.cli._shared.control_secret import OPTION, left_for, read_secret
 from orinkit.cli._shared.errors import Failure, unusable, whole_number
-from orinkit.cli._shared.serving import LISTENING, Control, Listening, begin_log, check, check_control, run
+from orinkit.cli._shared.places import LISTENING
+from orinkit.cli._shared.serving import Control, Listening, begin_log, check, check_control, run
 from orinkit.cli.commands.pendant import read_mode
 from orinkit.cli.commands.serve_device import announce, load_targets
 from orinkit.core.errors import InvalidValue, NotationError

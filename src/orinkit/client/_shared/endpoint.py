@@ -6,15 +6,16 @@ from time import monotonic
 from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
 from orinkit.bcap.client import Conversation
-from orinkit.bcap.wire import WIRES, Wire
+from orinkit.bcap.wire import Wire
 from orinkit.cao.replies import Trace
 from orinkit.cao.transport_profile import Carrier
 from orinkit.client._shared.common import check_timeout, check_tries
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.transport.address import AnyAddress, CanAddress, HttpAddress, PtyAddress, parse_address
+from orinkit.transport.address import parse_address
 from orinkit.transport.credentials import Access
-from orinkit.transport.links import for_drivers, for_servers
+from orinkit.transport.links import refused
+from orinkit.transport.registry import AnyAddress, resolve, row_of, rows
 from orinkit.values.codec import Limits
 
 if TYPE_CHECKING:
@@ -40,11 +41,10 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
         InvalidValue: timeout or tries cannot be used.
     """
     address = parse_address(url)
-    if isinstance(address, PtyAddress):
-        raise for_servers()
-    if isinstance(address, CanAddress):
-        raise for_drivers(address)
-    wire = _web() if isinstance(address, HttpAddress) else WIRES[address.scheme]
+    row = row_of(address)
+    if not row.carrier:
+        raise refused(address)
+    wire: Carrier = resolve(row.carrier)
     seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
     return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
 
@@ -52,12 +52,6 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
 def closing_deadline(timeout: float, tries: int, wire: Carrier) -> float:
     """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
     return max(3 * timeout * (tries if wire.lossy else 1), _LEAST_DEADLINE)
-
-
-def _web() -> Carrier:
-    from orinkit.ecap.client import HTTP  # few programs speak e-CAP
-
-    return HTTP
 
 
 def conversation(wire: Carrier, limits: Limits, trace: Trace | None) -> AnyConversation:
@@ -122,8 +116,9 @@ def access_to(address: AnyAddress, token: str, cafile: str) -> Access:
     Raises:
         InvalidValue: there is something that is not for this kind of address.
     """
-    if (token or cafile) and not isinstance(address, HttpAddress):
+    if (token or cafile) and not row_of(address).http:
+        schemes = ", ".join(f"{row.scheme}://" for row in rows() if row.http)
         raise InvalidValue(
-            tr("token and cafile are for http:// and https://; b-CAP at {address} knows none", address=address)
+            tr("token and cafile are for {schemes}; b-CAP at {address} has none", schemes=schemes, address=address)
         )
     return Access(token, cafile)

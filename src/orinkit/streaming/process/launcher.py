@@ -18,12 +18,14 @@ from orinkit.streaming.process.channel import Channel, rebuild
 from orinkit.streaming.process.config import Setup
 from orinkit.streaming.process.realtime import RealTime
 from orinkit.streaming.process.shared_memory import Shared
+from orinkit.transport.links import lendable
+from orinkit.transport.registry import Transport
 
 _START: Final = """
 import sys
 sys.path[:] = {path!r}
 from orinkit.streaming.process.main import main
-main({channel}, {link}, {memory}, {kind!r})
+main({channel}, {link}, {memory}, {adopt!r}, {carrier!r})
 """
 _PATIENCE: Final = 15.0  # s; a call of the streaming process is over by then, whatever the controller does
 _LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
@@ -34,7 +36,7 @@ class Streaming:
 
     Args:
         link: descriptor of the connection that it is to have.
-        kind: of the connection: ``"tcp"``, ``"udp"`` or ``"serial"``.
+        kind: of the connection: the name of its carrier.
 
     Attributes:
         shared: memory that it reads and writes.
@@ -52,6 +54,7 @@ class Streaming:
     """
 
     def __init__(self, link: int, kind: str) -> None:
+        row = lendable(kind)
         load_ruckig()  # what the process is going to import; said here, where somebody reads it
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
@@ -71,7 +74,7 @@ class Streaming:
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours)
         try:
-            self._process = _start(theirs.fileno(), link, self.shared.descriptor, kind)
+            self._process = _start(theirs.fileno(), link, self.shared.descriptor, row)
         except OSError as error:
             self._channel.close()
             self.shared.close()
@@ -155,7 +158,7 @@ class Streaming:
         self.shared.close()
 
 
-def _start(channel: int, link: int, memory: int, kind: str) -> subprocess.Popen[bytes]:
+def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.Popen[bytes]:
     """Start a process that has these descriptors.
 
     Raises:
@@ -166,7 +169,9 @@ def _start(channel: int, link: int, memory: int, kind: str) -> subprocess.Popen[
         # where a standard stream is closed, one of these may have its number, which the new process needs for that
         numbers.extend(fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (channel, link, memory))
         path = [str(place) for place in sys.path]
-        program = _START.format(path=path, channel=numbers[0], link=numbers[1], memory=numbers[2], kind=kind)
+        program = _START.format(
+            path=path, channel=numbers[0], link=numbers[1], memory=numbers[2], adopt=row.adopt, carrier=row.carrier
+        )
         return subprocess.Popen(  # noqa: S603 - this very Python
             [sys.executable, "-c", program],
             stdin=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""The streaming process itself: ``python -c "...; orinkit.streaming.process.main.main(3, 4, 5, 'tcp')"``, started by ``launch``."""
+"""The streaming process itself: ``python -c "...; orinkit.streaming.process.main.main(3, 4, 5, ...)"``, started by ``launcher``."""
 
 from __future__ import annotations
 
@@ -14,26 +14,37 @@ from orinkit.streaming.process.channel import Channel, describe
 from orinkit.streaming.process.config import Setup
 from orinkit.streaming.process.shared_memory import Shared
 from orinkit.streaming.process.streamer import Connection, Streamer, Watch
-from orinkit.transport.links import adopt
+from orinkit.transport.registry import Reference, resolve
+from orinkit.transport.runner import Link
 
 _FOREVER = 1e6
 
 
-def main(channel_descriptor: int, link_descriptor: int, memory_descriptor: int, kind: str) -> None:
-    """Stream for the program at the other end of the channel, over a link of a kind of :data:`orinkit.bcap.wire.WIRES`."""
+def main(
+    channel_descriptor: int, link_descriptor: int, memory_descriptor: int, adopt: Reference, carrier: Reference
+) -> None:
+    """Stream for the program at the other end of the channel.
+
+    Args:
+        channel_descriptor: of the channel.
+        link_descriptor: of the link.
+        memory_descriptor: of the shared memory.
+        adopt: what makes a link of the descriptor, of the row of its transport.
+        carrier: how packets travel, of the same row.
+    """
     for name in ("SIGINT", "SIGHUP"):  # Ctrl-C, the end of the terminal: for the program, which says what is to be done
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     channel = Channel(socket.socket(fileno=channel_descriptor))
     shared = Shared(memory_descriptor)
-    link = adopt(kind, link_descriptor)
+    link: Link = resolve(adopt)(link_descriptor)
     obtained = realtime.obtain()
     channel.send({"ready": True, "priority": obtained.priority, "locked": obtained.locked})
     message = channel.receive(_FOREVER)
     if message is None:
         return
     setup = Setup.from_message(message)
-    connection = Connection(link, setup, kind)
+    connection = Connection(link, setup, resolve(carrier))
     watch = Watch(channel, setup.program)
     signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
     outcome: dict[str, Any] = {"reason": "", "error": None}

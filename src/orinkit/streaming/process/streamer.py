@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Any, Final, Literal
 
 from orinkit.bcap.client import Conversation
-from orinkit.bcap.wire import SILENCE, WIRES
+from orinkit.bcap.wire import SILENCE, Wire
 from orinkit.cao import functions
 from orinkit.cao.dialect import DIALECTS
 from orinkit.cao.table import Function
@@ -102,10 +102,10 @@ class Connection:
     Args:
         link: to the controller.
         setup: what this process was told.
-        kind: how packets travel, of :data:`orinkit.bcap.wire.WIRES`.
+        wire: how packets travel.
     """
 
-    def __init__(self, link: Link, setup: Setup, kind: str) -> None:
+    def __init__(self, link: Link, setup: Setup, wire: Wire) -> None:
         self._link = link
         self._controller = setup.controller
         self._handle = setup.handle
@@ -114,7 +114,7 @@ class Connection:
         self._cycle = setup.period
         self._trip = 0.0  # s that a command took
         self._receive = setup.receive
-        self.conversation = Conversation(wire=WIRES[kind], dialect=DIALECTS[setup.dialect], clock=monotonic)
+        self.conversation = Conversation(wire=wire, dialect=DIALECTS[setup.dialect], clock=monotonic)
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:

@@ -20,6 +20,7 @@ from orinkit.transport.address import HttpAddress
 from orinkit.transport.credentials import NOTHING, Access
 from orinkit.transport.http.response import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
+from orinkit.transport.registry import Opening
 from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
@@ -62,6 +63,11 @@ class AsyncHttpLink(Reached):
         self._transport = _Transport(self._known, self._url)
         self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
         self._asked: _Asked | None = None
+
+    @classmethod
+    async def open(cls, address: HttpAddress, opening: Opening) -> Self:
+        """Make a link, as :func:`orinkit.transport.aio_links.open_link`; the first request connects."""
+        return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
     def send(self, data: bytes) -> None:
         """Keep the body of a request, which :meth:`receive` posts.

@@ -13,6 +13,7 @@ from orinkit.transport.credentials import NOTHING, Access
 from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
 from orinkit.transport.http.connection import Known, context_of
 from orinkit.transport.http.response import MOST, Contact
+from orinkit.transport.registry import rows
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
@@ -94,7 +95,7 @@ def _not_to_be_lent() -> StreamError:
     """Return the exception for a connection that another process is to have."""
     return StreamError(
         tr(
-            "a connection over HTTP cannot be lent to another process. Try: slave mode with "
-            "set-points over tcp://, udp:// or a serial line"
+            "a connection over HTTP cannot be lent to another process. Try: slave mode with set-points over {others}",
+            others=", ".join(f"{row.scheme}://" for row in rows() if row.adopt),
         )
     )

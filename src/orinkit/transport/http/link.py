@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Iterator
-from typing import Final
+from typing import Final, Self
 
 from orinkit.core.errors import OrinError
 from orinkit.core.i18n import tr
@@ -17,6 +17,7 @@ from orinkit.transport.credentials import NOTHING, Access
 from orinkit.transport.http.body import Body
 from orinkit.transport.http.response import MOST, NEED, SHOWING, SHOWN
 from orinkit.transport.link_errors import closed
+from orinkit.transport.registry import Opening
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
@@ -59,6 +60,11 @@ class HttpLink(Reached):
         self._request: bytes | None = None  # that has not been posted
         self._body: Body | None = None
         self._pieces: Iterator[bytes] = iter(())
+
+    @classmethod
+    def open(cls, address: HttpAddress, opening: Opening) -> Self:
+        """Make a link, as :func:`orinkit.transport.links.open_link`; the first request connects."""
+        return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
     def send(self, data: bytes, seconds: float) -> None:
         """Keep the body of a request, which :meth:`receive` posts.

@@ -13,9 +13,9 @@ from typing import Final, Self
 
 from orinkit.core.errors import ConnectionLost
 from orinkit.core.i18n import tr
-from orinkit.transport.address import SerialAddress
 from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
 from orinkit.transport.link_errors import other_loop
+from orinkit.transport.serial.address import SerialAddress
 from orinkit.transport.serial.settings import CHUNK, gone, open_file
 
 _UNSENT: Final = 1024 * 1024

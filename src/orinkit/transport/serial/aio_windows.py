@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Self
 
-from orinkit.transport.address import SerialAddress
+from orinkit.transport.serial.address import SerialAddress
 from orinkit.transport.serial.settings import open_failed, settings
 from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from orinkit.core import optional_deps
 from orinkit.core.errors import ConnectFailed, ConnectionLost
 from orinkit.core.i18n import tr
-from orinkit.transport.address import SerialAddress
 from orinkit.transport.link_errors import lost
+from orinkit.transport.serial.address import SerialAddress
 
 if TYPE_CHECKING:
     import serialx

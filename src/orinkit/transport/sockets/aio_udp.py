@@ -14,6 +14,7 @@ from typing import Final, Self
 from orinkit.transport.address import Address
 from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
 from orinkit.transport.link_errors import connect_failed
+from orinkit.transport.registry import Opening
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.sockets.udp import broken, connected, peer_of
 
@@ -37,6 +38,11 @@ class AsyncUdpLink(OfThisProcess):
         self._taken = 0
         self._wait: asyncio.Timeout | None = None
         keep_from_children(self)
+
+    @classmethod
+    async def open(cls, address: Address, opening: Opening) -> Self:
+        """Take a socket, as :func:`orinkit.transport.aio_links.open_link`."""
+        return await cls.connect(address, opening.seconds)
 
     @classmethod
     async def connect(cls, address: Address, seconds: float) -> Self:

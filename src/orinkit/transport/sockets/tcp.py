@@ -7,12 +7,23 @@ from typing import Self
 
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import connect_failed
+from orinkit.transport.registry import Opening
 from orinkit.transport.sockets.socket_link import SocketLink
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
 
 
 class TcpLink(SocketLink):
     """A TCP connection used by the thread that calls; :meth:`connect` makes one."""
+
+    @classmethod
+    def open(cls, address: Address, opening: Opening) -> Self:
+        """Connect, as :func:`orinkit.transport.links.open_link`."""
+        return cls.connect(address, opening.seconds, opening.dead_after)
+
+    @classmethod
+    def adopt(cls, descriptor: int) -> Self:
+        """Take a socket that another process has connected."""
+        return cls(socket.socket(fileno=descriptor))
 
     @classmethod
     def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:

@@ -14,6 +14,7 @@ from orinkit.core.errors import TransportError
 from orinkit.core.i18n import tr
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import connect_failed, lost
+from orinkit.transport.registry import Opening
 from orinkit.transport.sockets.socket_link import SocketLink
 
 
@@ -29,6 +30,16 @@ class UdpLink(SocketLink):
         super().__init__(connection)
         self._heard = heard
         self._address = peer_of(connection)
+
+    @classmethod
+    def open(cls, address: Address, opening: Opening) -> Self:
+        """Take a socket, as :func:`orinkit.transport.links.open_link`."""
+        return cls.connect(address, opening.seconds)
+
+    @classmethod
+    def adopt(cls, descriptor: int) -> Self:
+        """Take a socket that another process has connected."""
+        return cls(socket.socket(fileno=descriptor), heard=True)
 
     @classmethod
     def connect(cls, address: Address, seconds: float) -> Self:  # noqa: ARG003 - as the others
