@@ -28,7 +28,8 @@ from orinkit.core.i18n import N_, tr
 from orinkit.rc8.slave_fields import FIELDS as TABLE
 from orinkit.rc8.slave_fields import MOST_USER_BYTES, PARAMETERS, POSE_SIZES, Field, Form, PoseKind
 from orinkit.values.pose_numbers import FIELDS, FIG_AUTO, brief
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, type_name
+from orinkit.values.types import ARRAY, NUMERIC, VARIANT_ARRAY, VarType, type_name
+from orinkit.values.variant import Variant, trusted
 
 ExtraAxes: TypeAlias = tuple[tuple[int, float], ...]
 """Extra axes and where they go: ``((7, 120.0), (8, -5.0))``, in degrees or mm."""
@@ -41,10 +42,6 @@ _MOST: Final[dict[PoseKind, int]] = {"P": 10, "J": 9, "T": 13}
 _AXES: Final[dict[float, tuple[int, ...]]] = {0x400000: (), 0x400040: (7,), 0x400080: (8,), 0x4000C0: (7, 8)}
 _FLAGS: Final = {axes: float(flags) for flags, axes in _AXES.items()}
 _IS_WITHIN: Final = LARGEST.__ge__
-_NUMERIC: Final = frozenset(
-    map(int, (VarType.R8, VarType.R4, VarType.I4, VarType.I2, VarType.I1, VarType.I8, VarType.CY,
-              VarType.UI1, VarType.UI2, VarType.UI4, VarType.UI8))
-)  # fmt: skip
 
 
 def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
@@ -59,7 +56,7 @@ def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
         raise invalid(_wrong_count(kind, len(given.value)))
     numbers = elements(given, _MOST[kind])
     for number in numbers:
-        if number.type not in _NUMERIC:
+        if number.type not in NUMERIC:
             raise _mismatch(number)
     return [float(number.value) for number in numbers]
 

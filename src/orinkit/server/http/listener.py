@@ -64,7 +64,8 @@ class HttpListener:
         from orinkit.server.http.tls import Entrance
 
         context = _context(address, options) if address.scheme == "https" else None
-        options = replace(options, hosts=(*options.hosts, address.host))  # by which clients are told to call it
+        if ":" not in address.host:  # an IPv6 address needs no entry: any address is accepted as a Host
+            options = replace(options, hosts=(*options.hosts, address.host))
         app = App(shared, options, secure=context is not None)
         config = _config(app)
         state = ServerState()
