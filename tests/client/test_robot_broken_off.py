@@ -5,8 +5,12 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import socket
+import sys
 import threading
 from collections.abc import Iterator
+from io import FileIO
+from types import FrameType
 
 import pytest
 
@@ -54,6 +58,25 @@ def test_ctrl_c(url: str, device: VirtualRC8) -> None:
         interrupting.start()
         robot.move(GOAL, "@E", speed=1)
     interrupting.join()
+    check(device)
+
+
+def test_ctrl_c_the_moment_the_call_has_been_sent(url: str, device: VirtualRC8) -> None:
+    """Also over UDP, where a link that closes at once could not say goodbye any more."""
+
+    def interrupt(_frame: FrameType, event: str, function: object) -> None:
+        sender = isinstance(getattr(function, "__self__", None), socket.socket | FileIO)
+        if event == "c_return" and sender and getattr(function, "__name__", "") in ("sendall", "send", "write"):
+            sys.setprofile(None)
+            until(lambda: is_on_its_way(device))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), orinkit.connect(url) as rc8, rc8.robot() as robot, robot.arm():
+        try:
+            sys.setprofile(interrupt)
+            robot.move(GOAL, "@E", speed=1)
+        finally:
+            sys.setprofile(None)
     check(device)
 
 

@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 import orinkit
-from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
 from support.both import Both
 from support.streams import HOME, Arm, sine
+
+pytestmark = pytest.mark.usefixtures("patient")
 
 
 class Relay:
@@ -63,7 +64,7 @@ class Relay:
 @pytest.mark.parametrize("mode", [0, 1, 2])
 @pytest.mark.parametrize("url", ["udp://127.0.0.1:0", "pty://"])
 def test_streaming(both: Both, url: str, mode: int) -> None:
-    device = VirtualRC8(clock=Clock(0.5), motor=True, joints=HOME)  # so it waits twice as long for a late set-point
+    device = VirtualRC8(motor=True, joints=HOME)
     with orinkit.serve(device, url) as server:
         controller = both.connect(server.url)
         robot = both.run(controller.robot("Arm"))
@@ -84,7 +85,7 @@ def test_streaming(both: Both, url: str, mode: int) -> None:
 @pytest.mark.parametrize("mode", [0, 2])
 def test_streaming_while_datagrams_are_lost(mode: int) -> None:
     """A set-point that is lost is sent again soon enough, and none is carried out twice."""
-    device = VirtualRC8(clock=Clock(1.0), motor=True, joints=HOME)
+    device = VirtualRC8(motor=True, joints=HOME)
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         relay = Relay(server.url, every=23)
         try:

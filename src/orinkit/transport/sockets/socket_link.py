@@ -20,7 +20,12 @@ class SocketLink(OfThisProcess):
 
     Args:
         connection: is this link's from then on.
+
+    Attributes:
+        datagrams: what is sent arrives whole or not at all.
     """
+
+    datagrams = False
 
     def __init__(self, connection: socket.socket) -> None:
         self._socket = connection
@@ -42,7 +47,9 @@ class SocketLink(OfThisProcess):
         return self._socket.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Send all of the bytes; if that does not succeed the link is closed, for the stream would have a torn packet.
+        """Send all of the bytes; if that does not succeed, the link is closed, because the stream would have a torn packet.
+
+        An exception from outside, such as KeyboardInterrupt, leaves a socket of datagrams open: a goodbye can follow.
 
         Raises:
             ConnectionLost: the link broke, or the other side did not take the bytes within the seconds.
@@ -52,6 +59,8 @@ class SocketLink(OfThisProcess):
             self._set_timeout(seconds)
             self._sendall(data)
         except BaseException as error:
+            if self.datagrams and not isinstance(error, Exception):
+                raise
             was_open = self._open
             self.close()
             if not was_open:

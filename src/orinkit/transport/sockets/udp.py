@@ -26,6 +26,8 @@ class UdpLink(SocketLink):
         heard: whether the other side is known to be there.
     """
 
+    datagrams = True
+
     def __init__(self, connection: socket.socket, *, heard: bool = False) -> None:
         super().__init__(connection)
         self._heard = heard
