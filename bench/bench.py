@@ -22,7 +22,7 @@ from gateway import gateway
 from measuring import alternate, each_us, in_turn, line, on_core, process
 from orinkit import functions
 from orinkit.bcap import packet
-from orinkit.bcap.client import Conversation, encode_request
+from orinkit.bcap.client import BcapConversation, encode_request
 from orinkit.values import codec as variant_bytes
 from round_trips import ARGUMENTS, POSE, REPLY, round_trips, tcp_exchange, tcp_peer
 from served import PROVIDER, tcp_server
@@ -46,7 +46,7 @@ def codec(count: int) -> None:
         packet.HEADER.unpack_from(frame)
         return variant_bytes.decode(frame, packet.HEADER.size, len(frame) - 1)
 
-    conversation = Conversation()
+    conversation = BcapConversation()
 
     def both() -> None:
         operation = conversation.call(functions.robot_execute, ARGUMENTS, 3.0)

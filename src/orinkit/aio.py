@@ -27,7 +27,7 @@ from orinkit.client._async.objects import AsyncVariable
 from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._async.stream import AsyncStream
 from orinkit.client._async.task import AsyncTask
-from orinkit.core.awaitable import Opening
+from orinkit.core.awaitable import AwaitableContext
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [
@@ -52,10 +52,10 @@ P = ParamSpec("P")
 C = TypeVar("C", bound=AsyncController | AsyncClient)
 
 
-def _opening(function: Callable[P, Coroutine[Any, Any, C]]) -> Callable[P, Opening[C]]:
+def _opening(function: Callable[P, Coroutine[Any, Any, C]]) -> Callable[P, AwaitableContext[C]]:
     @wraps(function)
-    def start(*args: P.args, **kwargs: P.kwargs) -> Opening[C]:
-        return Opening(function(*args, **kwargs))
+    def start(*args: P.args, **kwargs: P.kwargs) -> AwaitableContext[C]:
+        return AwaitableContext(function(*args, **kwargs))
 
     return start
 

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from orinkit.abh3.table.frames import Codec
-from orinkit.abh3.table.signals import V1, V2, Dialect, Field, Layout
+from orinkit.abh3.table.signals import V1, V2, Dialect, FrameLayout, SignalField
 from support.abh3_frames import FRAMES, QUANTITIES, TENTHS
 
 
 def _distinct() -> Iterator[Any]:
     """Each frame with 16-bit fields, in each dialect and load unit, unless it was there already."""
-    seen: list[Layout] = []
+    seen: list[FrameLayout] = []
     for dialect in (V1, V2, TENTHS["v1"]):
         for name, layout in dialect.layouts.items():
             if layout not in seen and any(field.code in "hH" for field in layout.fields):
@@ -27,7 +27,7 @@ def _distinct() -> Iterator[Any]:
         yield pytest.param(dialect, "DP0S", mask, id=f"{dialect.name} DP0S torque")
 
 
-def _steps(field: Field, dialect: Dialect, inputs: int) -> int:
+def _steps(field: SignalField, dialect: Dialect, inputs: int) -> int:
     if field.torque and inputs:
         return 100
     if field.name.endswith("_load"):

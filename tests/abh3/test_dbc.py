@@ -14,7 +14,7 @@ from orinkit.abh3.table import ids
 from orinkit.abh3.table.dbc import dbc
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.records import Flags
-from orinkit.abh3.table.signals import DIALECTS, V1, Field, Layout
+from orinkit.abh3.table.signals import DIALECTS, V1, FrameLayout, SignalField
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 
@@ -27,14 +27,14 @@ DATABASES = {case: cantools.database.load_string(dbc(case[0], load_unit=case[1])
 EXTENDED = 0x80000000
 
 
-def number_of(layout: Layout, address: int = 1, host: int = 2, group: int = 5) -> int:
+def number_of(layout: FrameLayout, address: int = 1, host: int = 2, group: int = 5) -> int:
     if layout.broadcast is not None:
         return ids.broadcast(group, layout.broadcast, address)
     to, source = (address, host) if layout.from_host else (host, address)
     return ids.single(to, source, dp=layout.dp)
 
 
-def ours(layout: Layout, dialect: str, unit: float, data: bytes) -> dict[str, float]:
+def ours(layout: FrameLayout, dialect: str, unit: float, data: bytes) -> dict[str, float]:
     """What a frame says by the codec, with the names of the DBC file."""
     record = Codec(DIALECTS[dialect].with_load_unit(unit)).decode(layout.name, data)
     found: dict[str, float] = {}
@@ -196,7 +196,7 @@ def test_what_it_cannot_be_made_of(options, lang):
 
 def test_a_field_that_means_nothing_is_no_signal():
     """A dialect of somebody's own may have bytes that are spare."""
-    spare = replace(V1.layouts["BR4"], fields=(Field("spare", "spare", "I"), V1.layouts["BR4"].fields[1]))
+    spare = replace(V1.layouts["BR4"], fields=(SignalField("spare", "spare", "I"), V1.layouts["BR4"].fields[1]))
     database = cantools.database.load_string(dbc(replace(V1, layouts={**V1.layouts, "BR4": spare})), "dbc", strict=True)
     (signal,) = database.get_message_by_name("BR4").signals
     assert (signal.name, signal.start) == (spare.fields[1].name, 32)

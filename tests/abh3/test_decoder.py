@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.abh3.table import ids
-from orinkit.abh3.table.decoder import Decoded, Decoder
+from orinkit.abh3.table.decoder import DecodedFrame, Decoder
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.records import BR0, BR1, BR1V2, BUF, DP0R, DP0RV2, DP0S
 from orinkit.abh3.table.signals import DIALECTS
@@ -24,7 +24,7 @@ def frame(number: int, data: str = "") -> CanFrame:
     return CanFrame(number, bytes.fromhex(data))
 
 
-def decoded(number: int, data: str = "", **options: object) -> Decoded:
+def decoded(number: int, data: str = "", **options: object) -> DecodedFrame:
     return Decoder(**options).decode(frame(number, data))
 
 
@@ -221,7 +221,12 @@ def test_traffic_outweighs_what_was_assumed():
 PFS = st.sampled_from([ids.SINGLE, ids.REQUEST, ids.BROADCAST, ids.CONTROL, ids.TRANSFER])
 BYTES = st.integers(0, 255)
 KNOWN = st.builds(
-    lambda pf, ps, sa, dp, p: int(ids.Id(pf, ps, sa, dp, p)), PFS, BYTES, BYTES, st.integers(0, 1), st.integers(0, 7)
+    lambda pf, ps, sa, dp, p: int(ids.FrameId(pf, ps, sa, dp, p)),
+    PFS,
+    BYTES,
+    BYTES,
+    st.integers(0, 1),
+    st.integers(0, 7),
 )
 
 

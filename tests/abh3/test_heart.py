@@ -18,9 +18,9 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from orinkit.abh3.api.keepalive_runner import AsyncKeeper, Keeper
+from orinkit.abh3.api.keepalive_runner import AsyncPeriodicCall, PeriodicCall
 from orinkit.abh3.session.host import Host
-from orinkit.abh3.session.keepalive import End, Heart, watched
+from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, watched
 from orinkit.abh3.table.records import DP0R
 from orinkit.can.frame import CanFrame, CanOperation
 from orinkit.core import i18n
@@ -35,7 +35,7 @@ GREAT = pytest.param(10**5000, id="great")
 
 
 def test_it_is_due_one_period_after_what_was_sent_last() -> None:
-    heart = Heart(0.1, 0.5, None, 10.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     assert heart.due == pytest.approx(10.1)
     heart.sent(10.25, answered=True)
     assert heart.due == pytest.approx(10.35)
@@ -46,59 +46,59 @@ def test_it_is_due_one_period_after_what_was_sent_last() -> None:
 
 
 def test_it_ends_when_the_driver_is_silent() -> None:
-    heart = Heart(0.1, 0.5, None, 10.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     assert heart.end(10.0) is None
     assert heart.end(10.5) is None
-    assert heart.end(10.51) is End.SILENT
+    assert heart.end(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, answered=False)
-    assert heart.end(10.51) is End.SILENT
+    assert heart.end(10.51) is KeepAliveEnd.SILENT
     heart.called(10.5)
-    assert heart.end(10.51) is End.SILENT
+    assert heart.end(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, answered=True)
     assert heart.end(11.0) is None
-    assert heart.end(11.01) is End.SILENT
+    assert heart.end(11.01) is KeepAliveEnd.SILENT
 
 
 def test_it_ends_when_the_program_does_not_call() -> None:
-    heart = Heart(0.1, 0.5, 2.0, 10.0)
+    heart = KeepAliveTimer(0.1, 0.5, 2.0, 10.0)
     heart.sent(12.0, answered=True)
     assert heart.end(12.0) is None
-    assert heart.end(12.01) is End.IDLE
+    assert heart.end(12.01) is KeepAliveEnd.IDLE
     heart.called(12.0)
     assert heart.end(12.01) is None
     heart.sent(13.9, answered=True)
     assert heart.end(14.0) is None
-    assert heart.end(14.01) is End.IDLE
-    assert heart.end(14.6) is End.SILENT  # the driver's silence counts first: nothing can be told to it
+    assert heart.end(14.01) is KeepAliveEnd.IDLE
+    assert heart.end(14.6) is KeepAliveEnd.SILENT  # the driver's silence counts first: nothing can be told to it
 
 
 def test_a_program_that_need_not_call() -> None:
-    heart = Heart(0.1, 0.5, None, 0.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     heart.sent(1e6, answered=True)
     assert heart.end(1e6) is None
 
 
 def test_a_command_that_comes_too_late_is_not_sent_again() -> None:
     """The driver may have stopped by itself meanwhile; it must not start again by itself."""
-    heart = Heart(0.1, 0.5, None, 10.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     assert heart.too_late(10.5) is None
-    assert heart.too_late(10.51) is End.SILENT
+    assert heart.too_late(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, answered=False)
-    assert heart.too_late(10.51) is End.SILENT
+    assert heart.too_late(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, answered=True)
     assert heart.too_late(11.0) is None
-    slow = Heart(0.4, 0.5, None, 10.0)  # its beats are nearly as far apart as its patience
+    slow = KeepAliveTimer(0.4, 0.5, None, 10.0)  # its beats are nearly as far apart as its patience
     assert slow.too_late(10.6) is None
-    assert slow.too_late(10.61) is End.SILENT
-    assert slow.end(10.51) is End.SILENT
+    assert slow.too_late(10.61) is KeepAliveEnd.SILENT
+    assert slow.end(10.51) is KeepAliveEnd.SILENT
 
 
 def test_an_answer_that_was_read_late_is_no_proof() -> None:
     """A program that stood still reads an answer to a command that was sent long ago: the driver has stopped meanwhile."""
-    heart = Heart(0.1, 0.5, None, 10.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     heart.sent(10.1, answered=True)  # read at 12.0
-    assert heart.end(12.0) is End.SILENT
-    assert heart.too_late(12.0) is End.SILENT
+    assert heart.end(12.0) is KeepAliveEnd.SILENT
+    assert heart.too_late(12.0) is KeepAliveEnd.SILENT
 
 
 FEEDBACK = CanFrame(0x00EF0201, bytes.fromhex("F401000000000000"))
@@ -118,7 +118,7 @@ def carried_out(operation: CanOperation[Any], answers: Iterator[CanFrame | None]
 def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
     """Coming to rest takes longer than the patience; the driver has answered all the time."""
     host: Host[DP0R] = Host()
-    heart = Heart(0.1, 0.5, 0.4, 0.0)
+    heart = KeepAliveTimer(0.1, 0.5, 0.4, 0.0)
     times = iter((0.2, 0.5, 0.8, 1.1))
     operation = watched(host.rest(2.0), heart, host, lambda: next(times))
     standing = CanFrame(0x00EF0201, bytes(8))
@@ -126,31 +126,31 @@ def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
     assert heart.due == pytest.approx(1.2)
     assert heart.too_late(1.59) is None
     assert heart.end(1.49) is None
-    assert heart.end(1.51) is End.IDLE
-    assert heart.end(1.61) is End.SILENT
+    assert heart.end(1.51) is KeepAliveEnd.IDLE
+    assert heart.end(1.61) is KeepAliveEnd.SILENT
 
 
 def test_a_command_without_an_answer_is_none() -> None:
     host: Host[DP0R] = Host()
-    heart = Heart(0.1, 0.5, None, 0.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     times = iter((0.2, 0.4))
     with pytest.raises(DriverTimeout):
         carried_out(watched(host.rest(1.0), heart, host, lambda: next(times)), iter((FEEDBACK, None)))
     assert heart.due == pytest.approx(0.3)  # the second one was not answered
     assert heart.end(0.69) is None
-    assert heart.end(0.71) is End.SILENT
+    assert heart.end(0.71) is KeepAliveEnd.SILENT
 
 
 def test_a_request_is_no_command() -> None:
     host: Host[DP0R] = Host()
-    heart = Heart(0.1, 0.5, None, 0.0)
+    heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     answer = CanFrame(0x00FF2C01, bytes(8))
     carried_out(watched(host.request(4), heart, host, lambda: 1 / 0), iter((answer,)))
     assert heart.due == 0.1
 
 
 def test_why_it_ends() -> None:
-    assert [end.value for end in End] == ["silent", "idle"]
+    assert [end.value for end in KeepAliveEnd] == ["silent", "idle"]
 
 
 @pytest.mark.parametrize("name", ["period", "patience", "idle"])
@@ -159,26 +159,26 @@ def test_times_that_are_none(name: str, seconds: Any) -> None:
     for tongue in ("en", "ja"):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=name) as caught:
-            Heart(**{"period": 0.1, "patience": 0.5, "idle": 2.0, "now": 0.0, name: seconds})
+            KeepAliveTimer(**{"period": 0.1, "patience": 0.5, "idle": 2.0, "now": 0.0, name: seconds})
         assert len(str(caught.value)) < 120
 
 
 @pytest.mark.parametrize("name", ["period", "patience", "idle"])
 @pytest.mark.parametrize("seconds", [1, 0.25, Decimal("0.25"), Fraction(1, 4), np.float32(0.25), np.int64(1)])
 def test_any_kind_of_number_will_do(name: str, seconds: Any) -> None:
-    heart = Heart(**{"period": 0.1, "patience": 2.0, "idle": None, "now": 0.0, name: seconds})
+    heart = KeepAliveTimer(**{"period": 0.1, "patience": 2.0, "idle": None, "now": 0.0, name: seconds})
     found = getattr(heart, name)
     assert found == float(seconds)
     assert type(found) is float  # times are reckoned with it
 
 
 def test_the_least_and_the_longest() -> None:
-    heart = Heart(0.001, 3600.0, 3600, 0.0)
+    heart = KeepAliveTimer(0.001, 3600.0, 3600, 0.0)
     assert (heart.period, heart.patience, heart.idle) == (0.001, 3600.0, 3600.0)
     for tongue, text in (("en", "0.001 s or more"), ("ja", "0.001 秒以上")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
-            Heart(0.00099, 1.0, None, 0.0)
+            KeepAliveTimer(0.00099, 1.0, None, 0.0)
 
 
 @pytest.mark.parametrize(("period", "patience"), [(0.5, 0.5), (2.0, 0.5), (Decimal("0.5"), Fraction(1, 2))])
@@ -187,7 +187,7 @@ def test_a_period_is_below_the_patience(period: Any, patience: Any) -> None:
     for tongue, text in (("en", "Try: a period of 0.1 s"), ("ja", "対処")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as caught:
-            Heart(period, patience, None, 0.0)
+            KeepAliveTimer(period, patience, None, 0.0)
         assert f"{float(period):g}" in str(caught.value)
         assert f"{float(patience):g}" in str(caught.value)
 
@@ -244,7 +244,7 @@ def _no_threads_are_left() -> Iterator[None]:
 
 def test_it_beats_until_it_is_stopped() -> None:
     heart = Beating(0.001)
-    keeper = Keeper(heart.beat, heart.left, "a-name")
+    keeper = PeriodicCall(heart.beat, heart.left, "a-name")
     heart.wait(5)
     assert heart.thread is not None
     assert (heart.thread.name, heart.thread.daemon) == ("a-name", True)
@@ -259,7 +259,7 @@ def test_it_beats_until_it_is_stopped() -> None:
 
 def test_it_beats_at_once_and_waits_then() -> None:
     heart = Beating(LONG)
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.wait(1)
     keeper.stop()
     keeper.join()  # does not wait for the pause to pass
@@ -269,7 +269,7 @@ def test_it_beats_at_once_and_waits_then() -> None:
 
 def test_it_ends_when_there_is_no_next_time() -> None:
     heart = Beating(0.0, 0.001, None)
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.wait(3)
     assert ended(heart.thread)
     assert (heart.beats, heart.ends) == (3, 0)  # the beat knows
@@ -278,8 +278,8 @@ def test_it_ends_when_there_is_no_next_time() -> None:
 
 def test_it_ends_with_the_thread_that_began_it() -> None:
     heart = Beating(0.005)
-    kept: list[Keeper] = []
-    owner = threading.Thread(target=lambda: kept.append(Keeper(heart.beat, heart.left, "x")))
+    kept: list[PeriodicCall] = []
+    owner = threading.Thread(target=lambda: kept.append(PeriodicCall(heart.beat, heart.left, "x")))
     owner.start()
     owner.join(LONG)
     assert len(kept) == 1
@@ -295,7 +295,7 @@ def test_it_ends_with_the_thread_that_began_it() -> None:
 
 def test_it_ends_with_the_object() -> None:
     heart = Beating(0.005)
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.wait(2)
     thread, seen = heart.thread, ref(heart)
     del heart
@@ -307,7 +307,7 @@ def test_it_ends_with_the_object() -> None:
 
 def test_it_does_not_keep_its_object_while_it_waits() -> None:
     heart = Beating(LONG)
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.wait(1)
     seen = ref(heart)
     del heart
@@ -322,7 +322,7 @@ def test_it_does_not_keep_its_object_while_it_waits() -> None:
 class StopsItself(Beating):
     """Calls stop() while it beats, as one that closes itself does."""
 
-    keeper: Keeper | AsyncKeeper | None = None
+    keeper: PeriodicCall | AsyncPeriodicCall | None = None
     ready: threading.Event = threading.Event()
 
     def beat(self) -> float | None:
@@ -335,7 +335,7 @@ class StopsItself(Beating):
 def test_it_can_be_stopped_from_within() -> None:
     heart = StopsItself(0.0)
     heart.ready = threading.Event()
-    heart.keeper = keeper = Keeper(heart.beat, heart.left, "x")
+    heart.keeper = keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.ready.set()
     heart.wait(1)
     assert ended(heart.thread)
@@ -361,7 +361,7 @@ class Slow(Beating):
 def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
     """Who stops it may have to send something first."""
     heart = Slow()
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     assert heart.at_work.wait(LONG)
     keeper.stop()
     assert not heart.done
@@ -374,7 +374,7 @@ def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
 def test_joining_does_not_take_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.abh3.api.keepalive_runner._JOINING", 0.05)
     heart = Slow()
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     assert heart.at_work.wait(LONG)
     keeper.stop()
     began = time.monotonic()
@@ -388,13 +388,13 @@ def test_a_beat_can_join_itself() -> None:
     class Joins(StopsItself):
         def beat(self) -> float | None:
             pause = super().beat()
-            assert isinstance(self.keeper, Keeper)
+            assert isinstance(self.keeper, PeriodicCall)
             self.keeper.join()
             return pause
 
     heart = Joins(0.0)
     heart.ready = threading.Event()
-    heart.keeper = Keeper(heart.beat, heart.left, "x")
+    heart.keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.ready.set()
     heart.wait(1)
     assert ended(heart.thread)
@@ -414,7 +414,7 @@ def test_a_beat_that_raises_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     raised: list[object] = []
     monkeypatch.setattr(threading, "excepthook", lambda told: raised.append(told.exc_type))
     heart = Fails(0.0)
-    keeper = Keeper(heart.beat, heart.left, "x")
+    keeper = PeriodicCall(heart.beat, heart.left, "x")
     assert ended(keeper._thread)
     assert (heart.beats, heart.ends) == (1, 1)
     assert raised == [ZeroDivisionError]
@@ -483,7 +483,7 @@ async def _until(condition: Callable[[], bool]) -> None:
 def test_a_task_beats_until_it_is_stopped() -> None:
     async def run() -> None:
         heart = Beating(0.001)
-        keeper = AsyncKeeper(heart.async_beat, heart.left, "a-name")
+        keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "a-name")
         assert heart.beats == 0
         assert [task.get_name() for task in asyncio.all_tasks() if task is not asyncio.current_task()] == ["a-name"]
         await _until(lambda: heart.beats >= 3)
@@ -501,7 +501,7 @@ def test_a_task_beats_until_it_is_stopped() -> None:
 def test_a_task_ends_when_there_is_no_next_time() -> None:
     async def run() -> None:
         heart = Beating(0.0, 0.001, None)
-        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         await _until(keeper._task.done)
         assert (heart.beats, heart.ends) == (3, 0)
         assert keeper._task.result() is None
@@ -512,7 +512,7 @@ def test_a_task_ends_when_there_is_no_next_time() -> None:
 def test_a_task_ends_with_the_object() -> None:
     async def run() -> None:
         heart = Beating(0.001)
-        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         await heart.beaten(2)
         seen = ref(heart)
         del heart
@@ -527,7 +527,7 @@ def test_a_task_ends_with_the_object() -> None:
 def test_a_task_does_not_keep_its_object_while_it_waits() -> None:
     async def run() -> None:
         heart = Beating(LONG)
-        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         await heart.beaten(1)
         seen = ref(heart)
         del heart
@@ -542,7 +542,7 @@ def test_a_task_can_be_stopped_from_within() -> None:
     async def run() -> None:
         heart = StopsItself(0.0, None)
         heart.ready.set()
-        heart.keeper = keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        heart.keeper = keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         await _until(keeper._task.done)
         assert not keeper._task.cancelled()  # the beat itself is not torn off
         assert (heart.beats, heart.ends) == (2, 0)
@@ -551,8 +551,8 @@ def test_a_task_can_be_stopped_from_within() -> None:
 
 
 def test_a_task_can_be_stopped_after_its_loop() -> None:
-    async def run() -> AsyncKeeper:
-        return AsyncKeeper(heart.async_beat, heart.left, "x")
+    async def run() -> AsyncPeriodicCall:
+        return AsyncPeriodicCall(heart.async_beat, heart.left, "x")
 
     heart = Beating(LONG)
     keeper = asyncio.run(run())
@@ -565,7 +565,7 @@ def test_a_task_that_is_cancelled_from_outside() -> None:
 
     async def run(beats: int) -> Beating:
         heart = Beating(LONG)
-        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         if beats:
             await heart.beaten(beats)
         keeper._task.cancel()
@@ -581,18 +581,18 @@ def test_a_task_that_is_cancelled_from_outside() -> None:
 def test_a_task_ends_with_its_loop() -> None:
     async def run() -> Beating:
         heart = Beating(LONG)
-        kept.append(AsyncKeeper(heart.async_beat, heart.left, "x"))
+        kept.append(AsyncPeriodicCall(heart.async_beat, heart.left, "x"))
         await heart.beaten(1)
         return heart
 
-    kept: list[AsyncKeeper] = []
+    kept: list[AsyncPeriodicCall] = []
     assert asyncio.run(run()).ends == 1
 
 
 def test_a_beat_that_raises_ends_the_task() -> None:
     async def run() -> None:
         heart = Fails(0.0)
-        keeper = AsyncKeeper(heart.async_beat, heart.left, "x")
+        keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         await _until(keeper._task.done)
         assert (heart.beats, heart.ends) == (1, 1)
         assert isinstance(keeper._task.exception(), ZeroDivisionError)
@@ -603,4 +603,4 @@ def test_a_beat_that_raises_ends_the_task() -> None:
 def test_a_task_needs_a_loop() -> None:
     heart = Beating(LONG)
     with pytest.raises(RuntimeError, match="no running event loop"):
-        AsyncKeeper(heart.async_beat, heart.left, "x")
+        AsyncPeriodicCall(heart.async_beat, heart.left, "x")

@@ -16,7 +16,7 @@ from orinkit.abh3.session.host import Host, broadcasts_of_all
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2, DP1R, Flags
 from orinkit.abh3.table.signals import V1, V2, Dialect
-from orinkit.can.frame import CanFrame, CanOperation, Turn
+from orinkit.can.frame import CanFrame, CanOperation, OperationStep
 from orinkit.core import i18n
 from orinkit.core.errors import DriverFault, DriverTimeout, InvalidValue
 
@@ -36,7 +36,7 @@ class Peer:
 
     def __init__(self, *answers: str | CanFrame | None) -> None:
         self._answers = [frame(answer) if isinstance(answer, str) else answer for answer in answers]
-        self.turns: list[Turn] = []
+        self.turns: list[OperationStep] = []
 
     def run(self, operation: CanOperation[Any]) -> Any:
         """Return the result; every answer has to be wanted, and no turn to be left without one."""
@@ -78,7 +78,7 @@ def test_one_command_one_answer() -> None:
     host: Host[DP0R] = Host()
     peer = Peer(FEEDBACK)
     assert peer.run(host.command(1000, -1000)) == VELOCITIES
-    assert peer.turns == [Turn((frame("00EF0102 88 13 78 ec 00 00 00 00"),), 1.0, fresh=True)]
+    assert peer.turns == [OperationStep((frame("00EF0102 88 13 78 ec 00 00 00 00"),), 1.0, fresh=True)]
 
 
 def test_init_sends_nothing_but_zeros() -> None:
@@ -433,7 +433,7 @@ def test_an_answer_behind_the_first_one_is_the_right_one(lose: Callable[[Host[DP
     lose(host)
     peer = Peer(LATE, *NOT_THE_ANSWER, FEEDBACK)
     assert peer.run(host.command(2)) == VELOCITIES
-    assert peer.turns[1:] == [Turn((), 0.02), *[Turn()] * len(NOT_THE_ANSWER)]
+    assert peer.turns[1:] == [OperationStep((), 0.02), *[OperationStep()] * len(NOT_THE_ANSWER)]
     assert sent_by(host.command(3)) == "00EF0102#0F00000000000000"  # nothing is owed any more: no second wait
 
 
@@ -453,7 +453,7 @@ def test_an_answer_stays_owed_until_one_has_come() -> None:
     in_vain(host.command(2))
     operation = host.command(3)  # broken off while it looks for the second one
     next(operation)
-    assert operation.send(frame(LATE)) == Turn((), 0.02)
+    assert operation.send(frame(LATE)) == OperationStep((), 0.02)
     operation.close()
     assert host.commands == (0, 0)
     assert Peer(LATE, FEEDBACK).run(host.command(4)) == VELOCITIES
@@ -505,7 +505,7 @@ def test_other_frames_do_not_make_it_wait_any_longer() -> None:
     assert peer.run(host.command(1)) == VELOCITIES
     first, *others = peer.turns
     assert (first.seconds, first.fresh, len(first.frames)) == (0.5, True, 1)
-    assert others == [Turn((), None, fresh=False)] * len(NOT_THE_ANSWER)
+    assert others == [OperationStep((), None, fresh=False)] * len(NOT_THE_ANSWER)
 
 
 def test_other_frames_are_no_answer() -> None:
@@ -582,7 +582,9 @@ def test_requests(number: int, record: Any) -> None:
             found = peer.run(host.request(asked, everyone=everyone))
             assert found == record
             assert type(found) is type(record)
-            assert peer.turns == [Turn((frame(f"00EA{destination}02 {0x28 + number:02X} FF 00"),), 1.0, fresh=True)]
+            assert peer.turns == [
+                OperationStep((frame(f"00EA{destination}02 {0x28 + number:02X} FF 00"),), 1.0, fresh=True)
+            ]
     assert host.commanded == 0
 
 
@@ -610,7 +612,7 @@ def test_a_request_takes_the_answer_of_its_own_driver_only() -> None:
     ]  # fmt: skip
     peer = Peer(*others, f"00FF2A01 {DATA}")
     assert peer.run(host.request(2, everyone=True)) == BR2(1, 2, 3, 4)
-    assert peer.turns[1:] == [Turn()] * len(others)
+    assert peer.turns[1:] == [OperationStep()] * len(others)
 
 
 def test_single_packets_can_be_requested() -> None:
@@ -787,8 +789,8 @@ def test_repeat_sends_what_was_sent_last() -> None:
     Peer(FEEDBACK).run(host.command(1, 2))
     peer = Peer(*NOT_THE_ANSWER, FEEDBACK)
     assert peer.run(host.repeat(0.1)) is True
-    assert peer.turns[0] == Turn((frame("00EF0102 05 00 0a 00 03 30 00 00"),), 0.1, fresh=True)
-    assert peer.turns[1:] == [Turn()] * len(NOT_THE_ANSWER)
+    assert peer.turns[0] == OperationStep((frame("00EF0102 05 00 0a 00 03 30 00 00"),), 0.1, fresh=True)
+    assert peer.turns[1:] == [OperationStep()] * len(NOT_THE_ANSWER)
     assert Peer(*NOT_THE_ANSWER, None).run(host.repeat(0.1)) is False
     assert (host.commands, host.inputs, host.commanded) == ((1, 2), 0x3003, 4)
 
@@ -799,7 +801,7 @@ def test_who_parts_leaves_a_driver_at_rest() -> None:
     Peer(FEEDBACK).run(host.command(1, 2))
     peer = Peer(FEEDBACK)
     assert peer.run(host.part(0.2)) is True
-    assert peer.turns == [Turn((frame("00EF0102 00 00 00 00 01 10 00 00"),), 0.2, fresh=True)]
+    assert peer.turns == [OperationStep((frame("00EF0102 00 00 00 00 01 10 00 00"),), 0.2, fresh=True)]
     assert not host.moving
     Peer(FEEDBACK).run(host.command(1))
     assert Peer(None).run(host.part(0.2)) is False
@@ -840,7 +842,10 @@ def test_a_broadcast_of_all() -> None:
     peer = Peer(*answers, None)
     found = peer.run(broadcasts_of_all(Codec(V1), 2, 0x28, 0.3))
     assert {address: int(record.errors) for address, record in found.items()} == {1: 8, 3: 2, 4: 4}
-    assert peer.turns == [Turn((frame("00EAFF02 28 FF 00"),), 0.3, fresh=True), *[Turn()] * len(answers)]
+    assert peer.turns == [
+        OperationStep((frame("00EAFF02 28 FF 00"),), 0.3, fresh=True),
+        *[OperationStep()] * len(answers),
+    ]
 
 
 def test_as_many_as_there_are() -> None:

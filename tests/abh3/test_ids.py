@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from orinkit.abh3.table import ids
 from orinkit.abh3.table.checks import whole
-from orinkit.abh3.table.ids import Id
+from orinkit.abh3.table.ids import FrameId
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 
@@ -39,8 +39,8 @@ def test_the_identifiers_of_other_groups() -> None:
 
 
 def test_the_identifiers_of_multi_packets() -> None:
-    assert int(Id(ids.CONTROL, 1, 2)) == 0x00EC0102
-    assert int(Id(ids.TRANSFER, 2, 1)) == 0x00EB0201
+    assert int(FrameId(ids.CONTROL, 1, 2)) == 0x00EC0102
+    assert int(FrameId(ids.TRANSFER, 2, 1)) == 0x00EB0201
 
 
 def test_priorities() -> None:
@@ -48,21 +48,21 @@ def test_priorities() -> None:
     assert ids.single(1, 2, dp=1, priority=1) == 0x05EF0102
     assert ids.request(1, 2, priority=3) == 0x0CEA0102
     assert ids.broadcast(5, 0, 1, priority=2) == 0x08FF2801
-    assert Id.parse(0x08FF2801) == Id(0xFF, 0x28, 1, priority=2)
-    assert Id.parse(0x00FF2801).with_priority(2) == 0x08FF2801
-    assert Id.parse(0x1FEF0102).with_priority(0) == 0x03EF0102
+    assert FrameId.parse(0x08FF2801) == FrameId(0xFF, 0x28, 1, priority=2)
+    assert FrameId.parse(0x00FF2801).with_priority(2) == 0x08FF2801
+    assert FrameId.parse(0x1FEF0102).with_priority(0) == 0x03EF0102
 
 
 def test_the_parts() -> None:
-    assert Id.parse(0x01EF0201) == Id(pf=0xEF, ps=2, sa=1, dp=1, priority=0, reserved=0)
-    assert Id.parse(0x02EF0201) == Id(pf=0xEF, ps=2, sa=1, reserved=1)
-    assert Id.parse(0x1FFFFFFF) == Id(0xFF, 0xFF, 0xFF, 1, 7, 1)
-    assert Id.parse(0) == Id(0, 0, 0)
+    assert FrameId.parse(0x01EF0201) == FrameId(pf=0xEF, ps=2, sa=1, dp=1, priority=0, reserved=0)
+    assert FrameId.parse(0x02EF0201) == FrameId(pf=0xEF, ps=2, sa=1, reserved=1)
+    assert FrameId.parse(0x1FFFFFFF) == FrameId(0xFF, 0xFF, 0xFF, 1, 7, 1)
+    assert FrameId.parse(0) == FrameId(0, 0, 0)
 
 
 @given(st.integers(0, 0x1FFFFFFF), st.integers(0, 7))
 def test_every_identifier_survives(number: int, priority: int) -> None:
-    parts = Id.parse(number)
+    parts = FrameId.parse(number)
     assert int(parts) == number
     assert (parts.sa, parts.ps, parts.pf) == tuple(number.to_bytes(4, "little")[:3])
     assert parts.with_priority(priority) == number & 0x03FFFFFF | priority << 26

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from orinkit.abh3.session import multipacket
 from orinkit.abh3.session.multipacket import Responder, exchange, receive_message, send_message
-from orinkit.abh3.table.ids import CONTROL, TRANSFER, Id
+from orinkit.abh3.table.ids import CONTROL, TRANSFER, FrameId
 from orinkit.can.frame import CanFrame, CanOperation, checked
 from orinkit.core import i18n
 from orinkit.core.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
@@ -29,11 +29,13 @@ MESSAGES = st.binary(min_size=1, max_size=200)
 
 def control(text: str, source: int = DRIVER, destination: int = HOST, priority: int = 0, pgn: bytes = PGN) -> CanFrame:
     """A control frame that begins with these bytes."""
-    return CanFrame(int(Id(CONTROL, destination, source, 0, priority)), bytes.fromhex(text).ljust(5, b"\xff") + pgn)
+    return CanFrame(
+        int(FrameId(CONTROL, destination, source, 0, priority)), bytes.fromhex(text).ljust(5, b"\xff") + pgn
+    )
 
 
 def packet(number: int, data: bytes, source: int = DRIVER, destination: int = HOST) -> CanFrame:
-    return CanFrame(int(Id(TRANSFER, destination, source)), bytes((number,)) + data.ljust(7, b"\xff"))
+    return CanFrame(int(FrameId(TRANSFER, destination, source)), bytes((number,)) + data.ljust(7, b"\xff"))
 
 
 def from_host(text: str, source: int = HOST) -> CanFrame:
@@ -43,7 +45,7 @@ def from_host(text: str, source: int = HOST) -> CanFrame:
 def show(frames: Iterable[CanFrame]) -> list[str]:
     """Control frames by their first five bytes, data packets by their number."""
     return [
-        frame.data[:5].hex() if Id.parse(frame.id).pf == CONTROL else f"packet {frame.data[0]}"
+        frame.data[:5].hex() if FrameId.parse(frame.id).pf == CONTROL else f"packet {frame.data[0]}"
         for frame in map(checked, frames)
     ]
 
@@ -652,7 +654,7 @@ def test_a_driver_survives_every_frame(frames: list[tuple[bytes, bool, float]]) 
         now += seconds
         kind = b"\x10\x11\x13\xff"[head[0] % 4]
         data = bytes((kind,)) + head[1:] + PGN if is_control else head + b"abc"
-        frame = CanFrame(int(Id(CONTROL if is_control else TRANSFER, DRIVER, HOST)), data)
+        frame = CanFrame(int(FrameId(CONTROL if is_control else TRANSFER, DRIVER, HOST)), data)
         for sent in (*driver.tick(now), *driver.receive(frame, now)):
             checked(sent)
     for _ in range(40):

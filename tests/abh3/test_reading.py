@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from orinkit.abh3.session.parameter_value import Reading, monitor, parameter, word_of
+from orinkit.abh3.session.parameter_value import ParameterValue, monitor, parameter, word_of
 from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
@@ -18,7 +18,7 @@ UNKNOWN = 0x7001
 
 def test_a_parameter_in_its_unit() -> None:
     found = parameter(0x5000, 0x00400008)  # 8e2 as PACK_FLOAT
-    assert found == Reading(0x5000, 0x00400008, PARAMETERS[0x5000])
+    assert found == ParameterValue(0x5000, 0x00400008, PARAMETERS[0x5000])
     assert (found.value, found.unit) == (800.0, "min^-1")
     assert str(found) == "0x5000 A/Y velocity #0: 800 min^-1"
     i18n.use("ja")
@@ -27,7 +27,7 @@ def test_a_parameter_in_its_unit() -> None:
 
 def test_a_monitor_in_its_unit() -> None:
     found = monitor(0x1004, 0x01E000ED)
-    assert found == Reading(0x1004, 0x01E000ED, MONITORS[0x1004])
+    assert found == ParameterValue(0x1004, 0x01E000ED, MONITORS[0x1004])
     assert (found.value, found.unit) == (pytest.approx(23.7), "V")
     assert str(found) == "0x1004 main voltage: 23.7 V"
 

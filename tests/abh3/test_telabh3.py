@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.abh3.session import telabh3
-from orinkit.abh3.session.telabh3 import ACK, MONITORS, NAK, PARAMETERS, Item, Reply, Request
+from orinkit.abh3.session.telabh3 import ACK, MONITORS, NAK, PARAMETERS, TelItem, TelReply, TelRequest
 from orinkit.core import i18n
 from orinkit.core.errors import DriverRefused, InvalidValue, ProtocolError
 
@@ -18,8 +18,8 @@ pytestmark = pytest.mark.core
 
 ADDRESSES = st.integers(0, 0xFFFF)
 WORDS = st.integers(0, 0xFFFFFFFF)
-REQUESTS = st.builds(Request, st.just("CP"), ADDRESSES, st.none() | WORDS) | st.builds(
-    Request, st.sampled_from(["CM", "BI"]), ADDRESSES, st.none()
+REQUESTS = st.builds(TelRequest, st.just("CP"), ADDRESSES, st.none() | WORDS) | st.builds(
+    TelRequest, st.sampled_from(["CM", "BI"]), ADDRESSES, st.none()
 )
 
 
@@ -30,7 +30,7 @@ def serial(text: bytes, header: bytes = b"FFFF") -> bytes:
 
 def test_the_known_request() -> None:
     assert telabh3.read_parameter(0) == b"CP000095"
-    assert telabh3.parse_request(b"CP000095") == Request("CP", 0)
+    assert telabh3.parse_request(b"CP000095") == TelRequest("CP", 0)
 
 
 def test_requests() -> None:
@@ -40,7 +40,7 @@ def test_requests() -> None:
 
 
 @given(asked=REQUESTS, filled=st.integers(0, 7))
-def test_requests_are_read_in_every_form(asked: Request, filled: int) -> None:
+def test_requests_are_read_in_every_form(asked: TelRequest, filled: int) -> None:
     text = bytes(asked)
     for form in (text, b"FFFF" + text, serial(text[:-2]), serial(text[:-2], b"0001"), text[:-2] + text[-2:].lower()):
         assert telabh3.parse_request(form + b"\x16" * filled) == asked
@@ -111,7 +111,7 @@ def test_answers_are_read_in_every_form(value: int | str, filled: int) -> None:
     forms += [text + telabh3.checksum(text), b"\x02" + answer + b"\x03", serial(b"0" + data.encode())]
     for form in forms:
         reply = telabh3.parse_reply(form + b"\x16" * filled)
-        assert reply == Reply(refused=False, data=data)
+        assert reply == TelReply(refused=False, data=data)
         assert reply.confirmed() == data
         if isinstance(value, int):
             assert reply.word == value
@@ -139,7 +139,7 @@ def test_a_refusal(form: bytes) -> None:
 @pytest.mark.parametrize("data", ["", "1234567", "1234567G", "V1.2.3", "ａ" * 8])
 def test_data_that_is_no_value(data: str) -> None:
     with pytest.raises(ProtocolError, match="no TelABH3 text"):
-        _ = Reply(refused=False, data=data).word
+        _ = TelReply(refused=False, data=data).word
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_texts_are_in_both_languages() -> None:
     ],
 )
 def test_values_of_items(kind: telabh3.Kind, value: float, word: int) -> None:
-    item = Item(0, kind, "something")
+    item = TelItem(0, kind, "something")
     assert item.encode(value) == word
     assert item.decode(word) == value
 
@@ -251,13 +251,13 @@ def test_values_of_items(kind: telabh3.Kind, value: float, word: int) -> None:
 )
 def test_values_that_cannot_be_written(kind: telabh3.Kind, value: float) -> None:
     with pytest.raises(InvalidValue, match="something"):
-        Item(0, kind, "something").encode(value)
+        TelItem(0, kind, "something").encode(value)
 
 
 @pytest.mark.parametrize("kind", ["pack", "int", "bits"])
 def test_words_of_items_have_32_bits(kind: telabh3.Kind) -> None:
     with pytest.raises(InvalidValue):
-        Item(0, kind, "something").decode(1 << 32)
+        TelItem(0, kind, "something").decode(1 << 32)
 
 
 def test_requests_for_people() -> None:

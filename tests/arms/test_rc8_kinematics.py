@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orinkit.arms import MODEL_NAMES, Axis, Model, load_model
+from orinkit.arms import MODEL_NAMES, ArmModel, AxisModel, load_model
 from orinkit.arms.frames import matrix_of_position, position_of_matrix, trans_of_matrix
 from orinkit.arms.kinematics import Kinematics
 from orinkit.arms.kinematics.figures import LIMIT_TOLERANCE, around, figure_of
@@ -22,14 +22,14 @@ MANY = 100_000
 TYPICAL = np.array((30.0, 20.0, 70.0, 10.0, 45.0, 15.0))
 
 # a lateral offset that a spherical wrist leaves in closed form, and one where joints 4 and 5 do not cross
-_WIDE = tuple(Axis(-170.0, 170.0, 180.0, 900.0) for _ in range(6))
+_WIDE = tuple(AxisModel(-170.0, 170.0, 180.0, 900.0) for _ in range(6))
 LATERAL = Kinematics(
-    Model(
+    ArmModel(
         "L", "L", ((5, -5, 180), (30, 15, 100), (20, 0, 300), (-30, 5, 100), (0, 0, 200), (0, 0, 80)), _WIDE, (0.0,) * 6
     )
 )
 OFFSET = Kinematics(
-    Model(
+    ArmModel(
         "O", "O", ((0, 0, 180), (20, 0, 100), (0, 0, 300), (-30, 0, 100), (30, 5, 200), (10, 0, 80)), _WIDE, (0.0,) * 6
     )
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from orinkit.arms import MODEL_NAMES, Axis, Model, load_model, parse_model
+from orinkit.arms import MODEL_NAMES, ArmModel, AxisModel, load_model, parse_model
 from orinkit.arms.kinematics import Kinematics
 from orinkit.core import i18n
 
@@ -74,13 +74,13 @@ def test_vs050_is_the_published_arm():
     assert model.type_name == "VS050A3-AV6-NNN-NNN"
     assert model.origins[3] == (-10, 0, 119.5)
     assert [axis.velocity for axis in model.axes] == [425, 340, 385.72, 425, 327.01, 680]
-    assert model.axes[2] == Axis(-120, 151, 385.72, 5 * 385.72)
+    assert model.axes[2] == AxisModel(-120, 151, 385.72, 5 * 385.72)
     assert (model.path_speed, model.path_acceleration) == (1500, 7500)
     assert (model.path_rotation, model.path_rotation_acceleration) == (360, 1800)
 
 
 def test_ve026a_has_its_hand_as_seventh_axis():
-    assert load_model("ve026a").axes[6] == Axis(-36.5, 25, 180, 900)
+    assert load_model("ve026a").axes[6] == AxisModel(-36.5, 25, 180, 900)
 
 
 def test_every_data_file_belongs_to_a_name():
@@ -95,16 +95,16 @@ def test_a_file_of_ones_own(tmp_path, kind):
     file = tmp_path / "arm.toml"
     file.write_text(GOOD, encoding="utf-8")
     model = load_model(kind(file))
-    assert model == Model(
+    assert model == ArmModel(
         "Arm",
         "ARM-1",
         ((0, 0, 100), (10, 0, 100), (0, 0, 300.5), (-10, 0, 100), (0, 0, 150), (0, 0, 70)),
         (
-            Axis(-170, 170, 200, 1000),
-            Axis(-100, 100, 200, 700.5),
-            *[Axis(-100, 100, 200, 1000)] * 3,
-            Axis(-360, 360, 400, 2000),
-            Axis(0, 1500, 1000, 5000, linear=True),
+            AxisModel(-170, 170, 200, 1000),
+            AxisModel(-100, 100, 200, 700.5),
+            *[AxisModel(-100, 100, 200, 1000)] * 3,
+            AxisModel(-360, 360, 400, 2000),
+            AxisModel(0, 1500, 1000, 5000, linear=True),
         ),
         (0, 0, 90, 0, 90, 0, 10),
         path_speed=250,

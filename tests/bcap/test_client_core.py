@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from orinkit.bcap import client as core
 from orinkit.bcap import packet
-from orinkit.bcap.client import Conversation, encode_request
+from orinkit.bcap.client import BcapConversation, encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.cao import functions as f
 from orinkit.cao.replies import Reply
@@ -25,7 +25,7 @@ from orinkit.core.errors import (
     LimitExceeded,
     ProtocolError,
 )
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 
 pytestmark = pytest.mark.core
@@ -65,7 +65,7 @@ class Call:
 
 @pytest.fixture
 def conversation():
-    return Conversation()
+    return BcapConversation()
 
 
 # --- requests ---------------------------------------------------------------------------------------------------------
@@ -360,18 +360,18 @@ def test_what_is_not_b_cap_is_fatal(conversation):
 
 
 def test_limits_hold_for_what_is_received():
-    conversation = Conversation(Limits(packet=100, depth=1))
+    conversation = BcapConversation(PacketLimits(packet=100, depth=1))
     call = Call(conversation, f.variable_get_value, 3)
     error = call.error(LimitExceeded, reply(call.serial, "x" * 100), "packet of 230 bytes, at most 100")
     assert error.fatal
-    conversation = Conversation(Limits(depth=1))
+    conversation = BcapConversation(PacketLimits(depth=1))
     call = Call(conversation, f.variable_get_value, 3)
     assert not call.error(LimitExceeded, reply(call.serial, [[None]])).fatal
 
 
 def test_every_packet_is_told_to_trace():
     seen = []
-    conversation = Conversation(trace=lambda way, data: seen.append((way, data)))
+    conversation = BcapConversation(trace=lambda way, data: seen.append((way, data)))
     call = Call(conversation, f.variable_get_value, 3)
     packets = [executing(call.serial), reply(99, 1), reply(call.serial, 5)]
     call.result(b"".join(packets))
@@ -385,7 +385,7 @@ SCRIPT = st.lists(st.sampled_from(["late", "executing", "foreign executing", "er
 @given(st.lists(st.tuples(SCRIPT, st.integers(1, 40)), min_size=1, max_size=6))
 def test_whatever_comes_before_each_call_gets_its_own_answer(scripts):
     """Calls whose answers are cut into pieces of any size, between everything that is not an answer."""
-    conversation, last = Conversation(), 0
+    conversation, last = BcapConversation(), 0
     for number, (script, size) in enumerate(scripts):
         call = Call(conversation, f.variable_get_value, 3)
         pieces = {
@@ -411,7 +411,7 @@ def test_the_encoders_of_a_function_are_kept():
 
 
 def test_serial_numbers_go_on_where_another_process_ended():
-    conversation = Conversation()
+    conversation = BcapConversation()
     conversation.serial = 0xFFFF
     assert Call(conversation, f.controller_get_name, 1).serial == 0xFFFF
     assert conversation.serial == 1

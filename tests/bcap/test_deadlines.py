@@ -9,14 +9,14 @@ import pytest
 
 from orinkit import functions as f
 from orinkit.bcap import packet
-from orinkit.bcap.client import Conversation as BcapConversation
+from orinkit.bcap.client import BcapConversation as BcapConversation
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, Wire
+from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, BcapProfile
 from orinkit.cao.call_limits import AT_ONCE, PER_SECOND
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
-from orinkit.ecap.client import Conversation as EcapConversation
+from orinkit.ecap.client import EcapConversation as EcapConversation
 
 pytestmark = pytest.mark.core
 
@@ -27,7 +27,7 @@ SECONDS = 3.0
 class Told:
     """A conversation whose clock the test moves."""
 
-    def __init__(self, wire: Wire | None) -> None:
+    def __init__(self, wire: BcapProfile | None) -> None:
         self.now = 100.0
         self.wire = wire
         clock = lambda: self.now  # noqa: E731

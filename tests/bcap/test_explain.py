@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
-from orinkit.bcap.dissect import Field, explain, first_error, kind_of, one_line, show, split
+from orinkit.bcap.dissect import PacketField, explain, first_error, kind_of, one_line, show, split
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import ProtocolError
@@ -29,7 +29,7 @@ def ids(vector):
     return f"{vector['document'][:11]}:{vector['line']}"
 
 
-def joined(fields: list[Field]) -> bytes:
+def joined(fields: list[PacketField]) -> bytes:
     return b"".join(field.raw for field in fields)
 
 
@@ -230,7 +230,7 @@ def test_a_reserved_area_before_a_crc():
 # --- wrong packets ----------------------------------------------------------------------------------------------------
 
 
-def error_of(frame: bytes) -> Field:
+def error_of(frame: bytes) -> PacketField:
     fields = explain(frame)
     assert joined(fields) == frame
     error = first_error(fields)

@@ -15,7 +15,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import SOH, Framer, Packet, check_frame, checksum, decode, decode_arguments, encode, pack
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from support.paths import VECTORS
 from support.strategies import same, variants
@@ -200,11 +200,11 @@ def test_a_broken_argument_says_where():
 def test_limits_of_one_packet():
     long = encode(Packet(1, 2, ["x" * 100]))
     with pytest.raises(LimitExceeded, match="packet of 230 bytes, at most 229") as caught:
-        decode(long, Limits(packet=229))
+        decode(long, PacketLimits(packet=229))
     assert (caught.value.code, caught.value.fatal) == (hresult.E_PACKETSIZEOVER, True)
-    assert decode(long, Limits(packet=230)).arguments == ["x" * 100]
+    assert decode(long, PacketLimits(packet=230)).arguments == ["x" * 100]
     with pytest.raises(LimitExceeded, match="nested deeper than 1"):
-        decode(encode(Packet(1, 2, [[[1, None], None]])), Limits(depth=1))
+        decode(encode(Packet(1, 2, [[[1, None], None]])), PacketLimits(depth=1))
 
 
 # --- a stream ---------------------------------------------------------------------------------------------------------
@@ -407,7 +407,7 @@ def test_packets_before_the_broken_one_are_given():
 
 
 def test_the_limit_can_be_set():
-    framer = Framer(Limits(packet=len(GOOD)))
+    framer = Framer(PacketLimits(packet=len(GOOD)))
     assert framer.take(GOOD) is GOOD
     lost(framer, encode(Packet(1, 2, ["x" * 100])), f"at most {len(GOOD)} are allowed", hresult.E_PACKETSIZEOVER)
 

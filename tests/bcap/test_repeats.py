@@ -13,7 +13,7 @@ from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import Variant, VarType, variant
 
 pytestmark = pytest.mark.core
@@ -404,7 +404,7 @@ def test_an_answer_that_is_too_long_for_a_datagram():
 
 
 def test_the_checksum_counts_on_a_serial_line():
-    line = Line(LINE, limits=Limits(packet=200))
+    line = Line(LINE, limits=PacketLimits(packet=200))
     assert line.done(5, 5, CALL, 3, result="x" * 84).arguments == ["x" * 84]
     assert line.done(6, 6, CALL, 3, result="x" * 85) == Packet(6, hresult.E_TOO_MUCH_DATA)
 
@@ -457,8 +457,8 @@ def test_nothing_is_inside():
     line.now += 1.0
     assert list(line.server.receive(b"\xaa" * 40, line.now)) == []
     assert line.server.pending > 0
-    assert STREAM.framer(Limits()).inside() is None
-    assert DATAGRAM.framer(Limits()).inside() is None
+    assert STREAM.framer(PacketLimits()).inside() is None
+    assert DATAGRAM.framer(PacketLimits()).inside() is None
 
 
 def test_only_a_shared_line_is_looked_into():
@@ -509,4 +509,4 @@ def test_a_short_error_both_ways():
     (call,) = list(line.server.receive(data, NOW))
     assert call.arguments == [code]
     answer = line.server.finish(call, 0, code)
-    assert packet.decode(answer, Limits(error_size=2), exact=True, crc=True).arguments == [code]
+    assert packet.decode(answer, PacketLimits(error_size=2), exact=True, crc=True).arguments == [code]

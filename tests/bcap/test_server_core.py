@@ -12,7 +12,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import LARGE, Close, Decode, Encoded, Execute, Send, ServerConversation
 from orinkit.core import hresult
-from orinkit.values.codec import Limits, encode
+from orinkit.values.codec import PacketLimits, encode
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 
 pytestmark = pytest.mark.core
@@ -336,7 +336,7 @@ def test_each_call_has_its_own_time():
 
 
 def test_too_big_a_result():
-    server = ServerConversation(Limits(packet=200))
+    server = ServerConversation(PacketLimits(packet=200))
     fits = variant(bytes(200 - packet.OVERHEAD - 10))
     assert len(server.finish(executed(server, request(1, 101, 3)), 0, fits)) == 200
     over = variant(bytes(201 - packet.OVERHEAD - 10))
@@ -391,8 +391,8 @@ def test_bad_arguments_are_answered_and_the_connection_goes_on(count, body, code
 @pytest.mark.parametrize(
     ("limits", "value", "code"),
     [
-        (Limits(depth=2), [[[1, None], None], None], hresult.E_INVALIDARGTYPE),
-        (Limits(variants=2), ["a", "b", "c"], hresult.E_ARGSIZEOVER),
+        (PacketLimits(depth=2), [[[1, None], None], None], hresult.E_INVALIDARGTYPE),
+        (PacketLimits(variants=2), ["a", "b", "c"], hresult.E_ARGSIZEOVER),
     ],
 )
 def test_limits_inside_a_packet(limits, value, code):
@@ -505,7 +505,7 @@ def test_the_client_hears_of_a_large_packet_that_takes_its_time_and_nothing_is_e
 
 
 def test_a_large_result_is_written_by_whoever_drives_the_conversation():
-    server = ServerConversation(Limits(packet=100_000))
+    server = ServerConversation(PacketLimits(packet=100_000))
     call = executed(server, request(3, 101, 5))
     encoded = server.encode(call, variant(LONG))
     assert packet.decode(server.finish(call, 0, encoded)) == Packet(3, 0, [LONG])

@@ -12,13 +12,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
-from orinkit.bcap.client import Conversation
+from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.packet import Framer, Packet
 from orinkit.bcap.server import Close, Execute, Send, ServerConversation
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ControllerObject, Provider, VariableObject
-from orinkit.cao.session import Host, Pending, Reply, Session
+from orinkit.cao.session import CallReply, Pending, ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
 from orinkit.values.codec import decode, encode
@@ -54,7 +54,7 @@ def executed(server: ServerConversation, data: bytes) -> Execute:
 def test_any_call_arrives_as_it_was_made_and_so_does_its_answer(call, data):
     function, arguments = call
     bound = function.bind(arguments, {})
-    operation = Conversation().call(function, bound, 1.0, exact=True)
+    operation = BcapConversation().call(function, bound, 1.0, exact=True)
     request, _ = next(operation)
     server = ServerConversation()
     action = executed(server, request) if function.id != 1 else None
@@ -115,7 +115,7 @@ class Server:
     """Session and conversation, wired as a listener wires them."""
 
     def __init__(self) -> None:
-        self.session = Session(Host(Device()))
+        self.session = Session(ProviderRegistry(Device()))
         self.conversation = ServerConversation()
         self.closed = False
 
@@ -125,7 +125,7 @@ class Server:
             if isinstance(action, Execute):
                 outcome = self.session.invoke(action.function_id, action.arguments)
                 assert not isinstance(outcome, Pending)
-                assert isinstance(outcome, Reply)
+                assert isinstance(outcome, CallReply)
                 answers.append(self.conversation.finish(action, outcome.code, outcome.result))
             elif isinstance(action, Send):
                 answers.append(action.data)
@@ -243,7 +243,7 @@ ANSWERS = [
 @settings(max_examples=300)
 def test_spoilt_answers_raise_the_documented_exceptions(function, exact, stream, end):
     arguments = tuple({VarType.BSTR: "x", VarType.R4: 1.5}.get(argument.vt, 3) for argument in function.arguments)
-    operation = Conversation().call(function, arguments, 1.0, exact=exact)
+    operation = BcapConversation().call(function, arguments, 1.0, exact=exact)
     assert next(operation)[1] == 1.0
     codes, said = set(), None
     try:

@@ -20,7 +20,7 @@ from orinkit.cao.dialect import DIALECTS, VE026A
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult
 from orinkit.core.errors import InvalidValue, LimitExceeded
-from orinkit.values.codec import DEFAULT_LIMITS, Limits, decode, encode_variant
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits, decode, encode_variant
 from orinkit.values.variant import ARRAY, Variant, VarType
 from support.paths import VECTORS
 
@@ -72,8 +72,8 @@ def test_what_can_travel():
     assert (STREAM.tail, DATAGRAM.tail, LINE.tail) == (1, 1, 3)
     assert DATAGRAM.packet == 504
     assert STREAM.bound(DEFAULT_LIMITS) is DEFAULT_LIMITS
-    assert DATAGRAM.bound(DEFAULT_LIMITS) == Limits(packet=504)
-    assert DATAGRAM.bound(Limits(packet=100)).packet == 100
+    assert DATAGRAM.bound(DEFAULT_LIMITS) == PacketLimits(packet=504)
+    assert DATAGRAM.bound(PacketLimits(packet=100)).packet == 100
 
 
 def test_a_stream_never_gives_up_what_has_begun():
@@ -101,7 +101,7 @@ def test_a_datagram_is_one_packet_or_nothing():
 def test_a_datagram_that_is_too_long_is_told_of():
     long = packet.encode(Packet(7, 111, ["x" * 400]))
     assert len(long) > 504
-    assert DatagramFramer(Limits(packet=504)).take(long) == long
+    assert DatagramFramer(PacketLimits(packet=504)).take(long) == long
 
 
 # --- serial lines -----------------------------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ def test_a_length_that_no_packet_has(length):
 
 
 def test_a_request_that_is_announced_too_long():
-    framer = LINE.server_framer(Limits(packet=1000))
+    framer = LINE.server_framer(PacketLimits(packet=1000))
     head = packet.HEADER.pack(1, 1001, 5, 5, 64, 3)
     assert framer.take(head[:10]) is None
     with pytest.raises(LimitExceeded) as caught:
@@ -189,12 +189,12 @@ def test_a_request_that_is_announced_too_long():
 
 @pytest.mark.parametrize("head", [(1, 9999, 0, 0, 64, 3), (1, 9999, 5, 5, 138, 3), (1, 9999, 5, 5, 64, 9)])
 def test_noise_that_looks_like_a_long_packet_is_noise(head):
-    for framer in (LineFramer(Limits(packet=1000)), LINE.server_framer(Limits(packet=1000))):
+    for framer in (LineFramer(PacketLimits(packet=1000)), LINE.server_framer(PacketLimits(packet=1000))):
         assert frames(framer, packet.HEADER.pack(*head) + WHOLE) == [WHOLE]
 
 
 def test_noise_that_announces_again_and_again_is_told_once():
-    framer = LINE.server_framer(Limits(packet=1000))
+    framer = LINE.server_framer(PacketLimits(packet=1000))
     noise = (b"\x01" + b"\x01" * 7) * 20 + b"\x00" * 40
     with pytest.raises(LimitExceeded):
         framer.take(packet.HEADER.pack(1, 0x01010101, 1, 1, 1, 1) * 10 + noise)
@@ -204,14 +204,14 @@ def test_noise_that_announces_again_and_again_is_told_once():
 
 
 def test_a_client_takes_it_for_noise():
-    assert frames(LineFramer(Limits(packet=1000)), packet.HEADER.pack(1, 1001, 5, 5, 64, 3) + WHOLE) == [WHOLE]
+    assert frames(LineFramer(PacketLimits(packet=1000)), packet.HEADER.pack(1, 1001, 5, 5, 64, 3) + WHOLE) == [WHOLE]
 
 
 def test_noise_made_to_cost_time_is_thrown_away():
     """Beginnings of packets within packets, none of which is right: what is kept goes before it costs more."""
     size = 60_000
     noise = (b"\x01" + (size - 0).to_bytes(4, "little") + b"\x04" * 3) * (size // 8)
-    framer = LineFramer(Limits(packet=65536))
+    framer = LineFramer(PacketLimits(packet=65536))
     assert frames(framer, noise * 3) == []
     assert framer.skipped >= size
     while framer.pending:
@@ -230,7 +230,7 @@ def test_dialects():
 @pytest.mark.parametrize(("vt", "value"), [(VarType.ERROR, 0x600B), (VarType.ERROR | ARRAY, [1, 2, 0xFFFF])])
 def test_a_short_error(vt, value):
     """VE026A table 3-1."""
-    short = Limits(error_size=2)
+    short = PacketLimits(error_size=2)
     data = encode_variant(Variant(vt, value), 2)
     assert decode(data, limits=short) == (value, len(data))
     assert len(data) == len(encode_variant(Variant(vt, value))) - 2 * (len(value) if vt & ARRAY else 1)
@@ -247,6 +247,6 @@ def test_an_error_that_is_too_long_for_a_short_one():
 def test_a_request_with_a_short_error():
     code = Variant(VarType.ERROR, 0x600B)
     sent = encode_request(f.controller_execute, (1, "ClearError", code), 5, 5, crc=True, error_size=2)
-    assert packet.decode(sent, Limits(error_size=2), exact=True, crc=True).arguments[2] == code
+    assert packet.decode(sent, PacketLimits(error_size=2), exact=True, crc=True).arguments[2] == code
     with pytest.raises(InvalidValue, match="Controller_Execute"):
         encode_request(f.controller_execute, (1, "ClearError", Variant(VarType.ERROR, 1 << 20)), 5, error_size=2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame, Turn, checked
+from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame, OperationStep, checked
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 
@@ -21,7 +21,7 @@ def test_a_frame() -> None:
 
 
 def test_a_turn_waits_for_what_is_left_unless_it_says_otherwise() -> None:
-    assert Turn() == Turn(frames=(), seconds=None, fresh=False)
+    assert OperationStep() == OperationStep(frames=(), seconds=None, fresh=False)
 
 
 @pytest.mark.parametrize("frame", [CanFrame(0, b""), CanFrame(0x1FFFFFFF, bytes(8))])

@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 
 import can
-from orinkit.can.aio_shared_bus import AsyncCanLine, arun_can
+from orinkit.can.aio_shared_bus import AsyncSharedCanBus, arun_can
 from orinkit.can.bus import Bus, open_bus, to_frame, to_message
-from orinkit.can.frame import CanFrame, CanOperation, Turn
-from orinkit.can.shared_bus import CanLine, run_can
+from orinkit.can.frame import CanFrame, CanOperation, OperationStep
+from orinkit.can.shared_bus import SharedCanBus, run_can
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost, InvalidValue, OrinError, TransportError
 from orinkit.transport.address import CanAddress, parse_address
 from support import multicast
@@ -66,7 +66,7 @@ class Lines:
 
     def line(self, bus: can.BusABC | CanAddress, *, own: bool = True) -> Any:
         wrapped = Bus.open(bus) if isinstance(bus, CanAddress) else Bus(bus, own=own)
-        line = self.do(CanLine if self.both.loop is None else AsyncCanLine, wrapped)
+        line = self.do(SharedCanBus if self.both.loop is None else AsyncSharedCanBus, wrapped)
         self._open.append(line)
         return line
 
@@ -123,9 +123,9 @@ def clears_all(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def ask(*, seconds: float = PATIENCE, answer: int = ANSWER, data: bytes = b"ask") -> CanOperation[CanFrame | None]:
     """One request and its answer, whatever else comes."""
-    received = yield Turn((frame(REQUEST, data),), seconds, True)
+    received = yield OperationStep((frame(REQUEST, data),), seconds, True)
     while received is not None and received.id != answer:
-        received = yield Turn()
+        received = yield OperationStep()
     return received
 
 
@@ -379,7 +379,7 @@ def test_many_at_a_time(lines: Lines, kind: str) -> None:
                 data = bytes([host, number])
 
                 def one(data: bytes = data) -> CanOperation[CanFrame | None]:
-                    return (yield Turn((frame(REQUEST & ~0xFF00 | host << 8, data),), 10.0, True))
+                    return (yield OperationStep((frame(REQUEST & ~0xFF00 | host << 8, data),), 10.0, True))
 
                 answer = await lines.now((run_can if lines.both.loop is None else arun_can)(one(), port))
                 assert answer is not None, (host, number)
@@ -952,7 +952,7 @@ def test_a_bus_that_opens_after_its_loop_is_closed(slow: tuple[BadBus, threading
     bus, begun, go_on = slow
 
     async def body() -> None:
-        opening = asyncio.create_task(AsyncCanLine.open(CanAddress("virtual")))
+        opening = asyncio.create_task(AsyncSharedCanBus.open(CanAddress("virtual")))
         while not begun.is_set():  # noqa: ASYNC110 - a thread tells
             await asyncio.sleep(0.001)
         assert [thread.daemon for thread in threading.enumerate() if "opening" in thread.name] == [True]
@@ -969,7 +969,7 @@ def test_a_loop_goes_on_while_a_bus_opens(slow: tuple[BadBus, threading.Event, t
     bus, begun, go_on = slow
 
     async def body() -> None:
-        opening = asyncio.create_task(AsyncCanLine.open(CanAddress("virtual")))
+        opening = asyncio.create_task(AsyncSharedCanBus.open(CanAddress("virtual")))
         while not begun.is_set():  # noqa: ASYNC110 - a thread tells
             await asyncio.sleep(0.001)
         go_on.set()
@@ -1011,7 +1011,7 @@ def test_a_program_ends_though_a_bus_does_not_open() -> None:
 def test_a_call_within_a_call_of_the_same_thread() -> None:
     """As in a signal handler, which comes while the thread reads the bus, sends, or clears."""
     bus = BadBus()
-    line = CanLine(Bus(bus))
+    line = SharedCanBus(Bus(bus))
     port, within = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
     answers: list[CanFrame | None] = []
 
@@ -1051,7 +1051,7 @@ def test_ctrl_c_at_every_point_of_a_call() -> None:
     """Where Python looks for signals: where a function begins, and behind each of those in C."""
     ours = ("orinkit/can/shared_bus.py", "orinkit/can/bus.py", "threading.py")
     bus = BadBus()
-    line = CanLine(Bus(bus))
+    line = SharedCanBus(Bus(bus))
     port, beside = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
     calls: list[Callable[[], object]] = [
         lambda: port.receive(0.01),
@@ -1079,7 +1079,7 @@ def test_ctrl_c_at_every_point_of_a_call() -> None:
 
 def test_an_interrupted_reader_leaves_the_bus_to_others() -> None:
     bus = BadBus()
-    line = CanLine(Bus(bus))
+    line = SharedCanBus(Bus(bus))
     port, beside = line.port(lambda got: got.id == ANSWER), line.port(lambda got: got.id == OTHER)
     got: list[CanFrame | BaseException | None] = []
 
@@ -1118,7 +1118,7 @@ def test_an_operation_is_closed_when_it_is_interrupted(lines: Lines) -> None:
 
     def operation() -> CanOperation[None]:
         try:
-            yield Turn((), 5.0)
+            yield OperationStep((), 5.0)
         finally:
             ended.append("closed")
 
@@ -1133,7 +1133,7 @@ def test_an_operation_is_closed_when_it_is_interrupted(lines: Lines) -> None:
 def test_a_cancelled_task_loses_nothing() -> None:
     async def body() -> None:
         mine, there = addresses("virtual", None)
-        line = await AsyncCanLine.open(mine)
+        line = await AsyncSharedCanBus.open(mine)
         port = line.port(everything)
         with open_bus(there) as other:
             for number in range(200):
@@ -1176,8 +1176,8 @@ def test_a_line_belongs_to_its_loop() -> None:
     asyncio.run(elsewhere())
 
 
-async def _made() -> AsyncCanLine:
-    return await AsyncCanLine.open(address_of(multicast.bus()))
+async def _made() -> AsyncSharedCanBus:
+    return await AsyncSharedCanBus.open(address_of(multicast.bus()))
 
 
 def test_opening_can_be_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1197,7 +1197,7 @@ def test_opening_can_be_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
     async def body() -> None:
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(0.05):
-                await AsyncCanLine.open(CanAddress("virtual"))
+                await AsyncSharedCanBus.open(CanAddress("virtual"))
         go_on.set()
         async with asyncio.timeout(PATIENCE):
             await gone.wait()
@@ -1210,7 +1210,7 @@ def test_a_loop_that_is_gone_ends_the_thread() -> None:
 
     async def body() -> can.BusABC:
         bus = open_bus(addresses("virtual", None)[0])
-        AsyncCanLine(Bus(bus, own=False))  # and nobody closes it
+        AsyncSharedCanBus(Bus(bus, own=False))  # and nobody closes it
         return bus
 
     bus = asyncio.run(body())

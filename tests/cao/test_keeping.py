@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 
 from orinkit.cao import functions as f
-from orinkit.cao.quota import MOST, MOST_OF_A_CLIENT, MOST_OF_ALL, Kept, size_to_keep
-from orinkit.cao.session import Host, Session
+from orinkit.cao.quota import MOST, MOST_OF_A_CLIENT, MOST_OF_ALL, ByteQuota, size_to_keep
+from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
 from orinkit.values.codec import encode_variant
@@ -59,8 +59,8 @@ def test_values_that_are_too_long(value):
 
 
 def test_budgets():
-    of_all = Kept(150)
-    one, other = Kept(100, of_all), Kept(100, of_all)
+    of_all = ByteQuota(150)
+    one, other = ByteQuota(100, of_all), ByteQuota(100, of_all)
     one.change(100)
     assert refused(one.change, 1) == hresult.E_OUTOFMEMORY
     other.change(50)
@@ -90,7 +90,7 @@ def new_variable(session, number):
 
 def test_tags_of_a_client_are_bounded():
     """The attack: 60 tags of nearly a packet."""
-    host = Host(Workshop())
+    host = ProviderRegistry(Workshop())
     session = open_session(host)
     handles = [new_variable(session, number) for number in range(60)]
     assert {put_tag(session, handle, bytes(15_800_000)) for handle in handles} == {hresult.E_TOO_MUCH_DATA}
@@ -107,7 +107,7 @@ def test_tags_of_a_client_are_bounded():
 
 
 def test_tags_of_all_clients_are_bounded():
-    host = Host(Workshop())
+    host = ProviderRegistry(Workshop())
     sessions = [open_session(host) for _ in range(20)]
     codes = []
     for session in sessions:
@@ -121,7 +121,7 @@ def test_tags_of_all_clients_are_bounded():
 
 
 def test_a_tag_that_is_refused_leaves_the_one_before():
-    session = open_session(Host(Workshop()))
+    session = open_session(ProviderRegistry(Workshop()))
     handle = new_variable(session, 1)
     assert put_tag(session, handle, "mine") == 0
     assert put_tag(session, handle, bytes(MOST)) == hresult.E_TOO_MUCH_DATA

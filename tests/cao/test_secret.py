@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit.cao.shared_secret import FREE, LONGEST, Guesses, check_secret
+from orinkit.cao.shared_secret import FREE, LONGEST, SecretAttempts, check_secret
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.core
 
 
 def test_five_are_free_and_then_the_delay_grows():
-    guesses = Guesses()
+    guesses = SecretAttempts()
     delays = [guesses.failed("10.0.0.7", 100.0).delay for _ in range(FREE + 6)]
     assert delays == [0, 0, 0, 0, 0, 0.125, 0.25, 0.5, LONGEST, LONGEST, LONGEST]
     for _ in range(5000):  # no number is too large
@@ -20,14 +20,14 @@ def test_five_are_free_and_then_the_delay_grows():
 
 
 def test_each_address_has_its_own_count():
-    guesses = Guesses()
+    guesses = SecretAttempts()
     for _ in range(100):
         guesses.failed("10.0.0.7", 100.0)
     assert guesses.failed("10.0.0.8", 100.0).delay == 0
 
 
 def test_who_has_stopped_is_forgotten():
-    guesses = Guesses()
+    guesses = SecretAttempts()
     for _ in range(100):
         guesses.failed("10.0.0.7", 100.0)
     assert guesses.failed("10.0.0.7", 700.0).delay == LONGEST
@@ -35,14 +35,14 @@ def test_who_has_stopped_is_forgotten():
 
 
 def test_the_log_has_an_entry_in_ten_seconds_with_the_count():
-    guesses = Guesses()
+    guesses = SecretAttempts()
     counts = [guesses.failed("10.0.0.7", 100.0 + number / 64).reported for number in range(1000)]
     assert [(number, count) for number, count in enumerate(counts) if count] == [(4, 5), (644, 640)]
     assert guesses.failed("10.0.0.7", 130.0).reported == 1000 - 645 + 1
 
 
 def test_addresses_that_are_kept_are_bounded():
-    guesses = Guesses()
+    guesses = SecretAttempts()
     for number in range(10_000):
         guesses.failed(f"{number}", 100.0)
     assert len(guesses._records) == 1000

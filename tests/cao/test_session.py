@@ -15,8 +15,16 @@ from orinkit.cao import session as session_module
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
-from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, FileObject, Provider, VariableObject
-from orinkit.cao.session import Host, Pending, Reply, Session
+from orinkit.cao.provider import (
+    BlockingCall,
+    ClientInfo,
+    ControllerObject,
+    FileObject,
+    Provider,
+    ResultWithCode,
+    VariableObject,
+)
+from orinkit.cao.session import CallReply, Pending, ProviderRegistry, Session
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
@@ -89,10 +97,10 @@ class Controller(ControllerObject):
         return later()
 
     def get_extension(self, name, option):
-        return Blocking(lambda: p.ExtensionObject(name))
+        return BlockingCall(lambda: p.ExtensionObject(name))
 
     def get_command(self, name, option):
-        return Coded(hresult.S_FALSE, p.CommandObject(name))
+        return ResultWithCode(hresult.S_FALSE, p.CommandObject(name))
 
     def get_message(self):
         return p.MessageObject("event")
@@ -124,9 +132,9 @@ def fails(error):
 COMMANDS = {
     "echo": lambda parameter: parameter,
     "none": lambda _: None,
-    "coded": lambda _: Coded(hresult.S_BUF_FULL, [1.0]),
-    "coded signed": lambda _: Coded(-2147467259, "still said"),
-    "coded wrong": lambda _: Coded(2**32, 1),
+    "coded": lambda _: ResultWithCode(hresult.S_BUF_FULL, [1.0]),
+    "coded signed": lambda _: ResultWithCode(-2147467259, "still said"),
+    "coded wrong": lambda _: ResultWithCode(2**32, 1),
     "dict": lambda _: {"a": 1},
     "text": lambda _: "P1",
     "huge": lambda _: 2**40,
@@ -137,7 +145,7 @@ COMMANDS = {
     "trouble": fails(Trouble()),
     "stop": fails(StopIteration(1)),
     "too wide": lambda parameter: Variant(VarType.I2, parameter.value),
-    "blocking": lambda parameter: Blocking(lambda: parameter),
+    "blocking": lambda parameter: BlockingCall(lambda: parameter),
 }
 
 
@@ -163,7 +171,7 @@ def device():
 
 @pytest.fixture
 def session(device):
-    return Session(Host(device))
+    return Session(ProviderRegistry(device))
 
 
 def call(session, name, *arguments):
@@ -172,14 +180,14 @@ def call(session, name, *arguments):
 
 def value(session, name, *arguments):
     reply = call(session, name, *arguments)
-    assert isinstance(reply, Reply), reply
+    assert isinstance(reply, CallReply), reply
     assert reply.code == hresult.S_OK, reply
     return None if reply.result is None else reply.result.plain
 
 
 def code(session, name, *arguments):
     reply = call(session, name, *arguments)
-    assert isinstance(reply, Reply)
+    assert isinstance(reply, CallReply)
     assert reply.result is None
     return reply.code
 
@@ -204,7 +212,7 @@ def test_handles_count_up_from_two_over_all_kinds(session):
 
 def test_a_handle_is_returned_as_vt_i4(session):
     reply = call(session, "Controller_Connect", "", PROVIDER, "localhost", "")
-    assert reply == Reply(0, Variant(VarType.I4, 2))
+    assert reply == CallReply(0, Variant(VarType.I4, 2))
 
 
 def test_a_released_handle_is_not_used_again_soon(session):
@@ -251,7 +259,7 @@ def test_a_handle_of_another_kind(session):
 
 
 def test_a_handle_of_another_client(device):
-    host = Host(device)
+    host = ProviderRegistry(device)
     one, other = Session(host), Session(host)
     connect(one)
     variable = value(one, "Controller_GetVariable", 2, "I1", "")
@@ -278,12 +286,12 @@ def test_what_is_no_handle(session, handle):
 
 def test_the_provider_is_told_name_machine_option_and_client(device):
     client = ClientInfo("192.168.0.7", "tcp", 50000)
-    session = Session(Host(device), client)
+    session = Session(ProviderRegistry(device), client)
     value(session, "Controller_Connect", "b-CAP", PROVIDER, "192.168.0.1", "Interval=8")
     ((*told, who),) = device.calls
     assert told == ["b-CAP", "192.168.0.1", "Interval=8"]
     assert who == client._replace(provider=PROVIDER, reason=session.client.reason)
-    assert Session(Host(device)).client[:3] == ("", "memory", 0)
+    assert Session(ProviderRegistry(device)).client[:3] == ("", "memory", 0)
 
 
 def test_an_empty_name_is_made_up(session, device):
@@ -346,13 +354,13 @@ def test_several_providers_and_the_one_for_any_name():
     first, second, any_name = Device(), Device(), Device()
     second.provider_names = (PROVIDER, "Second")
     any_name.provider_names = ("*",)
-    host = Host([first, second, any_name])
+    host = ProviderRegistry([first, second, any_name])
     assert host.find(PROVIDER) is first
     assert host.find("second") is second
     assert host.find("whatever") is any_name
     assert host.find("") is any_name
     with pytest.raises(CallError, match="E_CAO_PROV_INVALID"):
-        Host([first, second]).find("whatever")
+        ProviderRegistry([first, second]).find("whatever")
 
 
 def test_a_provider_refuses_a_client(session):
@@ -361,11 +369,11 @@ def test_a_provider_refuses_a_client(session):
 
 
 def test_a_provider_without_a_device():
-    session = Session(Host(Provider()))
+    session = Session(ProviderRegistry(Provider()))
     assert code(session, "Controller_Connect", "", "x", "", "") == hresult.E_CAO_PROV_INVALID
     bare = Provider()
     bare.provider_names = ("x",)
-    assert code(Session(Host(bare)), "Controller_Connect", "", "x", "", "") == hresult.E_NOTIMPL
+    assert code(Session(ProviderRegistry(bare)), "Controller_Connect", "", "x", "", "") == hresult.E_NOTIMPL
     bare.close()
 
 
@@ -378,7 +386,7 @@ def test_what_was_made_too_late_is_let_go(session):
 
     controller = connect(session)
     before = len(session)
-    pending = Pending(FUNCTIONS[9], controller, "I1", Blocking(lambda: None))
+    pending = Pending(FUNCTIONS[9], controller, "I1", BlockingCall(lambda: None))
     reply = session.complete(pending, Late("I1"), told=False)
     assert (reply.code, released, len(session)) == (hresult.E_ABORT, ["I1"], before)
     assert session.complete(Pending(FUNCTIONS[101], controller, "", None), 5, told=False).code == hresult.S_OK
@@ -396,7 +404,7 @@ def test_what_was_made_too_late_is_let_go(session):
 )
 def test_what_cannot_be_served(wrong, error, said):
     with pytest.raises(error, match=said):
-        Host(wrong)
+        ProviderRegistry(wrong)
 
 
 def test_provider_names_are_a_tuple_of_names(caplog):
@@ -404,9 +412,9 @@ def test_provider_names_are_a_tuple_of_names(caplog):
     for names in ("Foo", (1,)):
         device.provider_names = names
         with pytest.raises(TypeError, match="provider_names"):
-            Host(device)
+            ProviderRegistry(device)
     device.provider_names = ()
-    Host(device)
+    ProviderRegistry(device)
     assert "nobody can connect" in caplog.text
 
 
@@ -414,7 +422,7 @@ def test_provider_names_are_a_tuple_of_names(caplog):
 
 
 def test_the_object_limit(device):
-    session = Session(Host(device, objects=3))
+    session = Session(ProviderRegistry(device, objects=3))
     controller = connect(session, "one")
     variable = value(session, "Controller_GetVariable", controller, "I1", "")
     value(session, "Controller_GetVariable", controller, "I2", "")
@@ -519,10 +527,10 @@ def test_a_release_that_fails_is_logged_and_the_others_go_on(session, device, ca
 def test_results_of_every_kind(session):
     controller = connect(session, "C")
     execute = BY_NAME["Controller_Execute"].id
-    assert call(session, "Controller_GetAttribute", controller) == Reply(0, Variant(VarType.I4, 7))
-    assert call(session, "Controller_GetName", controller) == Reply(0, Variant(VarType.BSTR, "C"))
-    assert call(session, "Controller_PutID", controller, 5) == Reply(0, None)
-    assert call(session, "Controller_Execute", controller, "none") == Reply(0, Variant(VarType.EMPTY))
+    assert call(session, "Controller_GetAttribute", controller) == CallReply(0, Variant(VarType.I4, 7))
+    assert call(session, "Controller_GetName", controller) == CallReply(0, Variant(VarType.BSTR, "C"))
+    assert call(session, "Controller_PutID", controller, 5) == CallReply(0, None)
+    assert call(session, "Controller_Execute", controller, "none") == CallReply(0, Variant(VarType.EMPTY))
     kept = Variant(VarType.UI2, 5)
     assert session.invoke(execute, [variant(controller), variant("echo"), kept]).result is kept
 
@@ -537,7 +545,7 @@ def test_an_argument_of_type_variant_keeps_its_type(session):
 
 @given(variants())
 def test_any_value_passes_through_unchanged(item):
-    session = Session(Host(Device()))
+    session = Session(ProviderRegistry(Device()))
     connect(session)
     assert value(session, "Controller_PutTag", 2, item) is None
     assert same(call(session, "Controller_GetTag", 2).result, item)
@@ -560,11 +568,11 @@ def test_tag_and_id_belong_to_one_handle(session):
 
 def test_success_codes_beside_the_result(session):
     controller = connect(session, "coded signed")
-    assert call(session, "Controller_Execute", controller, "coded") == Reply(0x0F200501, variant([1.0]))
-    assert call(session, "Controller_PutID", controller, 1) == Reply(0x80004005, None)
-    assert call(session, "Controller_GetName", controller) == Reply(0x80004005, variant("still said"))
+    assert call(session, "Controller_Execute", controller, "coded") == CallReply(0x0F200501, variant([1.0]))
+    assert call(session, "Controller_PutID", controller, 1) == CallReply(0x80004005, None)
+    assert call(session, "Controller_GetName", controller) == CallReply(0x80004005, variant("still said"))
     command = call(session, "Controller_GetCommand", controller, "x", "")
-    assert command == Reply(hresult.S_FALSE, Variant(VarType.I4, controller + 1))
+    assert command == CallReply(hresult.S_FALSE, Variant(VarType.I4, controller + 1))
     assert code(session, "Command_Execute", controller + 1) == hresult.E_NOTIMPL
 
 
@@ -650,11 +658,11 @@ def test_every_function_reaches_its_object(session, entry):
         "GetTag": Variant(VarType.EMPTY), "GetID": Variant(VarType.EMPTY), "PutTag": None, "PutID": None,
     }  # fmt: skip
     if verb in expected:
-        assert reply == Reply(0, expected[verb])
+        assert reply == CallReply(0, expected[verb])
     elif verb.endswith("Names"):
-        assert reply == Reply(0, Variant(VARIANT_ARRAY, []))
+        assert reply == CallReply(0, Variant(VARIANT_ARRAY, []))
     elif entry.releases or entry.interface == "Service":
-        assert reply == Reply(0, None)
+        assert reply == CallReply(0, None)
         assert len(session) == (entry.name == "Service_Start")
     elif entry.name == "Controller_Connect":
         assert reply.code == 0
@@ -674,14 +682,14 @@ def test_an_unknown_function(session, number):
 
 @given(st.integers(0, 140), st.lists(variants(), max_size=6))
 def test_nothing_that_a_client_sends_makes_invoke_raise(number, arguments):
-    session = Session(Host(Device()))
+    session = Session(ProviderRegistry(Device()))
     connect(session)
     outcome = session.invoke(number, arguments)
     if isinstance(outcome, Pending):
-        if not isinstance(outcome.work, Blocking):
+        if not isinstance(outcome.work, BlockingCall):
             outcome.work.close()
         outcome = session.fail(outcome, error_for(hresult.E_ABORT))
-    assert isinstance(outcome, Reply)
+    assert isinstance(outcome, CallReply)
     assert 0 <= outcome.code < 2**32
     session.close()
 
@@ -759,7 +767,7 @@ def test_an_awaitable_is_handed_out_and_its_result_taken_back(session):
     assert isinstance(pending, Pending)
     assert (pending.function.name, pending.handle, pending.label) == ("Controller_GetTask", controller, "Pro1")
     assert len(session) == 1
-    assert session.complete(pending, drive(pending.work)) == Reply(0, Variant(VarType.I4, 3))
+    assert session.complete(pending, drive(pending.work)) == CallReply(0, Variant(VarType.I4, 3))
     assert value(session, "Task_GetName", 3) == "Pro1"
     assert value(session, "Controller_GetVariable", controller, "Pro1", "@IfNotMember") == 4
 
@@ -768,17 +776,17 @@ def test_blocking_work_is_handed_out_and_its_result_taken_back(session):
     controller = connect(session)
     pending = call(session, "Controller_GetExtension", controller, "Hand0", "")
     assert isinstance(pending, Pending)
-    assert isinstance(pending.work, Blocking)
-    assert session.complete(pending, pending.work.run()) == Reply(0, Variant(VarType.I4, 3))
+    assert isinstance(pending.work, BlockingCall)
+    assert session.complete(pending, pending.work.run()) == CallReply(0, Variant(VarType.I4, 3))
     pending = call(session, "Controller_Execute", controller, "blocking", 5)
-    assert session.complete(pending, pending.work.run()) == Reply(0, variant(5))
+    assert session.complete(pending, pending.work.run()) == CallReply(0, variant(5))
 
 
 def test_a_pending_call_that_fails(session, caplog):
     controller = connect(session)
     pending = call(session, "Controller_GetExtension", controller, "Hand0", "")
-    assert session.fail(pending, error_for(0x80020005, "why")) == Reply(0x80020005, detail="why")
-    assert session.fail(pending, OSError("gone")) == Reply(hresult.E_FAIL, detail="OSError: gone")
+    assert session.fail(pending, error_for(0x80020005, "why")) == CallReply(0x80020005, detail="why")
+    assert session.fail(pending, OSError("gone")) == CallReply(hresult.E_FAIL, detail="OSError: gone")
     assert session.complete(pending, "no object").code == hresult.E_FAIL
     pending = call(session, "Controller_Execute", controller, "blocking", 5)
     assert session.complete(pending, {}).code == hresult.E_FAIL
@@ -791,7 +799,7 @@ def test_an_object_that_comes_when_its_client_has_gone_is_released(session, devi
     pending = call(session, "Controller_GetExtension", controller, "Hand0", "")
     gone(session)
     late = Memory("late", device.log)
-    assert session.complete(pending, late) == Reply(hresult.E_ABORT, detail="Hand0")
+    assert session.complete(pending, late) == CallReply(hresult.E_ABORT, detail="Hand0")
     assert device.log == ["C", "late"]
     assert len(session) == 0
 
@@ -799,7 +807,7 @@ def test_an_object_that_comes_when_its_client_has_gone_is_released(session, devi
 def test_a_value_that_comes_when_its_client_has_gone_is_no_matter(session):
     pending = call(session, "Controller_Execute", connect(session), "blocking", 5)
     session.close()
-    assert session.complete(pending, 5) == Reply(0, variant(5))
+    assert session.complete(pending, 5) == CallReply(0, variant(5))
 
 
 def test_nobody_connects_to_a_closed_session(session, device):
@@ -845,7 +853,7 @@ class _Guarded(p.Provider):
 
     def __init__(self) -> None:
         self.guard = _Lock()
-        self.promise = p.Later[int]()
+        self.promise = p.Deferred[int]()
         self.seen: list[int] = []
 
     def connect(self, name, machine, option, client):
@@ -875,7 +883,7 @@ def _execute(session, handle):
 
 
 def _connected(provider):
-    session = Session(Host(provider))
+    session = Session(ProviderRegistry(provider))
     texts = [Variant(VarType.BSTR, text) for text in ("", "Guarded", "", "")]
     return session, session.invoke(3, texts).result.value
 
@@ -898,11 +906,11 @@ def test_a_promise_is_pending_until_it_is_kept():
     assert isinstance(pending, Pending)
     assert pending.work is provider.promise
     called = []
-    provider.promise.when_done(lambda: called.append(1))
+    provider.promise.add_done_callback(lambda: called.append(1))
     assert called == []
-    provider.promise.finish(7)
-    provider.promise.finish(8)
-    provider.promise.fail(ValueError("late"))
+    provider.promise.set_result(7)
+    provider.promise.set_result(8)
+    provider.promise.set_exception(ValueError("late"))
     assert called == [1]
     assert session.complete(pending, provider.promise.result()).result == Variant(VarType.I4, 7)
 
@@ -910,23 +918,23 @@ def test_a_promise_is_pending_until_it_is_kept():
 def test_a_promise_that_is_kept_already_is_an_ordinary_result():
     provider = _Guarded()
     session, handle = _connected(provider)
-    provider.promise.finish(7)
+    provider.promise.set_result(7)
     assert _execute(session, handle).result == Variant(VarType.I4, 7)
 
 
 def test_a_broken_promise_is_an_error_at_once():
     provider = _Guarded()
     session, handle = _connected(provider)
-    provider.promise.fail(CallError(0x83500076))
+    provider.promise.set_exception(CallError(0x83500076))
     assert _execute(session, handle).code == 0x83500076
     called = []
-    provider.promise.when_done(lambda: called.append(1))
+    provider.promise.add_done_callback(lambda: called.append(1))
     assert called == [1]
 
 
 def test_two_threads_share_the_callbacks_of_a_promise():
     """A callback that the other thread has taken is not called again."""
-    promise = p.Later[int]()
+    promise = p.Deferred[int]()
     called = []
 
     def steal():
@@ -938,7 +946,7 @@ def test_two_threads_share_the_callbacks_of_a_promise():
             return True
 
     promise._callbacks = Emptied([lambda: called.append("second"), steal])
-    promise.finish()
+    promise.set_result()
     assert called == ["first"]
 
 
@@ -984,7 +992,7 @@ def small(session, name, *arguments):
 
 def test_handles_that_a_device_gives():
     provider = SmallProvider()
-    session = Session(Host(provider))
+    session = Session(ProviderRegistry(provider))
     assert small(session, "Controller_Connect", "", "", "", "").result == Variant(VarType.I4, 1)
     assert small(session, "Controller_Connect", "", "", "", "").result.value == 1
     assert small(session, "Controller_Connect", "Controller1", "", "", "").result.value == 1
@@ -1007,15 +1015,15 @@ def test_handles_that_a_device_gives():
 
 
 def test_functions_that_a_device_does_not_have():
-    session = Session(Host(SmallProvider()))
+    session = Session(ProviderRegistry(SmallProvider()))
     assert small(session, "Controller_GetTask", 1, 2, 3, 4, 5, 6).code == hresult.E_NOTIMPL
     assert session.invoke(138, []).code == hresult.E_NOTIMPL
 
 
 def test_an_execute_without_a_result_has_no_argument():
-    session = Session(Host(SmallProvider()))
+    session = Session(ProviderRegistry(SmallProvider()))
     small(session, "Controller_Connect", "", "", "", "")
-    assert small(session, "Controller_Execute", 1, "ClearError", 0) == Reply(0)
+    assert small(session, "Controller_Execute", 1, "ClearError", 0) == CallReply(0)
 
 
 def test_dialects_do_not_mix():
@@ -1023,5 +1031,5 @@ def test_dialects_do_not_mix():
         provider_names = ("Other",)
 
     with pytest.raises(ValueError, match="SmallProvider and Other"):
-        Host([SmallProvider(), Other()])
+        ProviderRegistry([SmallProvider(), Other()])
     assert Provider().handle_of("Robot", "Arm") == 1

@@ -8,7 +8,7 @@ import pytest
 
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import Host, Numbers, Reply, Session
+from orinkit.cao.session import CallReply, HandleAllocator, ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.values.variant import Variant, VarType, plain, variant
@@ -16,9 +16,9 @@ from orinkit.values.variant import Variant, VarType, plain, variant
 pytestmark = pytest.mark.core
 
 
-def call(session: Session, name: str, *arguments: Any) -> Reply:
+def call(session: Session, name: str, *arguments: Any) -> CallReply:
     reply = session.invoke(BY_NAME[name].id, [variant(argument) for argument in arguments])
-    assert isinstance(reply, Reply)
+    assert isinstance(reply, CallReply)
     return reply
 
 
@@ -46,14 +46,14 @@ class Failing(ControllerObject):
 
 def test_a_device_knows_under_which_name_it_was_asked_for() -> None:
     told = Told()
-    session = Session(Host(told))
+    session = Session(ProviderRegistry(told))
     call(session, "Controller_Connect", "", "test.OTHER", "localhost", "")
     assert told.client.provider == "test.OTHER"
 
 
 def test_a_device_is_told_of_what_a_call_failed() -> None:
     told = Told()
-    session = Session(Host(told))
+    session = Session(ProviderRegistry(told))
     controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
     reason = told.client.reason
     assert reason(hresult.E_FAIL) == ""
@@ -65,7 +65,7 @@ def test_a_device_is_told_of_what_a_call_failed() -> None:
 
 
 def test_the_oldest_reason_is_forgotten() -> None:
-    session = Session(Host(Told()))
+    session = Session(ProviderRegistry(Told()))
     controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
     for number in range(40):
         call(
@@ -80,7 +80,7 @@ def test_the_oldest_reason_is_forgotten() -> None:
 
 
 def test_sessions_may_share_their_handles() -> None:
-    numbers, host = Numbers(), Host(Told())
+    numbers, host = HandleAllocator(), ProviderRegistry(Told())
     one, other = Session(host, numbers=numbers), Session(host, numbers=numbers)
     handles = [value(session, "Controller_Connect", "", "Test.Told", "", "") for session in (one, other, one)]
     assert handles == [2, 3, 4]

@@ -22,7 +22,7 @@ import can
 import orinkit
 from orinkit.abh3.table.decoder import Decoder
 from orinkit.can.frame import CanFrame
-from orinkit.cli.abh3.live_table import Rows
+from orinkit.cli.abh3.live_table import FrameRows
 from orinkit.cli.abh3.logs import read_line
 from orinkit.core import i18n
 from support import multicast
@@ -286,7 +286,7 @@ def test_monitor_as_a_table(run, traffic, monkeypatch):
 
 def test_rows_of_the_table():
     now = 100.0
-    rows, decoder = Rows(lambda: now), Decoder()
+    rows, decoder = FrameRows(lambda: now), Decoder()
 
     def add(number: int, data: str = "") -> None:
         rows.add(decoder.decode(CanFrame(number, bytes.fromhex(data))))

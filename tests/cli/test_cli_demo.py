@@ -13,7 +13,7 @@ import pytest
 
 from orinkit import StreamResult, Timing, functions
 from orinkit.bcap import packet
-from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.transcript import Transcript
 from orinkit.cli.app import main
 from orinkit.cli.demo import stream
@@ -22,10 +22,10 @@ from orinkit.cli.demo.steps import (
     LIST_3_1,
     LIST_4_1,
     LISTS,
-    Handle,
-    Program,
-    Step,
-    Stream,
+    DemoProgram,
+    DemoStep,
+    HandleOf,
+    StreamStep,
     a_handle,
     a_text,
     an_error,
@@ -44,7 +44,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 pytestmark = pytest.mark.slow
 
 STEPS = [step for program in LISTS.values() for step in program.steps]
-CALLS = [step for step in STEPS if isinstance(step, Step)]
+CALLS = [step for step in STEPS if isinstance(step, DemoStep)]
 SET_POINTS = 304
 ANSWERS = len(CALLS) + SET_POINTS
 
@@ -137,7 +137,7 @@ def test_as_json(run):
     assert [(step["list"], step["number"]) for step in said["steps"]] == numbers
     assert sum(step["answers"] for step in said["steps"]) == ANSWERS
     for step, expected in zip(said["steps"], STEPS, strict=True):
-        if isinstance(expected, Stream):
+        if isinstance(expected, StreamStep):
             assert (step["stream"]["set_points"], step["stream"]["underflows"]) == (SET_POINTS, 0)
             continue
         request, *_, reply = (packet.decode(bytes.fromhex(each["bytes"])) for each in step["packets"])
@@ -210,7 +210,7 @@ def test_a_busy_computer_gets_another_try():
         if sent and 50 <= int(sent[1]) < 250 and not any("too busy" in each for each in said):
             devices[0].raise_error(hresult.COMMAND_DELAY)
 
-    run_program("List 4-1", Program("it", tuple(steps)), documents, say, fields=False)
+    run_program("List 4-1", DemoProgram("it", tuple(steps)), documents, say, fields=False)
     assert any("COMMAND_DELAY" in line for line in said)
     assert sum("too busy" in line for line in said) == 1
     assert sum("slvRecvFormat" in line for line in said) == 2
@@ -225,19 +225,19 @@ def test_the_steps_are_those_of_the_sample():
     ]  # fmt: skip
     called = [step.function for step in LIST_3_1]
     assert [function for function in dict.fromkeys(called) if function in sample] == sample
-    assert LIST_3_1[4].arguments == (Handle("IO150"), Variant(VarType.I4, -1))
+    assert LIST_3_1[4].arguments == (HandleOf("IO150"), Variant(VarType.I4, -1))
     assert LISTS["List 3-1"].steps is LIST_3_1
 
 
-def with_check(number: int, check) -> Program:
+def with_check(number: int, check) -> DemoProgram:
     steps = list(LIST_3_1)
     steps[number - 1] = dataclasses.replace(steps[number - 1], check=check)
-    return Program("it", tuple(steps))
+    return DemoProgram("it", tuple(steps))
 
 
 def test_an_answer_that_differs_ends_the_demo():
     said: list[str] = []
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(CommandError) as caught:
         run_program("List", with_check(4, exactly(VarType.BOOL, True)), [], said.append, fields=False)
     assert str(caught.value) == (
         "List, 4. Read it: the point is off: answered with [Variant(VT_BOOL, False)], "
@@ -249,8 +249,8 @@ def test_an_answer_that_differs_ends_the_demo():
 
 def test_an_error_ends_the_demo():
     steps = (LIST_3_1[0], dataclasses.replace(LIST_3_1[1], arguments=("", "CaoProv.Nobody", "", "")))
-    with pytest.raises(Failure, match="E_CAO_PROV_INVALID"):
-        run_program("List", Program("", steps), [], lambda _line: None, fields=False)
+    with pytest.raises(CommandError, match="E_CAO_PROV_INVALID"):
+        run_program("List", DemoProgram("", steps), [], lambda _line: None, fields=False)
 
 
 @pytest.mark.parametrize(

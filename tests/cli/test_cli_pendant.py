@@ -15,12 +15,12 @@ import pytest
 
 import orinkit
 from orinkit.cli._shared.control_secret import find_secret, left_for
-from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.errors import CommandError
 from orinkit.cli.commands.pendant import ACTIONS, PROVIDER
 from orinkit.core import i18n
 from orinkit.transport.address import Address
 from orinkit.virtual.clock import Clock, ManualClock
-from orinkit.virtual.rc8 import Mode, VirtualRC8
+from orinkit.virtual.rc8 import ModeSwitch, VirtualRC8
 from orinkit.virtual.rc8.control import CONTROL_NAMES, MODE_NAMES, PROVIDER_NAME, ControlProvider
 
 
@@ -77,15 +77,15 @@ def press(run, control) -> Callable[..., str]:
 def test_words_are_those_of_the_control_port():
     assert PROVIDER == PROVIDER_NAME
     assert {action.command for action in ACTIONS.values()} == set(CONTROL_NAMES)
-    assert {name: Mode(MODE_NAMES[name]) for name in MODE_NAMES} == {
-        "manual": Mode.MANUAL, "teach": Mode.TEACH_CHECK, "auto": Mode.AUTOMATIC,
+    assert {name: ModeSwitch(MODE_NAMES[name]) for name in MODE_NAMES} == {
+        "manual": ModeSwitch.MANUAL, "teach": ModeSwitch.TEACH_CHECK, "auto": ModeSwitch.AUTOMATIC,
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(("word", "mode"), [("manual", 1), ("teach", 2), ("AUTO", 3)])
 def test_mode(word, mode, press, rc8):
     rc8.set_mode(1 if mode != 1 else 2)
-    assert press("mode", word) == f"mode  {Mode(mode).name.lower()}\n"
+    assert press("mode", word) == f"mode  {ModeSwitch(mode).name.lower()}\n"
     assert rc8.state.switches.mode == mode
 
 
@@ -348,12 +348,12 @@ def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monke
     (runtime / "control-5008").write_text("0123456789abcdef")
     (runtime / "control-5008").chmod(0o600)
     assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
-    with pytest.raises(Failure, match="not a directory of this account alone"), left_for("0" * 16, 5008):
+    with pytest.raises(CommandError, match="not a directory of this account alone"), left_for("0" * 16, 5008):
         pass
     if os.getuid() == 0:
         runtime.chmod(0o700)
         os.chown(runtime, 65534, 65534)
-        with pytest.raises(Failure, match="not a directory of this account alone"), left_for("0" * 16, 5008):
+        with pytest.raises(CommandError, match="not a directory of this account alone"), left_for("0" * 16, 5008):
             pass
 
 

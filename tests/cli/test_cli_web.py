@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit.cli._shared.serving import Listening, PlacesHere, _urls, _warnings
-from orinkit.cli._shared.web import Web
+from orinkit.cli._shared.serving import PlacesHere, ServerOptions, _urls, _warnings
+from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.core import i18n
 from orinkit.core.errors import ConnectFailed, InvalidAddress, ProtocolError
 from orinkit.gateway import RemoteProvider
 from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import Access
-from orinkit.transport.http.response import Contact, no_certificates, tls_failed
+from orinkit.transport.credentials import Credentials
+from orinkit.transport.http.response import HttpServerInfo, no_certificates, tls_failed
 from orinkit.virtual.rc8 import VirtualRC8
 from support.http_peers import CERTIFICATE, KEY
 
@@ -60,7 +60,7 @@ def test_options_of_http_without_http(refused, options, named):
 def test_a_token_file_that_others_can_read(tmp_path):
     file = tmp_path / "token"
     file.write_text("0123456789abcdef")
-    listening = Listening(PlacesHere(http=("8080",)), Web(token_file=str(file)))
+    listening = ServerOptions(PlacesHere(http=("8080",)), HttpServerOptions(token_file=str(file)))
     for mode in (0o600, 0o400):
         file.chmod(mode)
         assert list(_warnings(listening)) == []
@@ -74,13 +74,13 @@ def test_a_token_file_that_others_can_read(tmp_path):
 
 
 def test_a_token_is_none_of_b_cap():
-    web = Web(token_file="token.txt")
-    assert list(_warnings(Listening(PlacesHere(http=("8080",)), web))) == []
-    (warning,) = _warnings(Listening(PlacesHere(http=("8080",), tcp=("5007",), pty=True), web))
+    web = HttpServerOptions(token_file="token.txt")
+    assert list(_warnings(ServerOptions(PlacesHere(http=("8080",)), web))) == []
+    (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), tcp=("5007",), pty=True), web))
     assert warning.startswith("orinkit: warning: --token-file is for --http only")
     assert "--tcp, --pty" in warning
     i18n.use("ja")
-    (warning,) = _warnings(Listening(PlacesHere(http=("8080",), udp=("5007",)), web))
+    (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), udp=("5007",)), web))
     assert "--udp に接続できる人" in warning
 
 
@@ -90,9 +90,9 @@ def test_a_token_is_none_of_b_cap():
 @pytest.mark.parametrize(
     ("listening", "urls"),
     [
-        (Listening(PlacesHere(tcp=("5008",), udp=("5009",))), ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"]),
-        (Listening(PlacesHere(http=("8080", "192.0.2.1"))), ["http://127.0.0.1:8080", "http://192.0.2.1"]),
-        (Listening(PlacesHere(http=("0",)), Web(cert="c.pem")), ["https://127.0.0.1:0"]),
+        (ServerOptions(PlacesHere(tcp=("5008",), udp=("5009",))), ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"]),
+        (ServerOptions(PlacesHere(http=("8080", "192.0.2.1"))), ["http://127.0.0.1:8080", "http://192.0.2.1"]),
+        (ServerOptions(PlacesHere(http=("0",)), HttpServerOptions(cert="c.pem")), ["https://127.0.0.1:0"]),
     ],
 )
 def test_a_port_alone_is_one_of_this_machine(listening, urls):
@@ -102,7 +102,7 @@ def test_a_port_alone_is_one_of_this_machine(listening, urls):
 @pytest.mark.parametrize("port", ["65536", "99999999999"])
 def test_a_port_that_is_none(port):
     with pytest.raises(InvalidAddress, match="is not 0 to 65535"):
-        _urls(Listening(PlacesHere(tcp=(port,))))
+        _urls(ServerOptions(PlacesHere(tcp=(port,))))
 
 
 def test_a_client_still_needs_a_host(refused):
@@ -151,14 +151,14 @@ def test_a_certificate_without_its_key(refused):
 @pytest.mark.parametrize("name", ["en", "ja"])
 def test_hints_name_the_options_too(name):
     i18n.use(name)
-    refusal = Contact(ADDRESS, Access(), 1000).refusal(401, [], b"", 10)
+    refusal = HttpServerInfo(ADDRESS, Credentials(), 1000).refusal(401, [], b"", 10)
     assert "token= (--token-file)" in str(refusal)
     assert "cafile= (--cafile)" in str(tls_failed(ADDRESS, OSError("x")))
     assert "--cafile" in str(no_certificates("x.pem", OSError("x")))
 
 
 def test_tls_at_the_door_of_http():
-    contact = Contact(ADDRESS, Access(), 1000)
+    contact = HttpServerInfo(ADDRESS, Credentials(), 1000)
     for begin in (b"", b"H", b"HTTP/"):
         contact.check_begin(begin)
     with pytest.raises(ProtocolError, match=r"Try: https://127\.0\.0\.1:8080"):

@@ -11,7 +11,7 @@ import pytest
 from orinkit import Lateness
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.transcript import Transcript
 from orinkit.cli.demo import ve026a
 from orinkit.virtual.ve026a import VirtualVE026A
@@ -46,8 +46,8 @@ def test_a_wrong_answer(reply):
     transcript = Transcript()
     transcript(">", packet.encode(Packet(1, 1, [], 1), crc=True))
     transcript("<", packet.encode(reply, crc=True))
-    demo = ve026a.Demo(lambda _line: None, fields=False)
-    with pytest.raises(Failure, match="step"):
+    demo = ve026a.VE026ADemo(lambda _line: None, fields=False)
+    with pytest.raises(CommandError, match="step"):
         demo._check(transcript.packets, "step")
 
 
@@ -68,7 +68,7 @@ def arms(monkeypatch) -> list[VirtualVE026A]:
 def test_a_busy_computer_gets_another_try(monkeypatch, arms):
     """The detector finds a set-point missing: the error is cleared, and the wave begins anew from where the arm is."""
     said: list[str] = []
-    wave, waves = ve026a.Demo._wave, []
+    wave, waves = ve026a.VE026ADemo._wave, []
 
     def torn(self, robot, angles):
         waves.append(angles)
@@ -79,7 +79,7 @@ def test_a_busy_computer_gets_another_try(monkeypatch, arms):
             robot.execute("slvMove", angles)
         return wave(self, robot, angles)
 
-    monkeypatch.setattr(ve026a.Demo, "_wave", torn)
+    monkeypatch.setattr(ve026a.VE026ADemo, "_wave", torn)
     told = ve026a.run(said.append, fields=False)
     assert len(waves) > 1
     assert waves[0][0] != waves[1][0]
@@ -91,7 +91,7 @@ def test_a_busy_computer_gets_another_try(monkeypatch, arms):
 def test_late_set_points_are_told(monkeypatch, count, told):
     said: list[str] = []
     monkeypatch.setattr(VirtualVE026A, "lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
-    monkeypatch.setattr(ve026a.Demo, "_procedure", lambda *_: None)
+    monkeypatch.setattr(ve026a.VE026ADemo, "_procedure", lambda *_: None)
     ve026a.run(said.append, fields=False)
     words = "3 late set-points, by up to 48 ms: this computer was busy. A real VE026A would have stopped."
     assert any(words in line for line in said) is told

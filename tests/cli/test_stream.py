@@ -16,8 +16,8 @@ import pytest
 
 import orinkit
 from orinkit import Lateness, StreamResult, Timing
-from orinkit.cli._shared.stream_report import Report, histogram
-from orinkit.cli._shared.stream_trace import Trace, is_recording, read_trace, trace_of
+from orinkit.cli._shared.stream_report import StreamReport, histogram
+from orinkit.cli._shared.stream_trace import StreamTrace, is_recording, read_trace, trace_of
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 from orinkit.streaming.process.realtime import RealTime
@@ -25,7 +25,7 @@ from orinkit.streaming.recording.recorder import open_recorder
 from orinkit.streaming.recording.samples import Sample
 from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
-from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Slave
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from support.waiting import until
 
 PERIOD = 0.008
@@ -265,10 +265,10 @@ LATE = {"count": 2, "longest": 0.048, "total": 0.06}
 def late_file(tmp_path, monkeypatch) -> str:
     """A trajectory, of which the controller tells that two set-points were late."""
 
-    def lateness(slave: Slave, leave_out: int) -> Lateness:
+    def lateness(slave: RC8SlaveMode, leave_out: int) -> Lateness:
         return Lateness(**LATE) if slave.newest > (1.0,) and leave_out == 0 else Lateness()
 
-    monkeypatch.setattr(Slave, "lateness", property(lambda slave: partial(lateness, slave)))
+    monkeypatch.setattr(RC8SlaveMode, "lateness", property(lambda slave: partial(lateness, slave)))
     return write(tmp_path / "half.csv", wave(0.8)[:51])
 
 
@@ -292,7 +292,7 @@ def test_late_set_points_in_json(run, url, late_file):
 
 
 def test_what_was_in_time_is_not_told():
-    report = Report(StreamResult(51, 0, (), 0, Timing()), RealTime(0, False), Trace([], [], [], []))
+    report = StreamReport(StreamResult(51, 0, (), 0, Timing()), RealTime(0, False), StreamTrace([], [], [], []))
     assert not [line for line in report.lines() if line.startswith("late")]
     assert report.document()["late"] == {"count": 0, "longest": 0.0, "total": 0.0}
 
@@ -322,7 +322,7 @@ def test_without_feedback_there_is_no_deviation():
 
 
 def test_angles_are_compared_the_shorter_way():
-    trace = Trace([0.0], ["X", "RX", "J7"], [[0.0, 179.0, 0.0]], [[2.0, -179.0, 360.0]])
+    trace = StreamTrace([0.0], ["X", "RX", "J7"], [[0.0, 179.0, 0.0]], [[2.0, -179.0, 360.0]])
     assert [trace.largest(place) for place in range(3)] == pytest.approx([2.0, 2.0, 360.0])
     assert [trace.unit(place) for place in range(3)] == ["mm", "deg", ""]
 

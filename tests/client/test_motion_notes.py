@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
-from orinkit.cao.transport_profile import Carrier
+from orinkit.cao.transport_profile import TransportProfile
 from orinkit.client._shared.motion import note_broken_off, note_closed, note_failure
 from orinkit.core import i18n
 from orinkit.core.errors import ConnectionClosed, OrinError
 from orinkit.ecap.client import HTTP
 
 
-def gone(wire: Carrier) -> str:
+def gone(wire: TransportProfile) -> str:
     error = RuntimeError()
     note_failure(error, ConnectionClosed("closed"), wire)
     (note,) = error.__notes__
@@ -27,9 +27,9 @@ def gone(wire: Carrier) -> str:
         (HTTP, "after 60 s of silence or later, and then stops the arm", "60 秒以上無通信が続いた後に"),
         (LINE, "may go on moving, and stays taken, until the next client connects", "シリアル回線では"),
     ],
-    ids=lambda value: value.name if isinstance(value, Carrier) else "",
+    ids=lambda value: value.name if isinstance(value, TransportProfile) else "",
 )  # fmt: skip
-def test_a_connection_that_is_gone(wire: Carrier, en: str, ja: str) -> None:
+def test_a_connection_that_is_gone(wire: TransportProfile, en: str, ja: str) -> None:
     assert en in gone(wire)
     i18n.use("ja")
     assert ja in gone(wire)
@@ -50,7 +50,7 @@ def test_a_connection_that_was_closed(note) -> None:
 
 @pytest.mark.parametrize("wire", [STREAM, DATAGRAM, LINE, HTTP], ids=lambda wire: wire.name)
 @pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
-def test_it_is_said_once(note, wire: Carrier) -> None:
+def test_it_is_said_once(note, wire: TransportProfile) -> None:
     error = RuntimeError()
     error.add_note(note(wire))
     note_failure(error, ConnectionClosed("closed"), wire)

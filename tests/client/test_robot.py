@@ -16,7 +16,7 @@ import orinkit
 from orinkit import J, P, T, V, aio
 from orinkit import functions as f
 from orinkit.cao import provider as p
-from orinkit.cao.provider import Blocking, ClientInfo, Later, Provider
+from orinkit.cao.provider import BlockingCall, ClientInfo, Deferred, Provider
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import (
     BusyError,
@@ -794,7 +794,7 @@ class Scripted(Provider):
         }  # fmt: skip
         self.calls: list[Any] = []
         self.asked: list[str] = []
-        self.never: Later[None] = Later()
+        self.never: Deferred[None] = Deferred()
 
     def answer(self, name: str, parameter: Any) -> Any:
         self.asked.append(name)
@@ -865,9 +865,9 @@ def impatient(robot: Any, device: Scripted, *names: str) -> threading.Semaphore:
     return given_up
 
 
-def until_given_up(given_up: threading.Semaphore) -> Blocking:
+def until_given_up(given_up: threading.Semaphore) -> BlockingCall:
     """A command that is at work until its client does not wait for it any more."""
-    return Blocking(lambda: given_up.acquire(timeout=PATIENCE) and None)
+    return BlockingCall(lambda: given_up.acquire(timeout=PATIENCE) and None)
 
 
 TAKEN = [("TakeArm", [0, 0]), ("Motor", [1, 0])]
@@ -995,7 +995,7 @@ def test_a_call_that_is_only_slow_is_waited_for(
     both: Both, scripted: Any, device: Scripted, patient_with_halting: None
 ) -> None:
     impatient(scripted, device, "Slow")
-    slow = Later[None]()
+    slow = Deferred[None]()
     device.answers["Slow"] = [slow]
 
     def body() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import orinkit
 from orinkit import J, P, T
-from orinkit.client._shared.motion import Way, same_place
+from orinkit.client._shared.motion import MotionSegment, same_place
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.virtual.rc8 import VirtualRC8
@@ -229,8 +229,8 @@ def test_ctrl_c_in_a_motion_is_told_once(rc8: VirtualRC8, url: str) -> None:
 
 
 def test_a_way_begins_when_another_end_is_told() -> None:
-    way = Way()
-    way.begin(Way.leading_to(HOME), HOME, HOME)
+    way = MotionSegment()
+    way.begin(MotionSegment.leading_to(HOME), HOME, HOME)
     assert [way.waits, way.begun, way.end] == [True, False, None]
     way.see(LEFT)
     assert [way.waits, way.begun, way.end] == [False, True, LEFT]
@@ -239,8 +239,8 @@ def test_a_way_begins_when_another_end_is_told() -> None:
 
 
 def test_a_way_behind_an_unknown_one_is_never_sure() -> None:
-    way = Way()
-    way.begin(Way(), None, HOME)
+    way = MotionSegment()
+    way.begin(MotionSegment(), None, HOME)
     way.see(LEFT)
     way.see(RIGHT)
     assert not way.begun
@@ -248,9 +248,9 @@ def test_a_way_behind_an_unknown_one_is_never_sure() -> None:
 
 
 def test_a_long_chain_is_given_up() -> None:
-    way = Way.leading_to(HOME)
+    way = MotionSegment.leading_to(HOME)
     for _ in range(10_000):
-        new = Way(LEFT)
+        new = MotionSegment(LEFT)
         new.begin(way, None, HOME)
         way = new
     way.see(LEFT)

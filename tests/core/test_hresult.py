@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.core import _hresult_controller, _hresult_orin, hresult, i18n
-from orinkit.core.hresult import CODES, Code, Family, by_name, family, lookup
+from orinkit.core.hresult import CODES, CodeFamily, ReturnCode, by_name, family, lookup
 
 pytestmark = pytest.mark.core
 
@@ -232,59 +232,59 @@ def test_text_and_hint_follow_the_language_in_force():
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
-        (0x00000000, Family.SUCCESS),
-        (0x00000900, Family.SUCCESS),
-        (0x0F200501, Family.SUCCESS),
-        (0x7FFFFFFF, Family.SUCCESS),
-        (0x800001FF, Family.GENERAL),
-        (0x80000200, Family.CAO),
-        (0x800002FF, Family.CAO),
-        (0x80000300, Family.GENERAL),
-        (0x80000404, Family.CAO),
-        (0x800008FF, Family.GENERAL),
-        (0x80000900, Family.CAO),
-        (0x800009FF, Family.CAO),
-        (0x80000A00, Family.GENERAL),
-        (0x80004001, Family.GENERAL),
-        (0x8000FFFF, Family.GENERAL),
-        (0x80010000, Family.PACKET),
-        (0x800101FF, Family.PACKET),
-        (0x80010200, Family.USER),
-        (0x8001FFFF, Family.USER),
-        (0x80020000, Family.GENERAL),
-        (0x80020005, Family.GENERAL),
-        (0x800401FF, Family.GENERAL),
-        (0x80040200, Family.USER),
-        (0x8004FFFF, Family.USER),
-        (0x80050000, Family.GENERAL),
-        (0x80070057, Family.GENERAL),
-        (0x800FFFFF, Family.GENERAL),
-        (0x80100000, Family.CONTROLLER),
-        (0x803022EF, Family.CONTROLLER),
-        (0x80201418, Family.MOTION),
-        (0x84201482, Family.MOTION),
-        (0x84404511, Family.SERVO),
-        (0x83480001, Family.SAFETY),
-        (0x83490001, Family.SAFETY),
-        (0x834A0001, Family.SAFETY),
-        (0x834B0001, Family.CONTROLLER),
-        (0x80501043, Family.PROGRAM),
-        (0x83501032, Family.PROGRAM),
-        (0x81580001, Family.OPTION),
-        (0x83600015, Family.LANGUAGE),
-        (0x82800001, Family.PENDANT),
-        (0x80900000, Family.CONTROLLER),
-        (0x80910000, Family.SOCKET),
-        (0x809100A9, Family.SOCKET),
-        (0x809100AA, Family.BUSY),
-        (0x809100AB, Family.SOCKET),
-        (0x8091274C, Family.SOCKET),
-        (0x80920000, Family.CONTROLLER),
-        (0x81910001, Family.CONTROLLER),
-        (0x85FFFFFF, Family.CONTROLLER),
-        (0x86000000, Family.UNKNOWN),
-        (0xC0000005, Family.UNKNOWN),
-        (0xFFFFFFFF, Family.UNKNOWN),
+        (0x00000000, CodeFamily.SUCCESS),
+        (0x00000900, CodeFamily.SUCCESS),
+        (0x0F200501, CodeFamily.SUCCESS),
+        (0x7FFFFFFF, CodeFamily.SUCCESS),
+        (0x800001FF, CodeFamily.GENERAL),
+        (0x80000200, CodeFamily.CAO),
+        (0x800002FF, CodeFamily.CAO),
+        (0x80000300, CodeFamily.GENERAL),
+        (0x80000404, CodeFamily.CAO),
+        (0x800008FF, CodeFamily.GENERAL),
+        (0x80000900, CodeFamily.CAO),
+        (0x800009FF, CodeFamily.CAO),
+        (0x80000A00, CodeFamily.GENERAL),
+        (0x80004001, CodeFamily.GENERAL),
+        (0x8000FFFF, CodeFamily.GENERAL),
+        (0x80010000, CodeFamily.PACKET),
+        (0x800101FF, CodeFamily.PACKET),
+        (0x80010200, CodeFamily.USER),
+        (0x8001FFFF, CodeFamily.USER),
+        (0x80020000, CodeFamily.GENERAL),
+        (0x80020005, CodeFamily.GENERAL),
+        (0x800401FF, CodeFamily.GENERAL),
+        (0x80040200, CodeFamily.USER),
+        (0x8004FFFF, CodeFamily.USER),
+        (0x80050000, CodeFamily.GENERAL),
+        (0x80070057, CodeFamily.GENERAL),
+        (0x800FFFFF, CodeFamily.GENERAL),
+        (0x80100000, CodeFamily.CONTROLLER),
+        (0x803022EF, CodeFamily.CONTROLLER),
+        (0x80201418, CodeFamily.MOTION),
+        (0x84201482, CodeFamily.MOTION),
+        (0x84404511, CodeFamily.SERVO),
+        (0x83480001, CodeFamily.SAFETY),
+        (0x83490001, CodeFamily.SAFETY),
+        (0x834A0001, CodeFamily.SAFETY),
+        (0x834B0001, CodeFamily.CONTROLLER),
+        (0x80501043, CodeFamily.PROGRAM),
+        (0x83501032, CodeFamily.PROGRAM),
+        (0x81580001, CodeFamily.OPTION),
+        (0x83600015, CodeFamily.LANGUAGE),
+        (0x82800001, CodeFamily.PENDANT),
+        (0x80900000, CodeFamily.CONTROLLER),
+        (0x80910000, CodeFamily.SOCKET),
+        (0x809100A9, CodeFamily.SOCKET),
+        (0x809100AA, CodeFamily.BUSY),
+        (0x809100AB, CodeFamily.SOCKET),
+        (0x8091274C, CodeFamily.SOCKET),
+        (0x80920000, CodeFamily.CONTROLLER),
+        (0x81910001, CodeFamily.CONTROLLER),
+        (0x85FFFFFF, CodeFamily.CONTROLLER),
+        (0x86000000, CodeFamily.UNKNOWN),
+        (0xC0000005, CodeFamily.UNKNOWN),
+        (0xFFFFFFFF, CodeFamily.UNKNOWN),
     ],
 )
 def test_family_by_range(value, expected):
@@ -427,7 +427,7 @@ def test_every_32_bit_number_has_an_answer(number):
     assert JAPANESE.search(code.ja)
     assert "{" not in code.en + code.ja
     assert code.failed == (hresult.signed(number) < 0)
-    assert code.failed == (code.family is not Family.SUCCESS)
+    assert code.failed == (code.family is not CodeFamily.SUCCESS)
     assert 0 <= code.level <= 5
     assert (code.name == f"0x{value:08X}") == (value not in CODES)
 
@@ -472,5 +472,5 @@ def test_numbers_of_the_older_controller():
 
 
 def test_a_code_of_ones_own_needs_no_hint():
-    code = Code(0x80040201, "MY_ERROR", "Out of paper", "用紙切れ")
-    assert (code.hint, code.rc7, code.family, code.level, code.failed) == ("", "", Family.USER, 0, True)
+    code = ReturnCode(0x80040201, "MY_ERROR", "Out of paper", "用紙切れ")
+    assert (code.hint, code.rc7, code.family, code.level, code.failed) == ("", "", CodeFamily.USER, 0, True)

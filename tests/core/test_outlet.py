@@ -12,7 +12,7 @@ from typing import TextIO
 import pytest
 
 from orinkit.core import background_writer as outlet_module
-from orinkit.core.background_writer import Outlet
+from orinkit.core.background_writer import BackgroundWriter
 from support.waiting import PATIENCE, until
 
 
@@ -41,7 +41,7 @@ def outlets() -> list[str]:
 def test_all_is_written_in_its_order(pipe, monkeypatch):
     monkeypatch.setattr(outlet_module, "_PATIENCE", PATIENCE)
     ours, stream = pipe
-    outlet = Outlet(stream)
+    outlet = BackgroundWriter(stream)
     for number in range(500):
         outlet.write(f"{number} 行\n")
     outlet.close()
@@ -53,7 +53,7 @@ def test_all_is_written_in_its_order(pipe, monkeypatch):
 
 def test_what_nobody_reads_is_dropped_and_counted(pipe):
     ours, stream = pipe
-    outlet = Outlet(stream)
+    outlet = BackgroundWriter(stream)
     line = "x" * 999 + "\n"
     for _ in range(3000):
         outlet.write(line)
@@ -70,7 +70,7 @@ def test_what_nobody_reads_is_dropped_and_counted(pipe):
 
 def test_a_reader_that_has_gone(pipe):
     ours, stream = pipe
-    outlet = Outlet(stream)
+    outlet = BackgroundWriter(stream)
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, ours)  # it closes the pipe's end
     os.close(null)
@@ -85,7 +85,7 @@ def test_a_reader_that_has_gone(pipe):
 
 def test_a_stream_without_a_descriptor_is_written_to_at_once():
     text = io.StringIO()
-    outlet = Outlet(text)
+    outlet = BackgroundWriter(text)
     assert outlet.write("now") == 3
     assert text.getvalue() == "now"
     assert not outlet.isatty()
@@ -94,7 +94,7 @@ def test_a_stream_without_a_descriptor_is_written_to_at_once():
 
 
 def test_no_stream_at_all():
-    outlet = Outlet(None)
+    outlet = BackgroundWriter(None)
     assert outlet.write("nowhere") == 7
     outlet.flush()
     outlet.close()

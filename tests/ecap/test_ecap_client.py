@@ -9,8 +9,8 @@ import pytest
 from orinkit import functions as f
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, ProtocolError
-from orinkit.ecap.client import HTTP, Conversation
-from orinkit.values.codec import Limits
+from orinkit.ecap.client import HTTP, EcapConversation
+from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import Variant, VarType
 
 pytestmark = pytest.mark.core
@@ -35,7 +35,7 @@ def failure_of(operation: Any, received: bytes | None) -> BaseException:
 
 def test_a_call() -> None:
     trace: list[tuple[str, bytes]] = []
-    conversation = Conversation(trace=lambda mark, data: trace.append((mark, data)))
+    conversation = EcapConversation(trace=lambda mark, data: trace.append((mark, data)))
     operation = conversation.call(f.controller_get_variable, (2, "I1", ""), 3.0)
     request, seconds = next(operation)
     assert seconds == 3.0
@@ -47,7 +47,7 @@ def test_a_call() -> None:
 
 
 def test_every_line_feed_starts_the_time_out_anew() -> None:
-    call = Conversation().call(f.variable_get_value, (3,), 3.0)
+    call = EcapConversation().call(f.variable_get_value, (3,), 3.0)
     assert result_of(call, b"\n", b"\n\n", b"0x00000000,4,0.5") == (0, 0.5)
 
 
@@ -62,33 +62,33 @@ def test_every_line_feed_starts_the_time_out_anew() -> None:
     ],
 )
 def test_results(function: Any, arguments: Any, received: bytes, value: Any) -> None:
-    assert result_of(Conversation().call(function, arguments, 3.0), received) == (0, value)
+    assert result_of(EcapConversation().call(function, arguments, 3.0), received) == (0, value)
 
 
 def test_exact_results_and_success_codes() -> None:
-    call = Conversation().call(f.robot_execute, (3, "slvMove", None), 3.0, exact=True)
+    call = EcapConversation().call(f.robot_execute, (3, "slvMove", None), 3.0, exact=True)
     assert result_of(call, b"0x0F200501") == (hresult.S_BUF_FULL, Variant(VarType.EMPTY))
-    call = Conversation().call(f.variable_get_value, (3,), 3.0, exact=True)
+    call = EcapConversation().call(f.variable_get_value, (3,), 3.0, exact=True)
     assert result_of(call, b"0x00000000,4,0.5") == (0, Variant(VarType.R4, 0.5))
 
 
 def test_failures() -> None:
-    error = failure_of(Conversation().call(f.variable_get_value, (9,), 3.0), b"0x80070006")
+    error = failure_of(EcapConversation().call(f.variable_get_value, (9,), 3.0), b"0x80070006")
     assert isinstance(error, CallError)
     assert (error.code, error.function) == (hresult.E_HANDLE, "Variable_GetValue")
     assert error.detail == ""
     error = failure_of(
-        Conversation().call(f.variable_get_value, (9,), 3.0), "0x80070006,handle 9\n は使われていません".encode()
+        EcapConversation().call(f.variable_get_value, (9,), 3.0), "0x80070006,handle 9\n は使われていません".encode()
     )
     assert isinstance(error, CallError)
     assert error.detail == "handle 9 は使われていません"
-    assert isinstance(failure_of(Conversation().call(f.service_start, ("",), 3.0), None), CallTimeout)
-    assert isinstance(failure_of(Conversation().call(f.service_start, ("",), 3.0), b""), ConnectionLost)
-    assert isinstance(failure_of(Conversation().call(f.service_start, ("",), 3.0), b"<html>"), ProtocolError)
+    assert isinstance(failure_of(EcapConversation().call(f.service_start, ("",), 3.0), None), CallTimeout)
+    assert isinstance(failure_of(EcapConversation().call(f.service_start, ("",), 3.0), b""), ConnectionLost)
+    assert isinstance(failure_of(EcapConversation().call(f.service_start, ("",), 3.0), b"<html>"), ProtocolError)
     assert isinstance(
-        failure_of(Conversation().call(f.controller_get_robot, (2, "", ""), 3.0), b"0,8,x"), ProtocolError
+        failure_of(EcapConversation().call(f.controller_get_robot, (2, "", ""), 3.0), b"0,8,x"), ProtocolError
     )
-    small = Conversation(Limits(packet=40))
+    small = EcapConversation(PacketLimits(packet=40))
     assert isinstance(
         failure_of(small.call(f.variable_get_value, (9,), 3.0), b"0x00000000,8," + b"x" * 40), ProtocolError
     )
@@ -96,13 +96,13 @@ def test_failures() -> None:
 
 def test_what_does_not_fit_is_not_sent() -> None:
     with pytest.raises(InvalidValue, match="Variable_GetValue"):
-        next(Conversation().call(f.variable_get_value, (2**40,), 3.0))
+        next(EcapConversation().call(f.variable_get_value, (2**40,), 3.0))
     with pytest.raises(InvalidValue, match="at most 1000"):
-        next(Conversation(Limits(packet=1000)).call(f.variable_put_value, (3, "x" * 1000), 3.0))
+        next(EcapConversation(PacketLimits(packet=1000)).call(f.variable_put_value, (3, "x" * 1000), 3.0))
 
 
 def test_goodbye_is_said_once_by_one_who_has_not_said_it() -> None:
-    conversation = Conversation()
+    conversation = EcapConversation()
     assert conversation.farewell() == []
     result_of(conversation.call(f.service_start, ("",), 3.0), b"0x00000000")
     ((request, seconds),) = conversation.farewell()
@@ -115,5 +115,5 @@ def test_goodbye_is_said_once_by_one_who_has_not_said_it() -> None:
 
 
 def test_it_is_http() -> None:
-    assert Conversation().wire is HTTP
+    assert EcapConversation().wire is HTTP
     assert not HTTP.lossy

@@ -15,7 +15,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.ecap.fields import read_fields
 from orinkit.ecap.message import explain_reply, explain_request, read_reply, read_request, write_reply, write_request
-from orinkit.values.codec import Limits, encode_variant
+from orinkit.values.codec import PacketLimits, encode_variant
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from support.ecap_bodies import BAD_BODIES, BODIES
 from support.strategies import CONTENTS, same, strings, variants
@@ -98,7 +98,7 @@ def test_cutting_and_decoding_undo_writing(one, other):
     }  # fmt: skip
 
 
-SMALL = Limits(packet=400, variants=20)
+SMALL = PacketLimits(packet=400, variants=20)
 
 
 def refused(kind, read, body, limits):
@@ -115,7 +115,7 @@ def is_harmless(text: str) -> bool:
 
 
 def harmless(body: bytes) -> None:
-    for limits in (Limits(), SMALL):
+    for limits in (PacketLimits(), SMALL):
         refusal = refused(CallError, read_request, body, limits)
         assert refusal is None or (refusal.code in CODES and 0 < len(refusal.detail) < 500)
         refusal = refused(ProtocolError, read_reply, body, limits)

@@ -13,7 +13,7 @@ from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, ProtocolError
 from orinkit.ecap.message import explain_reply, explain_request, read_reply, read_request, write_reply, write_request
-from orinkit.values.codec import DEFAULT_LIMITS, Limits, encode_variant
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits, encode_variant
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from support.ecap_bodies import BAD_BODIES, BODIES, EXAMPLES, bstr, i4
 from support.strategies import same
@@ -24,13 +24,13 @@ MIB = 1 << 20
 PUT = b"Func=102,Arg1=3,Arg2="  # Variable_PutValue
 
 
-def refusal(body: bytes, limits: Limits = DEFAULT_LIMITS) -> CallError:
+def refusal(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> CallError:
     with pytest.raises(CallError) as refused:
         read_request(body, limits)
     return refused.value
 
 
-def unreadable(body: bytes, limits: Limits = DEFAULT_LIMITS) -> ProtocolError:
+def unreadable(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> ProtocolError:
     with pytest.raises(ProtocolError) as refused:
         read_reply(body, limits)
     return refused.value
@@ -332,11 +332,11 @@ def test_any_nan_arrives_as_the_one_that_python_has(vt, form, bits):
 
 # --- bounds -----------------------------------------------------------------------------------------------------------
 
-SMALL = Limits(variants=100)
+SMALL = PacketLimits(variants=100)
 
 
 def test_a_body_has_a_greatest_length():
-    limits = Limits(packet=100)
+    limits = PacketLimits(packet=100)
     assert read_request(b"Func=9,Arg1=2,Arg2=".ljust(100, b"a"), limits).arguments[1] == bstr("a" * 81)
     assert refusal(b"Func=9,Arg1=2,Arg2=".ljust(101, b"a"), limits).code == hresult.E_PACKETSIZEOVER
     assert read_reply(b"0,8,".ljust(100, b"a"), limits) == (0, bstr("a" * 96))
@@ -407,7 +407,9 @@ def test_several_variants_are_bounded_together():
 
 
 def test_a_limit_of_depth_holds_for_long_arrays_too():
-    error = refusal(PUT + b"8204,(8204,(8204," + b",".join([b"(3,1)"] * 50) + b"))", Limits(variants=100, depth=2))
+    error = refusal(
+        PUT + b"8204,(8204,(8204," + b",".join([b"(3,1)"] * 50) + b"))", PacketLimits(variants=100, depth=2)
+    )
     assert error.code == hresult.E_INVALIDARGTYPE
     assert error.detail.startswith("Variable_PutValue, argument 2 (value): VARIANT arrays nested deeper than 2")
 

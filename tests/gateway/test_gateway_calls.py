@@ -16,7 +16,7 @@ from orinkit import aio
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.provider import ClientInfo, Coded, ControllerObject, Provider, RobotObject, VariableObject
+from orinkit.cao.provider import ClientInfo, ControllerObject, Provider, ResultWithCode, RobotObject, VariableObject
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import BusyError, CallError, InvalidAddress, InvalidArgument, InvalidValue
@@ -112,16 +112,16 @@ def test_a_client_sees_no_difference(both: Any) -> None:
 
 class Full(RobotObject):
     def execute(self, command: str, parameter: Variant) -> Any:
-        return Coded(BUFFER_FULL, parameter)
+        return ResultWithCode(BUFFER_FULL, parameter)
 
     def get_variable(self, name: str, option: str) -> Any:
-        return Coded(hresult.S_FALSE, VariableObject(name))
+        return ResultWithCode(hresult.S_FALSE, VariableObject(name))
 
     def hold(self, option: str) -> Any:
-        return Coded(hresult.S_FALSE)
+        return ResultWithCode(hresult.S_FALSE)
 
     def get_name(self) -> Any:
-        return Coded(hresult.S_FALSE, "名前")
+        return ResultWithCode(hresult.S_FALSE, "名前")
 
     def get_attribute(self) -> Any:
         return -1

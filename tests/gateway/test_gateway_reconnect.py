@@ -17,8 +17,8 @@ from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
 from orinkit.gateway import RemoteProvider, Upstream
-from orinkit.gateway.upstream import Connection, Wanted
-from orinkit.values.codec import Limits
+from orinkit.gateway.upstream import ConnectRequest, UpstreamConnection
+from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
 from support.devices import Call, Recorder, Workshop
 from support.gateways import HTTP, LISTEN, PATIENCE, gateway, hurry
@@ -388,7 +388,7 @@ def test_signs_of_life() -> None:
 # --- one connection ---------------------------------------------------------------------------------------------------
 
 
-WANTED = Wanted("", "", "", "")
+WANTED = ConnectRequest("", "", "", "")
 
 
 def test_a_connection_that_is_lost_with_a_release() -> None:
@@ -397,7 +397,7 @@ def test_a_connection_that_is_lost_with_a_release() -> None:
 
     async def main(url: str) -> None:
         ended = asyncio.Event()
-        connection = Connection(Upstream(url, retry=60.0), WANTED, lambda _: ended.set())
+        connection = UpstreamConnection(Upstream(url, retry=60.0), WANTED, lambda _: ended.set())
         async with connection.turn:
             await connection.ready()
             for handle in (5, 6):
@@ -420,7 +420,7 @@ def test_a_connection_that_is_closed() -> None:
 
     async def main(url: str) -> None:
         ended = asyncio.Event()
-        connection = Connection(Upstream(url), WANTED, lambda _: ended.set())
+        connection = UpstreamConnection(Upstream(url), WANTED, lambda _: ended.set())
         connection.close()
         connection.close()
         for _ in range(2):
@@ -439,7 +439,7 @@ def test_a_connection_that_is_closed_while_it_is_being_opened() -> None:
     script = Scripted()
 
     async def main(url: str, connecting: threading.Semaphore, answer: threading.Event) -> None:
-        connection = Connection(Upstream(url), WANTED, lambda _: None)
+        connection = UpstreamConnection(Upstream(url), WANTED, lambda _: None)
         async with connection.turn:
             opening = asyncio.create_task(connection.ready())
             await asyncio.to_thread(connecting.acquire)
@@ -486,7 +486,7 @@ def test_an_answer_that_cannot_be_read(answer: Any, code: int) -> None:
 def test_an_answer_that_is_too_long() -> None:
     with (
         controller(Workshop()) as device,
-        gateway(device.url, limits=Limits(packet=10_000), retry=0.02) as url,
+        gateway(device.url, limits=PacketLimits(packet=10_000), retry=0.02) as url,
         orinkit.connect(url, provider="Test.Workshop") as shop,
     ):
         assert code_of(lambda: shop.execute("Large", 20_000)) in (hresult.E_TOO_MUCH_DATA, hresult.E_NOT_CONNECTED)

@@ -9,10 +9,18 @@ import pytest
 
 import orinkit
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
-from orinkit.cao.provider import Blocking, ClientInfo, Coded, ControllerObject, Later, Provider, VariableObject
+from orinkit.cao.provider import (
+    BlockingCall,
+    ClientInfo,
+    ControllerObject,
+    Deferred,
+    Provider,
+    ResultWithCode,
+    VariableObject,
+)
 from orinkit.core import hresult
 from orinkit.core.errors import AccessDenied, CallError
-from orinkit.gateway import RemoteProvider, Restricted, Rules
+from orinkit.gateway import AccessRules, RemoteProvider, RestrictedProvider
 from orinkit.gateway.rules import READING
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
@@ -35,7 +43,7 @@ OF_REAL_ONES = {
 SAMPLES = {VarType.I4: 1, VarType.R4: 1.0, VarType.BSTR: "x", VarType.VARIANT: EMPTY}
 
 
-def allowed(rules: Rules, function: str, *arguments: Any) -> bool:
+def allowed(rules: AccessRules, function: str, *arguments: Any) -> bool:
     entry = BY_NAME[function]
     given = arguments or [SAMPLES[argument.vt] for argument in entry.arguments if not argument.is_handle]
     try:
@@ -68,7 +76,7 @@ def test_no_documented_command_of_a_ve026a_only_reads() -> None:
 
 
 def test_which_functions_read() -> None:
-    rules = Rules(read_only=True)
+    rules = AccessRules(read_only=True)
     passed = {entry.name for entry in FUNCTIONS.values() if allowed(rules, entry.name)}
     releasing = {entry.name for entry in FUNCTIONS.values() if entry.releases}
     assert passed == {"Service_Start", "Service_Stop", "Controller_Connect"} | releasing | {
@@ -92,13 +100,13 @@ def test_which_functions_read() -> None:
 )
 def test_a_file_that_would_be_made(option: str) -> None:
     for function in ("Controller_GetFile", "File_GetFile"):
-        assert not allowed(Rules(read_only=True), function, "a.txt", option)
-        assert allowed(Rules(), function, "a.txt", option)
+        assert not allowed(AccessRules(read_only=True), function, "a.txt", option)
+        assert allowed(AccessRules(), function, "a.txt", option)
 
 
 @pytest.mark.parametrize("option", ["", "@Create=0", "@Create=False", "x=1"])
 def test_a_file_that_is_there(option: str) -> None:
-    assert allowed(Rules(read_only=True), "Controller_GetFile", "a.txt", option)
+    assert allowed(AccessRules(read_only=True), "Controller_GetFile", "a.txt", option)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +129,7 @@ def test_a_file_that_is_there(option: str) -> None:
     ],
 )
 def test_which_commands_read(function: str, command: str, reads: bool) -> None:
-    assert allowed(Rules(read_only=True), function, command, EMPTY) is reads
+    assert allowed(AccessRules(read_only=True), function, command, EMPTY) is reads
 
 
 # --- lists ------------------------------------------------------------------------------------------------------------
@@ -143,7 +151,7 @@ def test_which_commands_read(function: str, command: str, reads: bool) -> None:
     ],
 )
 def test_lists_of_functions(patterns: tuple[str, ...], function: str, passes: bool) -> None:
-    assert allowed(Rules(functions=patterns), function) is passes
+    assert allowed(AccessRules(functions=patterns), function) is passes
 
 
 @pytest.mark.parametrize(
@@ -201,8 +209,8 @@ def test_lists_of_functions(patterns: tuple[str, ...], function: str, passes: bo
 )
 def test_lists_of_variables(patterns: tuple[str, ...], name: str, passes: bool) -> None:
     for function in ("Controller_GetVariable", "Robot_GetVariable", "Task_GetVariable", "File_GetVariable"):
-        assert allowed(Rules(variables=patterns), function, name, "") is passes
-    assert allowed(Rules(variables=patterns), "Controller_GetFile", name[:10], "")
+        assert allowed(AccessRules(variables=patterns), function, name, "") is passes
+    assert allowed(AccessRules(variables=patterns), "Controller_GetFile", name[:10], "")
 
 
 @pytest.mark.parametrize(
@@ -219,16 +227,16 @@ def test_lists_of_variables(patterns: tuple[str, ...], name: str, passes: bool) 
     ],
 )
 def test_lists_of_commands(patterns: tuple[str, ...], function: str, command: str, passes: bool) -> None:
-    assert allowed(Rules(commands=patterns), function, command, "") is passes
+    assert allowed(AccessRules(commands=patterns), function, command, "") is passes
 
 
 def test_a_command_with_letters_like_ascii_ones() -> None:
-    rules = Rules(commands=("[!K]*",))
+    rules = AccessRules(commands=("[!K]*",))
     assert allowed(rules, "Robot_Execute", "Motor", EMPTY)
     assert not allowed(rules, "Robot_Execute", "\u212aill", EMPTY)
 
 
-LISTED = Rules(variables=("S*", "P1", "IO1[0-9]", "F[!5]*"))
+LISTED = AccessRules(variables=("S*", "P1", "IO1[0-9]", "F[!5]*"))
 
 
 @pytest.mark.parametrize(
@@ -272,7 +280,7 @@ def test_variables_in_parameters(given: Any, passes: bool) -> None:
     parameter = variant(given)
     for function in ("Robot_Execute", "Controller_Execute", "Task_Execute", "File_Execute", "Extension_Execute"):
         assert allowed(LISTED, function, "P2T", parameter) is passes
-        assert allowed(Rules(), function, "P2T", parameter)
+        assert allowed(AccessRules(), function, "P2T", parameter)
     assert allowed(LISTED, "Command_PutParameters", parameter) is passes
     assert allowed(LISTED, "Robot_Move", 1, parameter, "") is passes
     assert allowed(LISTED, "Robot_Rotate", parameter, 1.0, EMPTY, "") is passes
@@ -317,11 +325,11 @@ def test_numbers_of_other_commands_are_no_variables() -> None:
 
 
 def test_a_command_object_is_executed_once_it_is_allowed() -> None:
-    assert allowed(Rules(commands=("x",)), "Command_Execute", 0)
+    assert allowed(AccessRules(commands=("x",)), "Command_Execute", 0)
 
 
 def test_rules_add_up() -> None:
-    rules = Rules(read_only=True, functions=("Robot_*",), commands=("*",))
+    rules = AccessRules(read_only=True, functions=("Robot_*",), commands=("*",))
     assert allowed(rules, "Robot_Execute", "CurPos", EMPTY)
     assert not allowed(rules, "Robot_Execute", "TakeArm", EMPTY)
     assert not allowed(rules, "Controller_Execute", "SysState", EMPTY)
@@ -330,7 +338,7 @@ def test_rules_add_up() -> None:
 @pytest.mark.parametrize("wrong", [{"functions": "Robot_*"}, {"variables": "I1"}, {"commands": [1]}])
 def test_what_is_no_list(wrong: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=next(iter(wrong))):
-        Rules(**wrong)
+        AccessRules(**wrong)
 
 
 # --- around providers -------------------------------------------------------------------------------------------------
@@ -339,7 +347,7 @@ def test_what_is_no_list(wrong: dict[str, Any]) -> None:
 def test_a_gateway_that_only_reads() -> None:
     device = VirtualRC8(motor=True)
     with orinkit.serve(device, LISTEN) as server:
-        provider = Restricted(RemoteProvider(server.url), Rules(read_only=True))
+        provider = RestrictedProvider(RemoteProvider(server.url), AccessRules(read_only=True))
         with orinkit.serve(provider, LISTEN) as gate, orinkit.connect(gate.url) as rc8:
             robot = rc8.robot()
             assert len(robot.execute("CurJnt")) == 8
@@ -361,7 +369,7 @@ def test_a_gateway_that_only_reads() -> None:
 
 def test_variables_that_are_not_listed_stay_unread() -> None:
     with orinkit.serve(VirtualRC8(motor=True), LISTEN) as server:
-        provider = Restricted(RemoteProvider(server.url), Rules(read_only=True, variables=("S*", "P1")))
+        provider = RestrictedProvider(RemoteProvider(server.url), AccessRules(read_only=True, variables=("S*", "P1")))
         with orinkit.serve(provider, LISTEN) as gate, orinkit.connect(gate.url) as rc8:
             robot = rc8.robot()
             here = robot.execute("CurPos")
@@ -384,7 +392,7 @@ def test_variables_that_are_not_listed_stay_unread() -> None:
 
 def test_around_any_provider() -> None:
     recorder = Recorder()
-    provider = Restricted(recorder, Rules(variables=("v*",)))
+    provider = RestrictedProvider(recorder, AccessRules(variables=("v*",)))
     with orinkit.serve(provider, LISTEN) as server, orinkit.connect(server.url, provider="Test.Recorder") as rc8:
         assert rc8.robot().variable("v1").value
         with pytest.raises(AccessDenied):
@@ -395,7 +403,7 @@ def test_around_any_provider() -> None:
 
 def test_a_ve026a_stays_one() -> None:
     with (
-        orinkit.serve(Restricted(VirtualVE026A(), Rules(read_only=True)), LISTEN) as server,
+        orinkit.serve(RestrictedProvider(VirtualVE026A(), AccessRules(read_only=True)), LISTEN) as server,
         orinkit.connect(server.url, provider="") as controller,
     ):
         assert controller.handle == 1
@@ -411,18 +419,18 @@ class Slow(ControllerObject):
     def get_variable(self, name: str, option: str) -> Any:
         made = VariableObject(name)
         if name == "coded":
-            return Coded(hresult.S_FALSE, made)
+            return ResultWithCode(hresult.S_FALSE, made)
         if name == "blocking":
-            return Blocking(lambda: made)
+            return BlockingCall(lambda: made)
         if name == "soon":
             return self._soon(made)
-        promise = Later[Any]()
+        promise = Deferred[Any]()
         if name == "fails":
-            promise.fail(CallError(0x80040201))
+            promise.set_exception(CallError(0x80040201))
         elif name == "later":
-            asyncio.get_running_loop().call_later(0.01, promise.finish, made)
+            asyncio.get_running_loop().call_later(0.01, promise.set_result, made)
         else:
-            promise.finish(made)
+            promise.set_result(made)
         return promise
 
     async def _soon(self, made: VariableObject) -> VariableObject:
@@ -441,7 +449,9 @@ class SlowProvider(Provider):
 
 
 def test_objects_that_come_late_are_restricted_too(caplog: pytest.LogCaptureFixture) -> None:
-    provider = Restricted(SlowProvider(), Rules(functions=("*_GetVariable", "*_GetName", "*_GetExtension")))
+    provider = RestrictedProvider(
+        SlowProvider(), AccessRules(functions=("*_GetVariable", "*_GetName", "*_GetExtension"))
+    )
     with orinkit.serve(provider, LISTEN) as server, orinkit.connect(server.url) as rc8:
         for name in ("coded", "blocking", "soon", "later", "done"):
             variable = rc8.variable(name)
@@ -460,7 +470,7 @@ def test_objects_that_come_late_are_restricted_too(caplog: pytest.LogCaptureFixt
 def test_work_in_threads_and_waiting() -> None:
     shop = Workshop()
     with (
-        orinkit.serve(Restricted(shop, Rules(commands=("B*", "Wait"))), LISTEN) as server,
+        orinkit.serve(RestrictedProvider(shop, AccessRules(commands=("B*", "Wait"))), LISTEN) as server,
         orinkit.connect(server.url, provider="Test.Workshop") as client,
     ):
         shop.gate.set()

@@ -13,7 +13,7 @@ from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Execute, Send, ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import Host, Session
+from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.rc8.motion_calls import leaves_moving
 from orinkit.values.variant import Variant, VarType, variant
 
@@ -75,7 +75,7 @@ def connect(session: Session, name: str) -> None:
 
 def test_a_session_asks_its_controllers(caplog: pytest.LogCaptureFixture) -> None:
     axes = Axes()
-    session = Session(Host(axes))
+    session = Session(ProviderRegistry(axes))
     assert not session.is_moving()
     connect(session, "plain")
     assert not session.is_moving()

@@ -12,8 +12,8 @@ from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, InvalidArgument, InvalidValue, ProtocolError
 from orinkit.rc8 import slave_feedback
 from orinkit.rc8 import slave_formats as sf
-from orinkit.rc8.slave_fields import Field, Form
-from orinkit.rc8.slave_formats import Receive, ReceiveFormat, Send, SetPoint, SlaveAnswer, SlaveMode, UserWindow
+from orinkit.rc8.slave_fields import FieldType, SlaveField
+from orinkit.rc8.slave_formats import ReceiveBits, ReceiveFormat, SendBits, SetPoint, SlaveAnswer, SlaveMode, UserWindow
 from orinkit.values.codec import decode, encode, encode_variant
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, variant
 from support.strategies import same
@@ -28,9 +28,9 @@ POSES = {
 }
 P, J, T = POSES.values()
 KINDS = ["P", "J", "T"]
-POSE_ONLY = (Send(0), ReceiveFormat())
+POSE_ONLY = (SendBits(0), ReceiveFormat())
 WITH_USER = ReceiveFormat(0x202)
-MINI_HAND = Send.MINI | Send.HAND
+MINI_HAND = SendBits.MINI | SendBits.HAND
 HUGE = 20_000
 
 
@@ -125,10 +125,10 @@ def test_a_mode_does_not_change():
 def test_the_six_send_formats_of_table_4_1():
     assert sf.SEND_FORMATS == (0, 0x20, 0x100, 0x120, 0x200, 0x220)
     for number in sf.SEND_FORMATS:
-        assert isinstance(sf.send_format(number), Send)
+        assert isinstance(sf.send_format(number), SendBits)
         assert sf.send_format(number) == number
     assert sf.send_format(0x120) == MINI_HAND
-    assert sf.send_format(0x220) == Send.USER | Send.HAND
+    assert sf.send_format(0x220) == SendBits.USER | SendBits.HAND
 
 
 @pytest.mark.parametrize("number", [1, 0x10, 0x21, 0x40, 0x300, 0x320, 0x400, -0x20, 2**31 - 1])
@@ -153,12 +153,12 @@ def test_what_the_pose_of_an_answer_is(number, kinds):
     assert not full.pose_only
 
 
-@pytest.mark.parametrize("flag", list(Receive))
+@pytest.mark.parametrize("flag", list(ReceiveBits))
 def test_flags_of_a_receive_format(flag):
     receive = sf.receive_format(2 | flag)
-    assert [other for other in Receive if receive.has(other)] == [flag]
+    assert [other for other in ReceiveBits if receive.has(other)] == [flag]
     assert not receive.pose_only
-    assert {int(each) for each in Receive} == {0x10, 0x20, 0x40, 0x100, 0x200}
+    assert {int(each) for each in ReceiveBits} == {0x10, 0x20, 0x40, 0x100, 0x200}
 
 
 @pytest.mark.parametrize("number", [6, 7, 0x0F, 0x16, 0x80, 0x82, 0x400, 0x1002, -1, 2**31 - 1])
@@ -373,7 +373,7 @@ def test_giant_arrays_are_refused_by_their_length(kind, value):
     match = f"{HUGE} numbers for a {kind}"
     invalid(match, sf.read_set_point, kind, variant(value), *POSE_ONLY)
     invalid(match, sf.read_set_point, kind, form(value), *POSE_ONLY)
-    invalid(match, sf.read_set_point, kind, form(value, 1), Send.HAND, ReceiveFormat())
+    invalid(match, sf.read_set_point, kind, form(value, 1), SendBits.HAND, ReceiveFormat())
 
 
 @pytest.mark.parametrize(
@@ -519,15 +519,15 @@ def test_the_layouts_of_table_4_2(kind, formats, parts):
 
 def test_other_bits_of_a_receive_format_change_no_parameter():
     receive = sf.receive_format(0x175)
-    assert sf.encode_set_point("J", SetPoint(J), Send(0), receive) == list(J)
-    assert sf.read_set_point("J", r8(*J), Send(0), receive) == SetPoint(J)
+    assert sf.encode_set_point("J", SetPoint(J), SendBits(0), receive) == list(J)
+    assert sf.read_set_point("J", r8(*J), SendBits(0), receive) == SetPoint(J)
 
 
 def test_extra_axes_beside_other_parts():
     point = SetPoint(P, ((7, 10.0),), hand=1)
-    parameter = sf.encode_set_point("P", point, Send.HAND, ReceiveFormat())
+    parameter = sf.encode_set_point("P", point, SendBits.HAND, ReceiveFormat())
     assert same(parameter, form(r8(*P, 0x400040, 10), Variant(I4, 1)))
-    assert sf.read_set_point("P", parameter, Send.HAND, ReceiveFormat()) == point
+    assert sf.read_set_point("P", parameter, SendBits.HAND, ReceiveFormat()) == point
 
 
 @pytest.mark.parametrize(
@@ -587,7 +587,7 @@ def test_parts_of_a_wrong_type(parameter, match):
 
 
 def test_bits_of_a_state_as_hexadecimal_text():
-    point = sf.read_set_point("J", form(r8(*J), "0xFFFFFFFF"), Send.HAND, ReceiveFormat())
+    point = sf.read_set_point("J", form(r8(*J), "0xFFFFFFFF"), SendBits.HAND, ReceiveFormat())
     assert point.hand == -1
 
 
@@ -619,7 +619,7 @@ def test_a_part_of_no_format_in_force():
 )
 def test_forms_of_user_io(offset, size, states, user):
     parameter = form(r8(*J), offset, size, states)
-    assert sf.read_set_point("J", parameter, Send.USER, ReceiveFormat()) == SetPoint(J, user=user)
+    assert sf.read_set_point("J", parameter, SendBits.USER, ReceiveFormat()) == SetPoint(J, user=user)
 
 
 @pytest.mark.parametrize(
@@ -638,11 +638,11 @@ def test_forms_of_user_io(offset, size, states, user):
 )
 def test_user_io_beyond_its_bounds(offset, size, match):
     sent, asked = form(r8(*J), offset, size, ui1(*[0] * 100)), form(r8(*J), offset, size)
-    invalid(match.format("send"), sf.read_set_point, "J", sent, Send.USER, ReceiveFormat())
-    invalid(match.format("receive"), sf.read_set_point, "J", asked, Send(0), WITH_USER)
+    invalid(match.format("send"), sf.read_set_point, "J", sent, SendBits.USER, ReceiveFormat())
+    invalid(match.format("receive"), sf.read_set_point, "J", asked, SendBits(0), WITH_USER)
     i18n.use("ja")
-    invalid("送信汎用 IO の", sf.read_set_point, "J", sent, Send.USER, ReceiveFormat())
-    invalid("受信汎用 IO の", sf.read_set_point, "J", asked, Send(0), WITH_USER)
+    invalid("送信汎用 IO の", sf.read_set_point, "J", sent, SendBits.USER, ReceiveFormat())
+    invalid("受信汎用 IO の", sf.read_set_point, "J", asked, SendBits(0), WITH_USER)
 
 
 @pytest.mark.parametrize(
@@ -658,9 +658,9 @@ def test_user_io_beyond_its_bounds(offset, size, match):
 )
 def test_states_of_user_io_that_cannot_be_sent(states, match):
     parameter = form(r8(*J), 8, 2, states)
-    invalid(match, sf.read_set_point, "J", parameter, Send.USER, ReceiveFormat())
+    invalid(match, sf.read_set_point, "J", parameter, SendBits.USER, ReceiveFormat())
     i18n.use("ja")
-    invalid("送信汎用 IO 状態: ", sf.read_set_point, "J", parameter, Send.USER, ReceiveFormat())
+    invalid("送信汎用 IO 状態: ", sf.read_set_point, "J", parameter, SendBits.USER, ReceiveFormat())
 
 
 @pytest.mark.parametrize(
@@ -673,7 +673,7 @@ def test_states_of_user_io_that_cannot_be_sent(states, match):
     ],
 )
 def test_user_io_of_a_wrong_type(elements, match):
-    mismatch(match, sf.read_set_point, "J", form(r8(*J), *elements), Send.USER, ReceiveFormat())
+    mismatch(match, sf.read_set_point, "J", form(r8(*J), *elements), SendBits.USER, ReceiveFormat())
 
 
 # --- what a client can build ------------------------------------------------------------------------------------------
@@ -748,10 +748,10 @@ def test_an_extra_axis_that_goes_nowhere():
 
 NAMES = {"mini": "mini I/O", "hand": "hand I/O", "user": "user I/O to send", "window": "user I/O to receive"}
 WANTING = {
-    "mini": (Send.MINI, ReceiveFormat()),
-    "hand": (Send.HAND, ReceiveFormat()),
-    "user": (Send.USER, ReceiveFormat()),
-    "window": (Send(0), WITH_USER),
+    "mini": (SendBits.MINI, ReceiveFormat()),
+    "hand": (SendBits.HAND, ReceiveFormat()),
+    "user": (SendBits.USER, ReceiveFormat()),
+    "window": (SendBits(0), WITH_USER),
 }
 
 
@@ -782,17 +782,17 @@ def test_a_part_that_the_formats_have_no_place_for(part):
     [(0, 0), (-1, -1), (2**32 - 1, -1), (2**31, -(2**31)), (-(2**31), -(2**31)), (2**31 - 1, 2**31 - 1)],
 )
 def test_states_are_32_bits(state, sent):
-    parameter = sf.encode_set_point("J", SetPoint(J, hand=state), Send.HAND, ReceiveFormat())
+    parameter = sf.encode_set_point("J", SetPoint(J, hand=state), SendBits.HAND, ReceiveFormat())
     assert same(on_the_wire(parameter), form(r8(*J), Variant(I4, sent)))
 
 
 @pytest.mark.parametrize("state", [2**32, -(2**31) - 1, 2**300])
 def test_states_of_more_than_32_bits(state):
     with pytest.raises(InvalidValue, match=r"mini I/O: .* is more than 32 bits"):
-        sf.encode_set_point("J", SetPoint(J, mini=state), Send.MINI, ReceiveFormat())
+        sf.encode_set_point("J", SetPoint(J, mini=state), SendBits.MINI, ReceiveFormat())
     i18n.use("ja")
     with pytest.raises(InvalidValue, match=r"MiniIO 状態: .* は 32 ビットを超えています"):
-        sf.encode_set_point("J", SetPoint(J, mini=state), Send.MINI, ReceiveFormat())
+        sf.encode_set_point("J", SetPoint(J, mini=state), SendBits.MINI, ReceiveFormat())
 
 
 @pytest.mark.parametrize(
@@ -807,17 +807,17 @@ def test_states_of_more_than_32_bits(state):
 )
 def test_user_io_that_cannot_be_sent_or_asked_for(offset, size, match):
     with pytest.raises(InvalidValue, match=match):
-        sf.encode_set_point("J", SetPoint(J, user=(offset, bytes(size))), Send.USER, ReceiveFormat())
+        sf.encode_set_point("J", SetPoint(J, user=(offset, bytes(size))), SendBits.USER, ReceiveFormat())
     with pytest.raises(InvalidValue, match=match):
-        sf.encode_set_point("J", SetPoint(J, window=UserWindow(offset, size)), Send(0), WITH_USER)
+        sf.encode_set_point("J", SetPoint(J, window=UserWindow(offset, size)), SendBits(0), WITH_USER)
 
 
 def test_states_of_user_io_are_bytes():
     point = SetPoint(J, user=(8, bytearray(b"\1\2")))
-    parameter = sf.encode_set_point("J", point, Send.USER, ReceiveFormat())
+    parameter = sf.encode_set_point("J", point, SendBits.USER, ReceiveFormat())
     assert same(parameter, form(r8(*J), Variant(I4, 8), Variant(I4, 2), ui1(1, 2)))
     with pytest.raises(InvalidValue, match="VT_UI1"):
-        sf.encode_set_point("J", SetPoint(J, user=(8, "ab")), Send.USER, ReceiveFormat())
+        sf.encode_set_point("J", SetPoint(J, user=(8, "ab")), SendBits.USER, ReceiveFormat())
 
 
 # --- slvMove's answer -------------------------------------------------------------------------------------------------
@@ -985,9 +985,9 @@ def test_answers_that_are_not_what_the_format_says(number, value, match):
 
 
 @pytest.fixture
-def temperature(monkeypatch) -> Field:
+def temperature(monkeypatch) -> SlaveField:
     """A row more; tests/streaming/test_slave_field.py has one in the table itself."""
-    row = Field(name="temperature", label="temperature", form=Form.REAL, place=7, receive=0x400)
+    row = SlaveField(name="temperature", label="temperature", form=FieldType.REAL, place=7, receive=0x400)
     plan = (0, ((1, row, "", slave_feedback._READERS[row.form], slave_feedback._WRITERS[row.form]),))
     monkeypatch.setattr(slave_feedback, "_plan_of_answer", lambda _: plan)
     monkeypatch.setitem(slave_feedback._ATTRIBUTES, row.name, "")

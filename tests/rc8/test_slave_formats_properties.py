@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.rc8 import slave_formats as sf
-from orinkit.rc8.slave_formats import Receive, ReceiveFormat, Send, SetPoint, SlaveAnswer, UserWindow
+from orinkit.rc8.slave_formats import ReceiveBits, ReceiveFormat, SendBits, SetPoint, SlaveAnswer, UserWindow
 from orinkit.values.codec import decode, encode, encode_variant
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
 from support.strategies import variants
@@ -17,11 +17,11 @@ from support.strategies import variants
 pytestmark = pytest.mark.core
 
 KINDS = st.sampled_from(["P", "J", "T"])
-SENDS = st.sampled_from(sf.SEND_FORMATS).map(Send)
+SENDS = st.sampled_from(sf.SEND_FORMATS).map(SendBits)
 RECEIVES = st.builds(
     lambda pose, flags, unit: sf.receive_format(pose | sum(flags), unit),
     st.sampled_from(sorted(sf.POSE_PARTS)),
-    st.sets(st.sampled_from(list(Receive))),
+    st.sets(st.sampled_from(list(ReceiveBits))),
     st.integers(0, 1),
 )
 NUMBERS = st.floats(-sf.LARGEST, sf.LARGEST)
@@ -52,10 +52,10 @@ def set_points(draw):
     point = SetPoint(
         pose,
         extra,
-        draw(STATES) if Send.MINI in send else None,
-        draw(STATES) if Send.HAND in send else None,
-        (draw(OFFSETS), draw(USER)) if Send.USER in send else None,
-        UserWindow(draw(OFFSETS), draw(st.integers(1, sf.MOST_USER_BYTES))) if receive.has(Receive.USER) else None,
+        draw(STATES) if SendBits.MINI in send else None,
+        draw(STATES) if SendBits.HAND in send else None,
+        (draw(OFFSETS), draw(USER)) if SendBits.USER in send else None,
+        UserWindow(draw(OFFSETS), draw(st.integers(1, sf.MOST_USER_BYTES))) if receive.has(ReceiveBits.USER) else None,
     )
     return kind, point, send, receive
 
@@ -68,11 +68,11 @@ def answers(draw):
         draw(poses("J")) if "J" in kinds else None,
         draw(poses("P")) if "P" in kinds else None,
         draw(poses("T")) if "T" in kinds else None,
-        draw(STATES) if receive.has(Receive.TIME) else None,
-        draw(STATES) if receive.has(Receive.MINI) else None,
-        draw(STATES) if receive.has(Receive.HAND) else None,
-        draw(USER) if receive.has(Receive.USER) else None,
-        draw(eight(NUMBERS)) if receive.has(Receive.CURRENT) else None,
+        draw(STATES) if receive.has(ReceiveBits.TIME) else None,
+        draw(STATES) if receive.has(ReceiveBits.MINI) else None,
+        draw(STATES) if receive.has(ReceiveBits.HAND) else None,
+        draw(USER) if receive.has(ReceiveBits.USER) else None,
+        draw(eight(NUMBERS)) if receive.has(ReceiveBits.CURRENT) else None,
     )
 
 
@@ -111,7 +111,7 @@ def outcome(kind, function, *arguments):
 
 
 @given(KINDS, st.one_of(variants(), pose_like(variants()), pose_like(pose_like(variants()))), SENDS, RECEIVES)
-@example("J", Variant(VARIANT_ARRAY, []), Send.HAND, ReceiveFormat())
+@example("J", Variant(VARIANT_ARRAY, []), SendBits.HAND, ReceiveFormat())
 def test_any_parameter_is_read_or_refused(kind, parameter, send, receive):
     point = outcome(CallError, sf.read_set_point, kind, parameter, send, receive)
     if isinstance(point, CallError):

@@ -24,7 +24,7 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult
 from orinkit.server.http.limits import Stage
 from orinkit.server.http.options import HttpOptions
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
 from support.devices import Recorder, Workshop
 from support.http_beside import IDLE, Breaks, Crowd, Guest, Neighbour, Served, place, quiet, settled
@@ -35,7 +35,7 @@ from support.http_peers import CERTIFICATE, KEY
 pytestmark = pytest.mark.slow
 
 REQUESTS = 2_000
-LIMITS = Limits(packet=4 << 20)
+LIMITS = PacketLimits(packet=4 << 20)
 RELEASES = {entry.name for entry in FUNCTIONS.values() if entry.releases}
 MAKES = {entry.name for entry in FUNCTIONS.values() if entry.creates}
 CROWDED = 300

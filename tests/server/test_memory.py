@@ -14,7 +14,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.core import hresult
 from orinkit.server import capacity
-from orinkit.server.capacity import ALWAYS, Partial
+from orinkit.server.capacity import ALWAYS, IncompleteRequests
 from orinkit.server.threaded import Server
 from support.devices import Workshop
 from support.peers import RawClient
@@ -36,7 +36,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
     Web.close_all()
 
 
-def partial(server: Server) -> Partial:
+def partial(server: Server) -> IncompleteRequests:
     return server._server._connections.partial
 
 

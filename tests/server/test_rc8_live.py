@@ -13,7 +13,7 @@ import pytest
 
 import orinkit
 from orinkit import functions as f
-from orinkit.cao.provider import ClientInfo, Later
+from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import variant
@@ -61,7 +61,7 @@ def by_hand() -> list[list[tuple[float, ...]]]:
         robot.execute("StartLog", variant(None))
         for move in moves:
             result = robot.move(move[0], variant(move[1]), move[2])
-        while isinstance(result, Later) and not result.done:
+        while isinstance(result, Deferred) and not result.done():
             clock.advance(PERIOD)
         robot.execute("StopLog", variant(None))
         traces.append(moving_samples(device, start))

@@ -276,7 +276,7 @@ def test_answers_that_nobody_reads(server: Server, shop: Counting) -> None:
         for number in range(100):
             greedy.request(EXECUTE, theirs, "Large", 60_000, serial=500 + number, reserved=500 + number)
             assert other.ask(EXECUTE, mine, "Echo", number) == number
-        (line,) = (each for each in server._server._connections.all if isinstance(each, serial_line.LineCaller))
+        (line,) = (each for each in server._server._connections.all if isinstance(each, serial_line.SerialClient))
         while greedy.receive(0.2) is not None or line._transport.get_write_buffer_size():  # what the line has kept
             pass
         assert greedy.ask(EXECUTE, theirs, "Echo", "read again") == "read again"

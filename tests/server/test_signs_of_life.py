@@ -15,7 +15,7 @@ import pytest
 
 import orinkit
 from orinkit.core.errors import InvalidValue, OrinError
-from orinkit.gateway import RemoteProvider, Restricted, Rules
+from orinkit.gateway import AccessRules, RemoteProvider, RestrictedProvider
 from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from support.both import Both, only
@@ -275,7 +275,7 @@ def test_behind_a_gateway(restricted: bool) -> None:
     with cell("tcp://127.0.0.1:0") as arm:
         remote: Any = RemoteProvider(arm.server.url)
         if restricted:
-            remote = Restricted(remote, Rules(commands=("*",)))
+            remote = RestrictedProvider(remote, AccessRules(commands=("*",)))
         both = Both("sync")
         with orinkit.serve(remote, "udp://127.0.0.1:0") as gateway:
             rc8 = begin(both, gateway.url)

@@ -16,7 +16,7 @@ from orinkit.bcap.packet import Packet
 from orinkit.core import hresult
 from orinkit.server import tcp
 from orinkit.server.capacity import DEFAULT_CLIENTS, most_of_an_address
-from orinkit.server.context import Connections
+from orinkit.server.context import ServerContext
 from orinkit.server.threaded import Server
 from support.devices import Workshop
 from support.leaping import leap, take_turns
@@ -48,7 +48,7 @@ def server(workshop: Workshop) -> Iterator[Server]:
         yield served
 
 
-def shared(server: Server) -> Connections:
+def shared(server: Server) -> ServerContext:
     return server._server._connections
 
 
@@ -290,7 +290,7 @@ def test_clients_over_udp_and_http_that_hold_nothing_make_way(workshop: Workshop
 
 def test_who_makes_way_while_the_server_closes() -> None:
     async def reason() -> str:
-        connections = Connections.__new__(Connections)
+        connections = ServerContext.__new__(ServerContext)
         connections.closing = True
         return connections.make_room("127.0.0.1")
 

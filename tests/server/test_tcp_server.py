@@ -19,7 +19,7 @@ from orinkit.bcap.packet import Packet
 from orinkit.core import hresult
 from orinkit.core.errors import ConnectFailed, ConnectionLost, InvalidAddress, TransportError
 from orinkit.server.threaded import Server
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
 from support import paths
 from support.devices import Call, Recorder, Workshop
@@ -300,7 +300,7 @@ def test_a_packet_that_is_wrong_inside_is_answered_and_the_connection_goes_on(
     raw.send(packet.pack(9, GET, count, bytes.fromhex(body)))
     answer = raw.packet()
     assert answer.serial == 9
-    assert hresult.family(answer.code) is hresult.Family.PACKET
+    assert hresult.family(answer.code) is hresult.CodeFamily.PACKET
     assert raw.ask(START) is None
 
 
@@ -327,7 +327,7 @@ def test_a_stream_that_has_lost_its_place_is_told_and_closed(
 
 def test_a_packet_longer_than_the_servers_limit(workshop: Workshop) -> None:
     with (
-        orinkit.serve(workshop, "tcp://127.0.0.1:0", limits=Limits(packet=1000)) as server,
+        orinkit.serve(workshop, "tcp://127.0.0.1:0", limits=PacketLimits(packet=1000)) as server,
         RawClient(server.url) as raw,
     ):
         handle = open_workshop(raw)

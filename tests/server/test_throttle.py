@@ -13,7 +13,7 @@ import orinkit
 from orinkit.cao.functions import controller_execute
 from orinkit.core import hresult
 from orinkit.server import log_limiter as throttle_module
-from orinkit.server.log_limiter import BURST, CLIENT, INTERVAL, LOGGERS, THROTTLE, Throttle
+from orinkit.server.log_limiter import BURST, CLIENT, INTERVAL, LOGGERS, THROTTLE, LogLimiter
 from orinkit.virtual.rc8 import VirtualRC8
 from support.peers import RawClient
 from support.waiting import until
@@ -68,8 +68,8 @@ def alarm() -> Alarm:
 
 
 @pytest.fixture
-def throttle(now, alarm) -> Throttle:
-    return Throttle(lambda: now[0], alarm)
+def throttle(now, alarm) -> LogLimiter:
+    return LogLimiter(lambda: now[0], alarm)
 
 
 @pytest.fixture
@@ -191,7 +191,7 @@ def test_clients_that_come_and_go_fill_no_log(caplog):
 def test_the_throttle_of_the_process_reports_from_a_thread_of_its_own(monkeypatch):
     monkeypatch.setattr(throttle_module, "INTERVAL", 0.01)
     said = Said()
-    made = Throttle()
+    made = LogLimiter()
     logger = logging.getLogger("orinkit.test.thread")
     logger.addFilter(made)
     logger.addHandler(said)

@@ -21,12 +21,12 @@ from orinkit import aio
 from orinkit.bcap import packet
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.cao.session import Host, Session
+from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import ConnectFailed
 from orinkit.server import udp
-from orinkit.server.context import Connections
-from orinkit.server.peer import Caller, Peer
+from orinkit.server.context import ServerContext
+from orinkit.server.peer import ConnectionlessClient, Peer
 from orinkit.server.threaded import Server
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.virtual.rc8 import VirtualRC8
@@ -158,7 +158,7 @@ def test_the_age_of_an_answer_counts_from_when_it_was_given(shop: Counting) -> N
     async def main() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, LeapingLoop)
-        at, sent = udp.UdpSocket(Connections(Host(shop), DEFAULT_LIMITS, 1, 180.0), loop), Sent()
+        at, sent = udp.UdpSocket(ServerContext(ProviderRegistry(shop), DEFAULT_LIMITS, 1, 180.0), loop), Sent()
         at.connection_made(sent)
 
         def ask(serial: int, function: int, *arguments: Any) -> None:
@@ -187,7 +187,7 @@ def test_the_age_of_an_answer_counts_from_when_it_was_given(shop: Counting) -> N
         runner.run(main())
 
 
-@pytest.mark.parametrize("kind", [Peer, Caller])
+@pytest.mark.parametrize("kind", [Peer, ConnectionlessClient])
 def test_a_kind_of_connection_has_to_say_what_it_does(kind: type) -> None:
     assert inspect.isabstract(kind)
 
@@ -269,7 +269,7 @@ def test_packets_that_are_refused_make_no_client(server: Server) -> None:
             raw.send(refused)
             answer = raw.packet()
             assert answer.serial == 7
-            assert hresult.family(answer.code) is hresult.Family.PACKET or answer.code == code
+            assert hresult.family(answer.code) is hresult.CodeFamily.PACKET or answer.code == code
             assert server.clients == 0
 
 
@@ -336,7 +336,7 @@ def test_many_who_are_refused_do_not_fill_the_log(
 
 def test_a_refusal_is_told_again_after_a_while() -> None:
     async def levels() -> list[int]:
-        connections = Connections(Host(Counting()), DEFAULT_LIMITS, 1, 3.0)
+        connections = ServerContext(ProviderRegistry(Counting()), DEFAULT_LIMITS, 1, 3.0)
         return [connections.refusal_level(now) for now in (0.0, 9.9, 10.1, 20.0, 20.2)]
 
     warning, debug = logging.WARNING, logging.DEBUG
@@ -432,7 +432,7 @@ def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting, long: 
 
 def test_clients_that_come_and_go_leave_nothing_behind(server: Server, shop: Counting, long: float) -> None:
     gc.collect()
-    before = sum(isinstance(thing, (Session, udp.UdpCaller)) for thing in gc.get_objects())
+    before = sum(isinstance(thing, (Session, udp.UdpClient)) for thing in gc.get_objects())
     last = UdpRaw(server.url)
     for number in range(200):
         raw = UdpRaw(server.url)
@@ -455,7 +455,7 @@ def test_clients_that_come_and_go_leave_nothing_behind(server: Server, shop: Cou
     assert shop.released.count("v") == shop.released.count("Controller") == 200
     shop.visitors.clear()  # they know the way back to their clients
     gc.collect()
-    assert sum(isinstance(thing, (Session, udp.UdpCaller)) for thing in gc.get_objects()) == before
+    assert sum(isinstance(thing, (Session, udp.UdpClient)) for thing in gc.get_objects()) == before
 
 
 def known(server: Server) -> dict[Any, Any]:

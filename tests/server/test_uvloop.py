@@ -20,7 +20,7 @@ from orinkit import J, aio
 from orinkit.core.errors import CallTimeout, ConnectFailed, ConnectionLost
 from orinkit.server.http import limits
 from orinkit.server.http.flow_control import HELD
-from orinkit.server.http.limits import Joining
+from orinkit.server.http.limits import HeaderCoalescer
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.threaded import Server
 from orinkit.virtual.clock import Clock
@@ -216,7 +216,7 @@ def test_a_flood_behind_a_call_is_bounded(
 ) -> None:
     kept = [0]
 
-    class Measured(Joining):
+    class Measured(HeaderCoalescer):
         def receive_data(self, data: bytes) -> None:
             super().receive_data(data)
             kept.append(len(self.trailing_data[0]))

@@ -21,7 +21,7 @@ from orinkit.client._shared.stream_options import Wanted
 from orinkit.rc8 import slave_fields
 from orinkit.rc8.slave_feedback import SlaveAnswer
 from orinkit.rc8.slave_formats import SetPoint
-from orinkit.streaming.process.record_layout import WORD, Layout
+from orinkit.streaming.process.record_layout import WORD, RecordLayout
 from orinkit.streaming.process.shared_memory import Outputs
 from orinkit.streaming.recording.samples import OWN
 from orinkit.virtual.rc8.robot.slave_feedback import SOURCES
@@ -148,14 +148,14 @@ def test_rows_have_bits_and_names_of_their_own() -> None:
 
 
 def test_currents_of_six_axes_do_not_get_those_of_an_earlier_sample() -> None:
-    layout, view = Layout(slave_fields.RECEIVED), memoryview(bytearray(1024))
+    layout, view = RecordLayout(slave_fields.RECEIVED), memoryview(bytearray(1024))
     layout.write(view, 0, [("current", (9.0,) * 8)])
     flags = layout.write(view, 0, [("current", (1.0,) * 6), ("user", b"\1\xff"), ("mini", -1), ("time", None)])
     assert layout.read(view, 0, flags) == {"current": (1.0,) * 6, "user": b"\1\xff", "mini": -1}
 
 
 def test_a_record_that_is_being_overwritten_can_be_read() -> None:
-    layout = Layout(slave_fields.RECEIVED)
+    layout = RecordLayout(slave_fields.RECEIVED)
     for byte in (0x00, 0x7F, 0xFF):
         view = memoryview(bytes([byte]) * layout.size * WORD)
         for flags in (-1, 2**40, 1 << len(slave_fields.RECEIVED)):

@@ -18,7 +18,7 @@ import pytest
 import orinkit
 from orinkit import Limits, aio
 from orinkit.core.errors import InvalidValue, OrinError, StreamError
-from orinkit.streaming.process.shared_memory import Shared
+from orinkit.streaming.process.shared_memory import StreamMemory
 from orinkit.values.poses import J
 from support.stopping import stopped
 from support.streams import HOME, PATIENCE, Arm, served, sine
@@ -135,7 +135,7 @@ def test_a_slow_iterator_can_be_broken_off(arm: Arm) -> None:
 
 
 def test_a_stop_that_is_cancelled_is_over(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Shared, "order_done", False)  # it is cancelled before it is over, however long that takes
+    monkeypatch.setattr(StreamMemory, "order_done", False)  # it is cancelled before it is over, however long that takes
 
     async def main() -> None:
         async with aio.connect(arm.url) as rc8:

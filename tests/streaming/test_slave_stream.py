@@ -15,7 +15,7 @@ import orinkit
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, MotionError, StreamError
 from orinkit.streaming.planning.limits import Limits
-from orinkit.streaming.process.shared_memory import Shared
+from orinkit.streaming.process.shared_memory import StreamMemory
 from orinkit.streaming.trajectory.trajectory import TrajectoryError
 from orinkit.values.poses import J, P, T
 from support.both import Both
@@ -128,7 +128,7 @@ def test_a_live_target_is_reached_within_the_limits(session: Session, arm: Arm) 
 def gathered() -> Iterator[None]:
     """Have pushed set-points wait in the queue, so that it is not empty should the program stand still right afterwards."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Shared, "feed_queue", lambda _: None)
+        patch.setattr(StreamMemory, "feed_queue", lambda _: None)
         yield
 
 

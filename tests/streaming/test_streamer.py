@@ -20,15 +20,15 @@ from orinkit.arms import load_model
 from orinkit.bcap.wire import STREAM
 from orinkit.core import hresult
 from orinkit.core.errors import CallTimeout, error_for
-from orinkit.rc8.slave_formats import ReceiveFormat, Send, SlaveAnswer, UserWindow, mode_of
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveAnswer, UserWindow, mode_of
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.planning.joint_planner import JointPlanner
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.channel import Channel
-from orinkit.streaming.process.config import Setup
+from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.pacing import Delivery
-from orinkit.streaming.process.shared_memory import Order, Outputs, Shared, _Word
-from orinkit.streaming.process.streamer import Connection, Streamer, Watch
+from orinkit.streaming.process.shared_memory import Outputs, StreamCommand, StreamMemory, _Word
+from orinkit.streaming.process.streamer import ProgramMonitor, Streamer, StreamerConnection
 from support.stopping import stopped
 from support.waiting import until
 
@@ -37,16 +37,16 @@ PERIOD = 0.008
 LIMITS = Limits.of_model(load_model("vs-050"))
 
 
-def setup() -> Setup:
+def setup() -> StreamerConfig:
     mode = mode_of(0x202)
     assert mode is not None
-    return Setup(
-        1, 2, mode, Send(0), ReceiveFormat(4, microseconds=True), None, Outputs(), PERIOD, LIMITS, HOME, (), 1, 1.0, None,
+    return StreamerConfig(
+        1, 2, mode, SendBits(0), ReceiveFormat(4, microseconds=True), None, Outputs(), PERIOD, LIMITS, HOME, (), 1, 1.0, None,
         os.getppid(),
     )  # fmt: skip
 
 
-class Controller(Connection):
+class Controller(StreamerConnection):
     """Takes every set-point at once; a script says what the program does meanwhile.
 
     Attributes:
@@ -79,37 +79,37 @@ class Controller(Connection):
 
 
 @pytest.fixture
-def shared() -> Iterator[Shared]:
-    memory = Shared.make()
+def shared() -> Iterator[StreamMemory]:
+    memory = StreamMemory.make()
     yield memory
     memory.close()
 
 
 @pytest.fixture
-def watch() -> Iterator[Watch]:
+def watch() -> Iterator[ProgramMonitor]:
     """Looks whether the parent of this process runs, over a channel."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        yield Watch(Channel(theirs), os.getppid())
+        yield ProgramMonitor(Channel(theirs), os.getppid())
 
 
-def commands(shared: Shared, script: Callable[[int], None]) -> list[tuple[float, ...]]:
+def commands(shared: StreamMemory, script: Callable[[int], None]) -> list[tuple[float, ...]]:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        watch = Watch(Channel(theirs), os.getppid())
+        watch = ProgramMonitor(Channel(theirs), os.getppid())
         Streamer(setup(), Controller(script), shared, watch, JointPlanner(LIMITS, PERIOD, HOME)).run()
     samples = [shared.sample(number) for number in range(shared.samples)]
     return [sample.command for sample in samples if sample is not None]
 
 
-def test_a_target_that_is_being_written_is_no_reason_to_brake(shared: Shared) -> None:
+def test_a_target_that_is_being_written_is_no_reason_to_brake(shared: StreamMemory) -> None:
     def script(cycle: int) -> None:
         if cycle == 2:
             shared.set_target((40.0, *HOME[1:]), monotonic_ns())
         elif cycle == 10:  # the program is kept from finishing the next one
             shared._words[_Word.TARGET_BEGUN] += 1
         elif cycle == 1000:
-            shared.order(Order.LEAVE)
+            shared.order(StreamCommand.LEAVE)
 
     made = commands(shared, script)
     assert made[-1][0] == pytest.approx(40.0)
@@ -119,17 +119,17 @@ def test_a_target_that_is_being_written_is_no_reason_to_brake(shared: Shared) ->
     assert all(after >= before for before, after in pairwise(steps[first : fastest + 1]))
 
 
-def test_a_target_before_a_halt_is_not_taken_up_again(shared: Shared) -> None:
+def test_a_target_before_a_halt_is_not_taken_up_again(shared: StreamMemory) -> None:
     def script(cycle: int) -> None:
         if cycle == 2:
             shared.set_target((150.0, *HOME[1:]), monotonic_ns())
         elif cycle == 30:
-            shared.order(Order.HALT)
+            shared.order(StreamCommand.HALT)
         elif cycle == 200:
             shared._words[_Word.TARGET_BEGUN] += 1  # of another target, which is not there yet
-            shared.order(Order.RUN)
+            shared.order(StreamCommand.RUN)
         elif cycle == 300:
-            shared.order(Order.LEAVE)
+            shared.order(StreamCommand.LEAVE)
 
     made = commands(shared, script)
     assert 0.0 < made[200][0] < 150.0
@@ -142,14 +142,14 @@ def test_a_target_before_a_halt_is_not_taken_up_again(shared: Shared) -> None:
         (0x202, {}),
         (0x201, {"limits": PathLimits(100.0, 200.0, 300.0, 40.0, 50.0, 60.0), "start": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)}),
         (0x102, {"window": UserWindow(128, 16), "outputs": Outputs(1, 2, (128, b"\x01\xff")), "beyond": (0.5,)}),
-        (0x002, {"receive": ReceiveFormat(0x14, microseconds=False), "send": Send(0x20), "idle": 2.5}),
+        (0x002, {"receive": ReceiveFormat(0x14, microseconds=False), "send": SendBits(0x20), "idle": 2.5}),
     ],
 )
 def test_what_the_process_is_told_arrives(number: int, changes: dict[str, Any]) -> None:
     mode = mode_of(number)
     assert mode is not None
     told = dataclasses.replace(setup(), mode=mode, **changes)
-    assert Setup.from_message(json.loads(json.dumps(told.to_message()))) == told
+    assert StreamerConfig.from_message(json.loads(json.dumps(told.to_message()))) == told
 
 
 # --- a program that is stopped ----------------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ def test_what_the_process_is_told_arrives(number: int, changes: dict[str, Any]) 
 class Times:
     """A clock that a test moves, and whether the program is stopped."""
 
-    def __init__(self, watch: Watch, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, watch: ProgramMonitor, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         self.stopped = False
         monkeypatch.setattr("orinkit.streaming.process.streamer.monotonic", lambda: self.now)
@@ -166,11 +166,11 @@ class Times:
 
 
 @pytest.fixture
-def times(watch: Watch, monkeypatch: pytest.MonkeyPatch) -> Times:
+def times(watch: ProgramMonitor, monkeypatch: pytest.MonkeyPatch) -> Times:
     return Times(watch, monkeypatch)
 
 
-def test_how_long_a_program_may_be_stopped(watch: Watch, times: Times) -> None:
+def test_how_long_a_program_may_be_stopped(watch: ProgramMonitor, times: Times) -> None:
     """For as long as a machine may stall; each time anew."""
     story = [  # seconds that pass, whether it is stopped then, whether that is for too long
         (1.0, False, ""),
@@ -190,7 +190,7 @@ def test_how_long_a_program_may_be_stopped(watch: Watch, times: Times) -> None:
         assert watch.look() == reason
 
 
-def test_it_is_looked_at_fifty_times_a_second(watch: Watch, times: Times) -> None:
+def test_it_is_looked_at_fifty_times_a_second(watch: ProgramMonitor, times: Times) -> None:
     looks: list[float] = []
     watch._is_stopped = lambda: looks.append(times.now) is not None  # type: ignore[method-assign]
     for _ in range(1000):
@@ -201,7 +201,7 @@ def test_it_is_looked_at_fifty_times_a_second(watch: Watch, times: Times) -> Non
 
 @pytest.mark.parametrize(("cycles", "goes_on"), [(1, True), (31, True), (40, False), (500, False)])
 def test_a_program_that_is_stopped_while_it_streams(
-    shared: Shared, watch: Watch, times: Times, cycles: int, goes_on: bool
+    shared: StreamMemory, watch: ProgramMonitor, times: Times, cycles: int, goes_on: bool
 ) -> None:
     """For less than 0.25 s the arm goes on to its live target as if nothing had been; after more it is brought to rest."""
 
@@ -211,7 +211,7 @@ def test_a_program_that_is_stopped_while_it_streams(
             shared.set_target((150.0, *HOME[1:]), monotonic_ns())
         times.stopped = 20 <= cycle < 20 + cycles
         if cycle == 1000:
-            shared.order(Order.LEAVE)
+            shared.order(StreamCommand.LEAVE)
 
     controller = Controller(script)
     reason = Streamer(setup(), controller, shared, watch, JointPlanner(LIMITS.scaled(0.1, 0.1), PERIOD, HOME)).run()
@@ -222,10 +222,10 @@ def test_a_program_that_is_stopped_while_it_streams(
     assert goes_on or controller.count < 200
 
 
-def test_the_state_of_a_process_that_is_stopped(watch: Watch) -> None:
+def test_the_state_of_a_process_that_is_stopped(watch: ProgramMonitor) -> None:
     """As the system tells it."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
-        looking = Watch(watch._channel, child.pid)
+        looking = ProgramMonitor(watch._channel, child.pid)
         try:
             assert not looking._is_stopped()
             with stopped(child.pid):
@@ -234,7 +234,7 @@ def test_the_state_of_a_process_that_is_stopped(watch: Watch) -> None:
         finally:
             child.kill()
     until(lambda: not looking._is_stopped())  # it has gone
-    assert not Watch(watch._channel, child.pid)._is_stopped()
+    assert not ProgramMonitor(watch._channel, child.pid)._is_stopped()
 
 
 # --- how late set-points were -----------------------------------------------------------------------------------------
@@ -248,12 +248,12 @@ def no_answer() -> Exception:
     return CallTimeout("Robot_Execute", 3.0, 1)
 
 
-def late(shared: Shared, watch: Watch, controller: Controller) -> None:
+def late(shared: StreamMemory, watch: ProgramMonitor, controller: Controller) -> None:
     tells = controller.lateness(0) is not None
     Streamer(setup(), controller, shared, watch, JointPlanner(LIMITS, PERIOD, HOME), tells=tells).run()
 
 
-def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: Shared, watch: Watch) -> None:
+def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemory, watch: ProgramMonitor) -> None:
     """Once, and not for those that it has told of; before the program can see that the arm stands."""
 
     def script(cycle: int) -> None:
@@ -261,7 +261,7 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: Shared, wat
             shared.set_target((10.0 if cycle == 100 else 20.0, *HOME[1:]), monotonic_ns())
             controller.answer = [2.0, 0.1, 0.15] if cycle == 100 else [1.0, 0.02, 0.02]
         elif cycle == 1200:
-            shared.order(Order.LEAVE)
+            shared.order(StreamCommand.LEAVE)
         rested[cycle] = shared.rested
         told[cycle] = shared.lateness
 
@@ -294,12 +294,14 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: Shared, wat
         [True, 1.0, 2.0],
     ],
 )
-def test_a_controller_that_does_not_tell_is_asked_once(shared: Shared, watch: Watch, answer: Any) -> None:
+def test_a_controller_that_does_not_tell_is_asked_once(
+    shared: StreamMemory, watch: ProgramMonitor, answer: Any
+) -> None:
     def script(cycle: int) -> None:
         if cycle == 10:
             shared.set_target((10.0, *HOME[1:]), monotonic_ns())
         elif cycle == 500:
-            shared.order(Order.LEAVE)
+            shared.order(StreamCommand.LEAVE)
 
     controller = Controller(script)
     controller.answer = answer
@@ -312,7 +314,7 @@ def test_a_controller_that_does_not_tell_is_asked_once(shared: Shared, watch: Wa
 
 
 @pytest.mark.parametrize("answer", [not_implemented, no_answer, "garbage"])
-def test_a_controller_that_tells_no_more(shared: Shared, watch: Watch, answer: Any) -> None:
+def test_a_controller_that_tells_no_more(shared: StreamMemory, watch: ProgramMonitor, answer: Any) -> None:
     """The stream goes on, and what was told counts."""
 
     def script(cycle: int) -> None:
@@ -323,7 +325,7 @@ def test_a_controller_that_tells_no_more(shared: Shared, watch: Watch, answer: A
             shared.set_target((20.0, *HOME[1:]), monotonic_ns())
             controller.answer = answer
         elif cycle == 1000:
-            shared.order(Order.LEAVE)
+            shared.order(StreamCommand.LEAVE)
 
     controller = Controller(script)
     late(shared, watch, controller)

@@ -200,7 +200,7 @@ class Echo:
     commands: int = 0
 
     def receive(self, frame: CanFrame) -> list[CanFrame]:
-        parts = ids.Id.parse(frame.id)
+        parts = ids.FrameId.parse(frame.id)
         if parts.pf == ids.SINGLE and parts.ps == self.address and len(frame.data) == 8:
             self.commands += 1
             data = frame.data[:4] + struct.pack("<hh", 5 * self.address, 0)

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import DATAGRAM, LINE, Wire
+from orinkit.bcap.wire import DATAGRAM, LINE, BcapProfile
 from orinkit.cao.provider import ClientInfo
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.values.variant import Variant, plain
@@ -67,7 +67,7 @@ class RawCaller(ABC):
         wire: how its packets travel.
     """
 
-    wire: Wire
+    wire: BcapProfile
 
     def __init__(self) -> None:
         self._serial = 0

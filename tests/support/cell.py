@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from orinkit.cao.provider import ClientInfo, Later
+from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.core.errors import CallError
 from orinkit.values.variant import variant
 from orinkit.virtual.clock import ManualClock
@@ -44,12 +44,12 @@ class Cell:
 
     def run(self, result: Any, seconds: float = 30.0) -> Any:
         """Let time pass until a promise is kept, and return what it gives."""
-        if isinstance(result, Later):
+        if isinstance(result, Deferred):
             for _ in range(round(seconds / PERIOD)):
-                if result.done:
+                if result.done():
                     break
                 self.clock.advance(PERIOD)
-            assert result.done, "still not done"
+            assert result.done(), "still not done"
             result = result.result()
         return getattr(result, "plain", result)
 
@@ -79,7 +79,7 @@ class Cell:
     def cycles(self, result: Any, most: int = 10_000) -> int:
         """Return after how many cycles a promise is kept; its error is raised."""
         for count in range(most):
-            if result.done:
+            if result.done():
                 result.result()
                 return count
             self.clock.advance(PERIOD)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from orinkit.cao import provider as p
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.provider import Blocking, ClientInfo, Provider
+from orinkit.cao.provider import BlockingCall, ClientInfo, Provider
 from orinkit.cao.table import Function
 from orinkit.core.errors import error_for
 from orinkit.values.variant import Variant, VarType, plain
@@ -127,7 +127,7 @@ class WorkshopController(p.ControllerObject):
         if command == "Wait":  # until the test opens the gate; the parameter comes back
             return self._wait(parameter)
         if command == "Block":  # the same in a worker thread
-            return Blocking(lambda: shop.block(parameter))
+            return BlockingCall(lambda: shop.block(parameter))
         if command == "Tidy":  # takes its time to be cancelled
             return self._tidy()
         if command == "Fail":
@@ -137,7 +137,7 @@ class WorkshopController(p.ControllerObject):
         if command == "CrashLater":
             return self._crash()
         if command == "CrashBlocking":
-            return Blocking(lambda: 1 // 0)
+            return BlockingCall(lambda: 1 // 0)
         if command == "Large":
             return bytes(int(plain(parameter)))
         raise p.not_implemented()
@@ -174,7 +174,7 @@ class WorkshopController(p.ControllerObject):
     def get_variable(self, name: str, option: str) -> Any:
         shop = self._workshop
         if name.startswith("slow"):
-            return Blocking(lambda: shop.slow_variable(name))
+            return BlockingCall(lambda: shop.slow_variable(name))
         return WorkshopVariable(name, shop)
 
     def release(self) -> None:

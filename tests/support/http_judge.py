@@ -21,7 +21,7 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.ecap.message import read_reply, read_request
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import VarType
 from support.http_garbage import WANTED
 
@@ -88,7 +88,7 @@ class Expected:
     wrong: bool = False
     long: bool = False
 
-    def answers(self, limits: Limits) -> int:
+    def answers(self, limits: PacketLimits) -> int:
         """Return how many answers are due."""
         last = self.asked[-1] if self.asked else None
         if last is None or last.body is not None:
@@ -227,7 +227,9 @@ def _unchunked(data: bytes) -> tuple[bytes, int]:
             return body, place
 
 
-def converse(address: tuple[str, int], stream: bytes, wanted: Expected, limits: Limits) -> tuple[list[Answer], bool]:
+def converse(
+    address: tuple[str, int], stream: bytes, wanted: Expected, limits: PacketLimits
+) -> tuple[list[Answer], bool]:
     """Send a stream and read all answers that are due.
 
     Returns:
@@ -290,7 +292,7 @@ def cut_off(address: tuple[str, int], stream: bytes, *, hard: bool) -> None:
             pass
 
 
-def judge(wanted: Expected, answers: list[Answer], limits: Limits, *, reset: bool) -> None:
+def judge(wanted: Expected, answers: list[Answer], limits: PacketLimits, *, reset: bool) -> None:
     """Compare answers with what they had to be.
 
     Args:
@@ -315,7 +317,7 @@ def judge(wanted: Expected, answers: list[Answer], limits: Limits, *, reset: boo
         raise Broken(f"{len(answers)} answers, {due} are due; the last is {answers[-1:]!r:.300}")
 
 
-def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: Limits) -> None:
+def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: PacketLimits) -> None:
     if answer.status not in DOCUMENTED:
         raise Broken(f"status {answer.status}: {answer!r:.300}")
     if answer.status == 431 and not wanted.long:
@@ -344,7 +346,7 @@ def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: Limits
         _judge_reply(asked, answer, limits)
 
 
-def _judge_reply(asked: Asked, answer: Answer, limits: Limits) -> None:
+def _judge_reply(asked: Asked, answer: Answer, limits: PacketLimits) -> None:
     assert asked.body is not None
     if not CODE.match(answer.body) or (answer.body[:1] == b"\n" and not asked.beats):
         raise Broken(f"no e-CAP reply: {answer.body[:200]!r}")

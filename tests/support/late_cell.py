@@ -7,7 +7,7 @@ from typing import Any
 
 from orinkit.cao.provider import ClientInfo
 from orinkit.values.variant import variant
-from orinkit.virtual.clock import Clock, Driver
+from orinkit.virtual.clock import Clock, ClockDriver
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import VirtualRC8
 from support.cell import ADDRESS, Cell
@@ -29,12 +29,12 @@ class HandClock(Clock):
     def stopwatch(self, seconds: float) -> Callable[[], bool]:
         return lambda: False
 
-    def drive(self, advance: Callable[[], float | None]) -> Driver:
+    def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
         self.driven.append(advance)
         return _Nobody()
 
 
-class _Nobody(Driver):
+class _Nobody(ClockDriver):
     def wake(self) -> None:
         """The test calls."""
 

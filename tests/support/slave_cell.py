@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from orinkit.cao.provider import Coded, Later
+from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.values.variant import Variant, variant
 from orinkit.virtual.engine.control_loop import PERIOD
 from support.cell import Cell
@@ -107,13 +107,13 @@ def straight(step: float, count: int, ramp: float = 0.12, axis: int = 0) -> Iter
 
 def code(result: Any) -> int:
     """Return the success code of an answer."""
-    return result.code if isinstance(result, Coded) else 0
+    return result.code if isinstance(result, ResultWithCode) else 0
 
 
 def value(result: Any) -> Any:
     """Return an answer as plain Python."""
-    if isinstance(result, Later):
+    if isinstance(result, Deferred):
         result = result.result()
-    if isinstance(result, Coded):
+    if isinstance(result, ResultWithCode):
         result = result.value
     return result.plain if isinstance(result, Variant) else result

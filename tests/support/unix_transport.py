@@ -9,11 +9,11 @@ from typing import ClassVar
 
 from orinkit.bcap.wire import STREAM
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
-from orinkit.server.context import Connections
+from orinkit.server.context import ServerContext
 from orinkit.server.tcp import TcpConnection, TcpListener
 from orinkit.transport.address import bad_address
 from orinkit.transport.link_errors import connect_failed
-from orinkit.transport.registry import Given, Opening, Option, Transport
+from orinkit.transport.registry import AddressText, LinkOptions, ServeOption, Transport
 from orinkit.transport.sockets.aio_tcp import AsyncTcpLink
 from orinkit.transport.sockets.socket_link import SocketLink
 
@@ -29,13 +29,13 @@ class UnixAddress:
         return f"unix://{self.path}"
 
 
-def parse(given: Given) -> UnixAddress:
+def parse(given: AddressText) -> UnixAddress:
     if not given.rest.startswith("/"):
         raise bad_address(given.text, "an absolute path is needed", given.scheme)
     return UnixAddress(given.rest)
 
 
-def open_link(address: UnixAddress, opening: Opening) -> SocketLink:
+def open_link(address: UnixAddress, opening: LinkOptions) -> SocketLink:
     connection = socket.socket(socket.AF_UNIX)
     try:
         connection.settimeout(opening.seconds)
@@ -46,7 +46,7 @@ def open_link(address: UnixAddress, opening: Opening) -> SocketLink:
     return SocketLink(connection)
 
 
-async def open_aio_link(address: UnixAddress, opening: Opening) -> AsyncTcpLink:
+async def open_aio_link(address: UnixAddress, opening: LinkOptions) -> AsyncTcpLink:
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(opening.seconds):
@@ -60,7 +60,7 @@ def adopt(descriptor: int) -> SocketLink:
     return SocketLink(socket.socket(fileno=descriptor))
 
 
-async def listen(address: UnixAddress, shared: Connections) -> TcpListener:
+async def listen(address: UnixAddress, shared: ServerContext) -> TcpListener:
     loop = asyncio.get_running_loop()
     server = await loop.create_unix_server(
         lambda: TcpConnection(shared, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
@@ -79,5 +79,5 @@ UNIX = Transport(
     aio_link=f"{HERE}:open_aio_link",
     adopt=f"{HERE}:adopt",
     listener=f"{HERE}:listen",
-    option=Option("Path of a Unix domain socket to listen on."),
+    option=ServeOption("Path of a Unix domain socket to listen on."),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from orinkit.cao.provider import ClientInfo, Later
+from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.clock import ManualClock
@@ -45,15 +45,15 @@ class VeCell:
 
     def run(self, result: Any, seconds: float = 10.0) -> Any:
         """Let cycles pass until a promise is kept, and return what it gives."""
-        if isinstance(result, Later):
+        if isinstance(result, Deferred):
             self.cycles(result, round(seconds / PERIOD))
             result = result.result()
         return getattr(result, "plain", result)
 
-    def cycles(self, promise: Later[Any], most: int = 2000) -> int:
+    def cycles(self, promise: Deferred[Any], most: int = 2000) -> int:
         """Return after how many cycles a promise is done."""
         for count in range(most):
-            if promise.done:
+            if promise.done():
                 return count
             self.cycle()
         raise AssertionError("still not done")

@@ -17,7 +17,7 @@ from typing import Final, Self
 
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import DATAGRAM, LINE, Wire
+from orinkit.bcap.wire import DATAGRAM, LINE, BcapProfile
 from orinkit.values.codec import DEFAULT_LIMITS
 from support.peers import PATIENCE, BadPeer, Gone, Line, Script
 
@@ -42,7 +42,7 @@ def parts(data: bytes) -> Iterator[bytes]:
 class WiredLine(Line):
     """One client, as a script sees it."""
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: BcapProfile) -> None:
         self._wire = wire
         self._frames = wire.framer(wire.bound(DEFAULT_LIMITS))
 

@@ -37,11 +37,11 @@ from orinkit.core.errors import (
     TransportError,
 )
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import Access
+from orinkit.transport.credentials import Credentials
 from orinkit.transport.http import connection
 from orinkit.transport.http.aio_link import AsyncHttpLink
 from orinkit.transport.http.link import HttpLink
-from orinkit.transport.http.response import Contact, first_line
+from orinkit.transport.http.response import HttpServerInfo, first_line
 from support.both import Both
 from support.http_peers import (
     CERTIFICATE,
@@ -148,7 +148,7 @@ def test_nothing_is_opened_before_the_first_request(ways: Ways) -> None:
 
 def test_what_a_request_looks_like(ways: Ways) -> None:
     with HttpPeer(echo) as peer:
-        way = ways(peer.address._replace(path="/any/path?x=1"), Access("T0k.en-_~+/="))
+        way = ways(peer.address._replace(path="/any/path?x=1"), Credentials("T0k.en-_~+/="))
         assert way.ask(b"Func=3&Arg1=%E6%97%A5") == b"Func=3&Arg1=%E6%97%A5"
         assert peer.posts == [
             Post(
@@ -215,7 +215,7 @@ def test_localhost_may_have_several_addresses(ways: Ways) -> None:
 
 
 def test_the_zone_of_an_address_is_not_told() -> None:
-    assert Contact(HttpAddress("http", "fe80::1%eth0", 8080), Access(), 100).url == "http://[fe80::1]:8080"
+    assert HttpServerInfo(HttpAddress("http", "fe80::1%eth0", 8080), Credentials(), 100).url == "http://[fe80::1]:8080"
 
 
 @pytest.mark.parametrize("host", ["a b", "é\x7f", "<", "xn--a\0", "[::1", "x:y:z", "a/b@"])
@@ -231,7 +231,7 @@ def test_a_host_that_no_url_can_have(both: Both, host: str) -> None:
 )
 def test_a_token_that_no_header_can_have(both: Both, token: str) -> None:
     with pytest.raises(InvalidValue, match="token") as caught:
-        Way(both, HttpAddress("http", "127.0.0.1", 1), Access(token))
+        Way(both, HttpAddress("http", "127.0.0.1", 1), Credentials(token))
     assert "s3cr" not in str(caught.value)
 
 
@@ -735,7 +735,7 @@ def test_an_answer_that_is_too_long(ways: Ways, sent: bytes) -> None:
         line.wait_for_end()
 
     with HttpPeer(too_long, answers_and_stays(reply(b"x" * 1000))) as peer:
-        way = ways(peer, Access(), 1000)
+        way = ways(peer, Credentials(), 1000)
         with pytest.raises(LimitExceeded, match="1000 bytes"):
             way.ask(b"x")
         assert peer.ended.acquire(timeout=PATIENT)  # the connection is closed
@@ -792,7 +792,7 @@ def test_a_token_that_is_wrong(ways: Ways) -> None:
         HttpPeer(answers(reply(b"", "401 Unauthorized"))) as peer,
         pytest.raises(ConnectFailed, match="is wrong") as caught,
     ):
-        ways(peer, Access("secret")).ask(b"x")
+        ways(peer, Credentials("secret")).ask(b"x")
     assert "secret" not in str(caught.value)
 
 
@@ -975,7 +975,7 @@ def test_a_server_that_comes_later(ways: Ways) -> None:
 
 # --- TLS --------------------------------------------------------------------------------------------------------------
 
-KNOWN = Access(cafile=str(CERTIFICATE))
+KNOWN = Credentials(cafile=str(CERTIFICATE))
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
@@ -1021,7 +1021,7 @@ def test_a_certificate_that_is_not_trusted(ways: Ways) -> None:
 
 
 def test_names_are_checked() -> None:
-    for access in (KNOWN, Access()):
+    for access in (KNOWN, Credentials()):
         context = connection.context_of(HttpAddress("https", "127.0.0.1", 1), access)
         assert context is not None
         assert context.check_hostname
@@ -1066,7 +1066,7 @@ def test_a_file_that_has_no_certificates(both: Both, tmp_path: Path) -> None:
     garbage.write_text("no certificate")
     for name in (str(garbage), str(tmp_path / "none"), str(tmp_path), "\0"):
         with pytest.raises(InvalidValue, match="cafile"):
-            Way(both, HttpAddress("https", "127.0.0.1", 1), Access(cafile=name))
+            Way(both, HttpAddress("https", "127.0.0.1", 1), Credentials(cafile=name))
 
 
 # --- threads, tasks, interrupts ---------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit.cao.transport_profile import Carrier
+from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core.errors import ConnectFailed, InvalidAddress, InvalidValue, StreamError
 from orinkit.transport import links, registry
 from orinkit.transport.address import parse_address
@@ -66,7 +66,7 @@ def test_every_reference_is_there(scheme: str, reference: str) -> None:
     if reference.startswith(("orinkit.server.serial_line", "orinkit.transport.serial")):
         pytest.importorskip("serialx")
     found = resolve(reference)
-    assert callable(found) or isinstance(found, Carrier)
+    assert callable(found) or isinstance(found, TransportProfile)
     assert not isclass(found)
 
 

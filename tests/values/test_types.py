@@ -135,10 +135,10 @@ def test_elements_count_against_the_limit(row):
     element = Variant(VarType.EMPTY) if row.code == VarType.VARIANT else content(row)
     data = codec.encode_variant(Variant(row.code | ARRAY, [element] * 64))
     counted = 64 // row.elements_for_one
-    codec.decode(data, limits=codec.Limits(variants=counted), exact=True)
+    codec.decode(data, limits=codec.PacketLimits(variants=counted), exact=True)
     if counted:
         with pytest.raises(LimitExceeded):
-            codec.decode(data, limits=codec.Limits(variants=counted - 1), exact=True)
+            codec.decode(data, limits=codec.PacketLimits(variants=counted - 1), exact=True)
 
 
 @by_row

@@ -15,7 +15,15 @@ from hypothesis import strategies as st
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.values import codec
-from orinkit.values.codec import Limits, decode, encode, encode_handle, encode_integer, encode_single, encode_string
+from orinkit.values.codec import (
+    PacketLimits,
+    decode,
+    encode,
+    encode_handle,
+    encode_integer,
+    encode_single,
+    encode_string,
+)
 from orinkit.values.types import FORMATS, SIZES
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from support.strategies import same, variants
@@ -338,8 +346,8 @@ def test_depth_to_the_limit_and_not_beyond():
     for depth in (17, 1000, 100_000):
         error = refused(nested(depth), hresult.E_INVALIDARGTYPE, "nested deeper than 16")
         assert isinstance(error, LimitExceeded)
-    assert decode(nested(2), limits=Limits(depth=2))[0] == [[None]]
-    refused(nested(3), hresult.E_INVALIDARGTYPE, "nested deeper than 2", limits=Limits(depth=2))
+    assert decode(nested(2), limits=PacketLimits(depth=2))[0] == [[None]]
+    refused(nested(3), hresult.E_INVALIDARGTYPE, "nested deeper than 2", limits=PacketLimits(depth=2))
 
 
 @pytest.mark.parametrize(
@@ -353,20 +361,22 @@ def test_depth_to_the_limit_and_not_beyond():
 def test_elements_that_cost_more_than_their_bytes_are_counted(value):
     data = encode(value)
     spent = {VarType.CY | ARRAY: 3, VarType.DATE | ARRAY: 3}.get(variant(value).type)
-    assert same(decode(data, limits=Limits(variants=spent or 4))[0], variant(value).plain)
+    assert same(decode(data, limits=PacketLimits(variants=spent or 4))[0], variant(value).plain)
     assert isinstance(
-        refused(data, hresult.E_ARGSIZEOVER, "more than 2 elements in one packet", limits=Limits(variants=2)),
+        refused(data, hresult.E_ARGSIZEOVER, "more than 2 elements in one packet", limits=PacketLimits(variants=2)),
         LimitExceeded,
     )
 
 
 def test_plain_numbers_cost_little_and_bytes_nothing():
-    assert decode(encode([0.5] * 1000), limits=Limits(variants=7))[0] == [0.5] * 1000  # set-points are not counted
-    assert decode(encode([5] * 1000), limits=Limits(variants=62))[0] == [5] * 1000
-    assert decode(encode(bytes(100_000)), limits=Limits(variants=0))[0] == bytes(100_000)
-    assert decode(encode([True] * 1000), limits=Limits(variants=62))[0] == [True] * 1000
-    refused(encode([5] * 1024), hresult.E_ARGSIZEOVER, "more than 61 elements", limits=Limits(variants=61))
-    refused(encode([True] * 1000), hresult.E_ARGSIZEOVER, "more than 61 elements", limits=Limits(variants=61))
+    assert (
+        decode(encode([0.5] * 1000), limits=PacketLimits(variants=7))[0] == [0.5] * 1000
+    )  # set-points are not counted
+    assert decode(encode([5] * 1000), limits=PacketLimits(variants=62))[0] == [5] * 1000
+    assert decode(encode(bytes(100_000)), limits=PacketLimits(variants=0))[0] == bytes(100_000)
+    assert decode(encode([True] * 1000), limits=PacketLimits(variants=62))[0] == [True] * 1000
+    refused(encode([5] * 1024), hresult.E_ARGSIZEOVER, "more than 61 elements", limits=PacketLimits(variants=61))
+    refused(encode([True] * 1000), hresult.E_ARGSIZEOVER, "more than 61 elements", limits=PacketLimits(variants=61))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.core.errors import CallError
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
@@ -43,7 +43,7 @@ def refused():
     def refused(call: Callable[..., Any], *arguments: Any) -> int:
         with pytest.raises(CallError) as caught:
             result = call(*arguments)
-            if isinstance(result, Blocking):
+            if isinstance(result, BlockingCall):
                 result.run()
         return caught.value.code
 

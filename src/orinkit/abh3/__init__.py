@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from orinkit.abh3.api.names import Driver, MotorBus, connect, open_bus
 from orinkit.abh3.differential import Differential
-from orinkit.abh3.table.decoder import Decoded, Decoder
+from orinkit.abh3.table.decoder import DecodedFrame, Decoder
 from orinkit.abh3.table.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2, DP0S, DP1R, Flags
 from orinkit.abh3.table.signals import DIALECTS, V1, V2, Dialect
 from orinkit.core.errors import DriverFault, DriverRefused, DriverTimeout
@@ -34,7 +34,7 @@ __all__ = [
     "DP1R",
     "V1",
     "V2",
-    "Decoded",
+    "DecodedFrame",
     "Decoder",
     "Dialect",
     "Differential",

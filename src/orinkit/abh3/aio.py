@@ -16,7 +16,7 @@ from orinkit.abh3.api._async.driver import AsyncDriver
 from orinkit.abh3.api.common import BusSettings, Settings
 from orinkit.abh3.table.records import BR1, BR1V2, DP0R, DP0RV2
 from orinkit.abh3.table.signals import Dialect
-from orinkit.core.awaitable import Opening
+from orinkit.core.awaitable import AwaitableContext
 
 if TYPE_CHECKING:
     import can
@@ -31,19 +31,19 @@ def connect(
     dialect: Literal["v1"] = "v1",
     init: bool = True,
     **settings: Unpack[Settings],
-) -> Opening[AsyncDriver[DP0R, BR1]]: ...
+) -> AwaitableContext[AsyncDriver[DP0R, BR1]]: ...
 
 
 @overload
 def connect(
     at: str | can.BusABC | None = None, *, dialect: Literal["v2"], init: bool = True, **settings: Unpack[Settings]
-) -> Opening[AsyncDriver[DP0RV2, BR1V2]]: ...
+) -> AwaitableContext[AsyncDriver[DP0RV2, BR1V2]]: ...
 
 
 @overload
 def connect(
     at: str | can.BusABC | None = None, *, dialect: str | Dialect, init: bool = True, **settings: Unpack[Settings]
-) -> Opening[AsyncDriver[Any, Any]]: ...
+) -> AwaitableContext[AsyncDriver[Any, Any]]: ...
 
 
 def connect(
@@ -52,11 +52,11 @@ def connect(
     dialect: str | Dialect = "v1",
     init: bool = True,
     **settings: Unpack[Settings],
-) -> Opening[AsyncDriver[Any, Any]]:
+) -> AwaitableContext[AsyncDriver[Any, Any]]:
     """Open a CAN bus with one driver, as :func:`orinkit.abh3.connect`; for ``async with`` or ``await``."""
-    return Opening(bus.connect(at, dialect=dialect, init=init, **settings))
+    return AwaitableContext(bus.connect(at, dialect=dialect, init=init, **settings))
 
 
-def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> Opening[AsyncMotorBus]:
+def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> AwaitableContext[AsyncMotorBus]:
     """Open a CAN bus for several drivers, as :func:`orinkit.abh3.open_bus`; for ``async with`` or ``await``."""
-    return Opening(bus.open_bus(at, **settings))
+    return AwaitableContext(bus.open_bus(at, **settings))

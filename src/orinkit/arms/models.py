@@ -44,7 +44,7 @@ _AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "li
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class AxisModel:
     """One axis; deg, or mm where it is linear.
 
     Attributes:
@@ -64,7 +64,7 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ArmModel:
     """One arm.
 
     The frames are those of a six-axis arm whose axes are z, y, y, z, y, z when all joints are zero and it stands
@@ -86,7 +86,7 @@ class Model:
     name: str
     type_name: str
     origins: tuple[tuple[float, float, float], ...]
-    axes: tuple[Axis, ...]
+    axes: tuple[AxisModel, ...]
     home: tuple[float, ...]
     path_speed: float = DEFAULT_PATH["speed"]
     path_acceleration: float = DEFAULT_PATH["acceleration"]
@@ -94,7 +94,7 @@ class Model:
     path_rotation_acceleration: float = DEFAULT_PATH["rotation_acceleration"]
 
 
-def load_model(name_or_path: str | Path) -> Model:
+def load_model(name_or_path: str | Path) -> ArmModel:
     """Return a model by its name, or read one from a TOML file.
 
     Args:
@@ -111,7 +111,7 @@ def load_model(name_or_path: str | Path) -> Model:
     return parse_model(_read(Path(name_or_path)), str(name_or_path))
 
 
-def model_of_type(type_name: str) -> Model | None:
+def model_of_type(type_name: str) -> ArmModel | None:
     """Return the arm whose controller gives this type name (``@TYPE_NAME``, GetRobotTypeName); ``None``: not known here.
 
     Letters and number of the series decide (``VS050`` of ``VS050A3-AV6-NNN-NNN``); what follows is about the controller.
@@ -125,7 +125,7 @@ def model_of_type(type_name: str) -> Model | None:
     return None
 
 
-def parse_model(text: str, source: str) -> Model:
+def parse_model(text: str, source: str) -> ArmModel:
     """Return the model that a TOML text is.
 
     Args:
@@ -141,20 +141,20 @@ def parse_model(text: str, source: str) -> Model:
         raise ValueError(tr("{source}: this is no TOML: {error}", source=source, error=_short(error))) from None
     except ValueError as error:  # an integer of more digits than Python converts
         raise ValueError(tr("{source}: a value cannot be used: {error}", source=source, error=_short(error))) from None
-    return _Reader(source).model(table)
+    return _ModelReader(source).model(table)
 
 
-class _Reader:
+class _ModelReader:
     """Turns what tomllib gives into a Model; knows the file's name for its complaints."""
 
     def __init__(self, source: str) -> None:
         self._source = source
 
-    def model(self, table: Mapping[str, object]) -> Model:
+    def model(self, table: Mapping[str, object]) -> ArmModel:
         self._known(table, _KEYS, "")
         axes = self._axes(table.get("axes"))
         path = self._path(table.get("path", {}))
-        return Model(
+        return ArmModel(
             name=self._text(table, "name"),
             type_name=self._text(table, "type_name"),
             origins=self._origins(table.get("origins")),
@@ -188,11 +188,11 @@ class _Reader:
                 self._refuse(key, tr("the link is shorter than 1 mm"))
         return tuple(origins)
 
-    def _axes(self, value: object) -> tuple[Axis, ...]:
+    def _axes(self, value: object) -> tuple[AxisModel, ...]:
         rows = self._list(value, "axes", _ARM_AXES, _MOST_AXES)
         return tuple(self._axis(row, f"axes[{index}]", index) for index, row in enumerate(rows))
 
-    def _axis(self, row: object, key: str, index: int) -> Axis:
+    def _axis(self, row: object, key: str, index: int) -> AxisModel:
         if not isinstance(row, dict):
             self._refuse(key, tr("must be a table"))
         self._known(row, _AXIS_KEYS, f"{key}.")
@@ -209,9 +209,9 @@ class _Reader:
             self._refuse(f"{key}.linear", tr("must be true or false"))
         if linear and index < _ARM_AXES:
             self._refuse(f"{key}.linear", tr("only an extra axis can be linear"))
-        return Axis(lower, upper, velocity, acceleration, linear)
+        return AxisModel(lower, upper, velocity, acceleration, linear)
 
-    def _home(self, value: object, axes: Sequence[Axis]) -> tuple[float, ...]:
+    def _home(self, value: object, axes: Sequence[AxisModel]) -> tuple[float, ...]:
         home = tuple(self._number(entry, "home") for entry in self._list(value, "home", len(axes), len(axes)))
         for number, (position, axis) in enumerate(zip(home, axes, strict=True), start=1):
             if not axis.lower <= position <= axis.upper:

@@ -1,6 +1,6 @@
 """The client's side of a b-CAP conversation, without I/O.
 
-:meth:`Conversation.call` is a generator. It yields ``(data, seconds)``: send these bytes (if any), then wait for bytes
+:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``: send these bytes (if any), then wait for bytes
 until that many seconds have passed; ``None`` for the seconds means that the wait in force goes on. What comes back from
 the ``yield`` are the bytes received, ``b""`` when the other side has closed, ``None`` when the time is up. It returns
 the return code and the result. The two drivers in :mod:`orinkit.transport` do the waiting.
@@ -18,8 +18,8 @@ from operator import call as _apply
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.bcap.wire import SILENCE, STREAM, Wire
-from orinkit.cao.call_limits import Clock, Patience, standing
+from orinkit.bcap.wire import SILENCE, STREAM, BcapProfile
+from orinkit.cao.call_limits import CallTimer, Clock, standing
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
@@ -28,7 +28,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.values import codec
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Variant, VarType, variant
 
 Exchange: TypeAlias = tuple[bytes, float | None]
@@ -41,7 +41,7 @@ _EXECUTING: Final = hresult.S_EXECUTING
 _FAREWELLS: Final = 3
 
 
-class Conversation:
+class BcapConversation:
     """One client's requests and replies over one link, one at a time.
 
     Args:
@@ -60,9 +60,9 @@ class Conversation:
 
     def __init__(
         self,
-        limits: Limits = DEFAULT_LIMITS,
+        limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: Wire = STREAM,
+        wire: BcapProfile = STREAM,
         dialect: Dialect = RC8,
         clock: Clock = standing,
     ) -> None:
@@ -149,7 +149,7 @@ class Conversation:
         serial = self._take_serial()
         request = self._request(function, arguments, serial, 0)
         # a call that is answered at once needs no clock
-        patience = None if deadline is None else Patience(function.name, deadline, self._clock)
+        patience = None if deadline is None else CallTimer(function.name, deadline, self._clock)
         received = yield request, seconds if patience is None else patience.bound(seconds)
         framer = self._framer
         while True:
@@ -175,7 +175,7 @@ class Conversation:
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
             if idle:
-                patience = patience or Patience(function.name, None, self._clock)
+                patience = patience or CallTimer(function.name, None, self._clock)
                 patience.heard(idle, executing=wait is not None)
                 wait = patience.bound(wait)
             received = yield b"", wait
@@ -195,7 +195,7 @@ class Conversation:
         framer, left, seen = self._framer, tries, 0
         self._stopped = False
         busy: CallError | None = None
-        patience = Patience(function.name, deadline, self._clock)
+        patience = CallTimer(function.name, deadline, self._clock)
         received = yield requests[serial], patience.bound(seconds)
         while True:
             if received is None and framer.pending > seen and framer.begun in requests:
@@ -289,7 +289,7 @@ def sign_of_life(handle: int) -> bytes:
     return encode_request(controller_get_name, (handle,), 0)
 
 
-def _too_long(function: Function[..., Any], length: int, limits: Limits, wire: Wire) -> InvalidValue:
+def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, wire: BcapProfile) -> InvalidValue:
     by_tcp = tr(" ({name}; with TCP there is room)", name=wire.name)
     return InvalidValue(
         tr(

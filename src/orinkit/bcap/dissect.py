@@ -45,7 +45,7 @@ _ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class PacketField:
     """A few bytes of a packet and what they mean. The bytes of all fields, one after the other, are the packet.
 
     Attributes:
@@ -65,7 +65,7 @@ class Field:
     level: int = 0
 
 
-def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None) -> list[Field]:
+def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None) -> list[PacketField]:
     """Explain one packet.
 
     Args:
@@ -73,7 +73,7 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
         kind: ``"request"`` or ``"reply"``; by default a code of 1 to 255 is a function id and any other a return code.
         request: for a reply the packet that it answers.
     """
-    walk = _Walk(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
+    walk = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
     walk.packet()
     return walk.fields
 
@@ -175,7 +175,7 @@ def _notation(vt: int, count: int, data: bytes) -> str:
 # --- the walk ---------------------------------------------------------------------------------------------------------
 
 
-class _Walk:
+class _Dissector:
     """Goes once over a packet.
 
     Whether it is right, and what is wrong with it, is the decoder's word; the walk says where its parts lie.
@@ -185,13 +185,13 @@ class _Walk:
         self.frame = frame
         self.kind = kind
         self.function = function
-        self.fields: list[Field] = []
+        self.fields: list[PacketField] = []
         self.at = 0
 
     def take(self, size: int, name: str, meaning: str, *, error: bool = False, level: int = 0) -> bytes:
         """Make a field of the next bytes."""
         raw = self.frame[self.at : self.at + size]
-        self.fields.append(Field(self.at, raw, name, meaning, error, level))
+        self.fields.append(PacketField(self.at, raw, name, meaning, error, level))
         self.at += len(raw)
         return raw
 
@@ -392,6 +392,6 @@ def _part(name: str, part: str) -> str:
     return f"{name}: {part}"
 
 
-def first_error(fields: Iterable[Field]) -> Field | None:
+def first_error(fields: Iterable[PacketField]) -> PacketField | None:
     """Return the first field that is an error, ``None`` where the packet is right."""
     return next((field for field in fields if field.error), None)

@@ -26,7 +26,7 @@ _HALF: Final = _ROUND // 2
 _KEPT: Final = 64  # answers
 
 
-class Verdict(Enum):
+class Decision(Enum):
     """What is to be done with a request."""
 
     NEW = "carry it out"
@@ -38,7 +38,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CachedReply:
     """An answer as it was given: all of it but the serial."""
 
     code: int
@@ -46,7 +46,7 @@ class Answer:
     body: bytes = b""
 
 
-_BUSY: Final = Answer(hresult.E_BUSY_PROC)
+_BUSY: Final = CachedReply(hresult.E_BUSY_PROC)
 
 
 @dataclass(slots=True)
@@ -54,10 +54,10 @@ class _Request:
     content: bytes
     reserved: bool
     time: float  # when it came, and when it was answered
-    answer: Answer | None = None
+    answer: CachedReply | None = None
 
 
-class Requests:
+class DuplicateFilter:
     """The requests of one client, or of one after the other on the same line.
 
     Args:
@@ -73,7 +73,7 @@ class Requests:
         self._started = float("-inf")
         self._stopped = True
 
-    def judge(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Verdict:
+    def judge(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
         """Tell what is to be done with a request; one that is new is at work from then on, until :meth:`answered`.
 
         Args:
@@ -88,25 +88,25 @@ class Requests:
         known = self._known.get(number)
         if known is not None and known.content == content:
             if number == self._running:
-                return Verdict.RUNNING
+                return Decision.RUNNING
             # who says that this is another try means that very request, however long ago it was
             if (number == self._newest or reserved) and (serial != number or now - known.time < MEMORY):
                 return self._seen(known, function, number, now)
         if function == _SERVICE_START:
             return self._begin(number, _Request(content, bool(reserved), now), busy=busy)
         if reserved and self._is_late(number, now):
-            return Verdict.STALE
+            return Decision.STALE
         return self._take(number, _Request(content, bool(reserved), now), busy=busy)
 
-    def answered(self, answer: Answer, now: float) -> None:
+    def answered(self, answer: CachedReply, now: float) -> None:
         """Remember the answer to the request that is at work."""
         assert self._running is not None
         request = self._known[self._running]
         request.answer, request.time = answer, now
         self._running = None
 
-    def answer_to(self, serial: int, reserved: int) -> Answer:
-        """Return the answer to a request that has been :attr:`Verdict.ANSWERED`."""
+    def answer_to(self, serial: int, reserved: int) -> CachedReply:
+        """Return the answer to a request that has been :attr:`Decision.ANSWERED`."""
         answer = self._known[reserved or serial].answer
         assert answer is not None
         return answer
@@ -115,17 +115,17 @@ class Requests:
         """The client has said goodbye: a Service_Start is another one's beginning from now on."""
         self._stopped = True
 
-    def _seen(self, known: _Request, function: int, number: int, now: float) -> Verdict:
+    def _seen(self, known: _Request, function: int, number: int, now: float) -> Decision:
         if function == _SERVICE_START and number != self._newest:
             if not self._is_another(now):
-                return Verdict.STALE  # an answer would have a client that begins anew believe that it has begun
+                return Decision.STALE  # an answer would have a client that begins anew believe that it has begun
             return self._begin_anew(number, _Request(known.content, known.reserved, now))
-        return Verdict.STALE if known.answer is None else Verdict.ANSWERED
+        return Decision.STALE if known.answer is None else Decision.ANSWERED
 
-    def _begin(self, number: int, request: _Request, *, busy: bool) -> Verdict:
+    def _begin(self, number: int, request: _Request, *, busy: bool) -> Decision:
         """Judge a Service_Start that is not known."""
         if number == self._start and not self._is_another(request.time):
-            return Verdict.STALE
+            return Decision.STALE
         ahead = 0 < (number - self._newest) % _ROUND <= _HALF
         if self._shared or self._stopped or not ahead:
             return self._begin_anew(number, request)
@@ -134,8 +134,8 @@ class Requests:
             self._start, self._started = number, request.time
         return verdict
 
-    def _begin_anew(self, number: int, request: _Request) -> Verdict:
-        verdict = Verdict.NEW if self._stopped else Verdict.ANEW
+    def _begin_anew(self, number: int, request: _Request) -> Decision:
+        verdict = Decision.NEW if self._stopped else Decision.ANEW
         self._known.clear()
         self._start, self._started, self._stopped = number, request.time, False
         self._remember(number, request)
@@ -146,16 +146,16 @@ class Requests:
         """Whether a Service_Start that seems to be known is that of a client who begins anew with the same number."""
         return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
-    def _take(self, number: int, request: _Request, *, busy: bool) -> Verdict:
+    def _take(self, number: int, request: _Request, *, busy: bool) -> Decision:
         if busy:
             if number != self._running:  # whose answer is to come there
                 request.answer = _BUSY
                 self._remember(number, request)
-            return Verdict.BUSY
+            return Decision.BUSY
         self._remember(number, request)
         self._running = number
         self._stopped = False
-        return Verdict.NEW
+        return Decision.NEW
 
     def _remember(self, number: int, request: _Request) -> None:
         self._newest = number

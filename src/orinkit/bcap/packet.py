@@ -16,7 +16,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import LimitExceeded, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.values import codec
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 SOH: Final = 0x01
 EOT: Final = 0x04
@@ -90,7 +90,7 @@ def checksum(data: bytes) -> int:
     return binascii.crc_hqx(data, 0xFFFF)
 
 
-def decode(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False, crc: bool = False) -> Packet:
+def decode(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False, crc: bool = False) -> Packet:
     """Read one whole packet, for example one that :class:`Framer` has cut out.
 
     Raises:
@@ -104,7 +104,7 @@ def decode(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False
 
 
 def decode_arguments(
-    frame: bytes, count: int, end: int, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False
+    frame: bytes, count: int, end: int, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False
 ) -> tuple[list[Any], int]:
     """Read ``count`` arguments of a packet; returns them and the position behind the last.
 
@@ -134,7 +134,7 @@ def is_right(frame: bytes) -> bool:
     return bool(_CRC.unpack_from(frame, len(frame) - 3)[0] == checksum(frame[1:-3]))
 
 
-def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = False) -> None:
+def check_frame(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, crc: bool = False) -> None:
     """Check a whole packet's outside: SOH, length, EOT, CRC.
 
     Raises:
@@ -163,7 +163,7 @@ def check_frame(frame: bytes, limits: Limits = DEFAULT_LIMITS, *, crc: bool = Fa
         )
 
 
-def _too_long(length: int, limits: Limits) -> LimitExceeded:
+def _too_long(length: int, limits: PacketLimits) -> LimitExceeded:
     return LimitExceeded(
         tr("packet of {length} bytes, at most {most} are allowed", length=length, most=limits.packet),
         hresult.E_PACKETSIZEOVER,
@@ -197,7 +197,7 @@ class Framer:
     skipped = 0
     """Nothing is passed over in a stream."""
 
-    def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         self.limits = limits
         self._buffer = bytearray()
         self._error: ProtocolError | None = None

@@ -8,7 +8,7 @@ from orinkit.bcap import packet
 from orinkit.core import hresult
 from orinkit.core.errors import LimitExceeded
 from orinkit.core.i18n import tr
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 LEAST: Final = packet.OVERHEAD + 2
 """Bytes of a packet without arguments."""
@@ -36,7 +36,7 @@ class LineFramer:
         skipped: bytes received outside any packet.
     """
 
-    def __init__(self, limits: Limits = DEFAULT_LIMITS, *, tells: bool = False) -> None:
+    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, tells: bool = False) -> None:
         self.limits = limits
         self.skipped = 0
         self._tells = tells

@@ -17,15 +17,15 @@ from functools import partial
 from typing import Final, NamedTuple, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.bcap.duplicate_filter import Answer, Requests, Verdict
-from orinkit.bcap.wire import STREAM, Wire
+from orinkit.bcap.duplicate_filter import CachedReply, Decision, DuplicateFilter
+from orinkit.bcap.wire import STREAM, BcapProfile
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.service_options import read_options
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.values import codec
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Variant
 
 _SERVICE_START: Final = 1
@@ -122,9 +122,9 @@ class ServerConversation:
 
     def __init__(
         self,
-        limits: Limits = DEFAULT_LIMITS,
+        limits: PacketLimits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
-        wire: Wire = STREAM,
+        wire: BcapProfile = STREAM,
         dialect: Dialect = RC8,
     ) -> None:
         self.wdt: float | None = None
@@ -135,7 +135,7 @@ class ServerConversation:
         self._dialect = dialect
         self._limits = replace(wire.bound(limits), error_size=dialect.error_size)
         self._framer = wire.server_framer(self._limits)
-        self._requests = Requests(shared=wire.shared) if wire.lossy else None
+        self._requests = DuplicateFilter(shared=wire.shared) if wire.lossy else None
         self._current: Execute | Decode | None = None
         self._serial = 0  # of the latest try of the current call
         self._reserved = 0
@@ -244,24 +244,24 @@ class ServerConversation:
             goodbye = function_id == _SERVICE_STOP  # there is no connection whose end would say so
             busy = self._current is not None and not goodbye
             verdict = self._requests.judge(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
-            if verdict is Verdict.ANEW or (verdict is Verdict.NEW and self._current is not None):
+            if verdict is Decision.ANEW or (verdict is Decision.NEW and self._current is not None):
                 self._current = None
                 self._next = self._take(frame, serial, reserved, function_id, count, end)
                 return Reset("it stops while a call is at work" if goodbye else "a client begins")
-            if verdict is not Verdict.NEW:
+            if verdict is not Decision.NEW:
                 return self._not_new(self._requests, verdict, serial, reserved)
         elif self._current is not None:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         return self._take(frame, serial, reserved, function_id, count, end)
 
-    def _not_new(self, requests: Requests, verdict: Verdict, serial: int, reserved: int) -> Action | None:
+    def _not_new(self, requests: DuplicateFilter, verdict: Decision, serial: int, reserved: int) -> Action | None:
         """Answer a request that is not to be carried out."""
-        if verdict is Verdict.STALE:
+        if verdict is Decision.STALE:
             return None
-        if verdict is Verdict.ANSWERED:
+        if verdict is Decision.ANSWERED:
             answer = requests.answer_to(serial, reserved)
             return Send(self._pack(serial, reserved, answer.code, answer.count, answer.body))
-        if verdict is Verdict.BUSY:
+        if verdict is Decision.BUSY:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         self._serial, self._reserved = serial, reserved  # its client waits for this one now
         return Send(self._pack(serial, reserved, hresult.S_EXECUTING))
@@ -372,7 +372,7 @@ class ServerConversation:
     def _answer(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
         """Return the answer to the current request, which is kept where it may be lost."""
         if self._requests is not None:
-            self._requests.answered(Answer(code, count, body), self._now)
+            self._requests.answered(CachedReply(code, count, body), self._now)
         return self._pack(self._serial, self._reserved, code, count, body)
 
     def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:

@@ -1,6 +1,6 @@
 """How packets travel: in a stream (TCP), one to a datagram (UDP), or over a serial line (b-CAP/COM).
 
-A :class:`Wire` has all that differs. On a stream nothing is lost, and anything but packets ends the connection. On the other two a packet may be, so that a client
+A :class:`BcapProfile` has all that differs. On a stream nothing is lost, and anything but packets ends the connection. On the other two a packet may be, so that a client
 repeats a request that is not answered: with a new serial, and with the serial of its first try in the reserved field, by
 which a server knows it again (:mod:`orinkit.bcap.duplicate_filter`).
 """
@@ -14,8 +14,8 @@ from typing import Final, Protocol
 
 from orinkit.bcap import packet
 from orinkit.bcap.serial_framer import LineFramer
-from orinkit.cao.transport_profile import Carrier
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.cao.transport_profile import TransportProfile
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 SILENCE: Final = 0.05
 """Seconds without a byte after which a packet that has begun on a serial line is not coming to its end any more."""
@@ -61,7 +61,7 @@ class DatagramFramer:
     pending = 0
     begun = 0
 
-    def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         self.limits = limits
         self.skipped = 0
 
@@ -86,7 +86,7 @@ class DatagramFramer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wire(Carrier):
+class BcapProfile(TransportProfile):
     """One way for packets to travel.
 
     Attributes:
@@ -95,8 +95,8 @@ class Wire(Carrier):
         crc: packets have a checksum (VE026A 3.1).
     """
 
-    framer: Callable[[Limits], Framing]
-    server_framer: Callable[[Limits], Framing]
+    framer: Callable[[PacketLimits], Framing]
+    server_framer: Callable[[PacketLimits], Framing]
     crc: bool = False
 
     @property
@@ -104,17 +104,17 @@ class Wire(Carrier):
         """Bytes of a packet behind its last argument."""
         return 3 if self.crc else 1
 
-    def bound(self, limits: Limits) -> Limits:
+    def bound(self, limits: PacketLimits) -> PacketLimits:
         """Return limits of which none is beyond what can travel."""
         return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
 
 
-STREAM: Final = Wire("tcp", framer=packet.Framer, server_framer=packet.Framer)
-DATAGRAM: Final = Wire(
+STREAM: Final = BcapProfile("tcp", framer=packet.Framer, server_framer=packet.Framer)
+DATAGRAM: Final = BcapProfile(
     "udp", framer=DatagramFramer, server_framer=DatagramFramer,
     lossy=True, memory=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
 )  # fmt: skip
-LINE: Final = Wire(
+LINE: Final = BcapProfile(
     "serial", framer=LineFramer, server_framer=partial(LineFramer, tells=True),
     crc=True, lossy=True, shared=True, watched=False, packet=65536, timeout=0.5,
 )  # fmt: skip

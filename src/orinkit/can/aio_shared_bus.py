@@ -16,7 +16,7 @@ from typing import Final, Protocol, Self, TypeVar, cast
 
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation, checked
-from orinkit.can.reader_thread import Reader
+from orinkit.can.reader_thread import BusReader
 from orinkit.can.shared_bus import SIZE, Accepts
 from orinkit.core.errors import ConnectionLost, OrinError
 from orinkit.core.i18n import tr
@@ -32,8 +32,8 @@ _GLANCES: Final = 40  # until the thread has handed over what has arrived; no ti
 _GLANCE: Final = 1e-3  # s; uvloop waits for no less
 
 
-class AsyncPort(Protocol):
-    """What an operation is carried out over in asyncio: :class:`AsyncCanPort`."""
+class AsyncFrameLink(Protocol):
+    """What an operation is carried out over in asyncio: :class:`AsyncCanReceiver`."""
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order."""
@@ -45,7 +45,7 @@ class AsyncPort(Protocol):
         """Drop what has arrived for this port."""
 
 
-class AsyncCanLine:
+class AsyncSharedCanBus:
     """A bus that many ports share, in one event loop; it is to be made there.
 
     Args:
@@ -55,12 +55,12 @@ class AsyncCanLine:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._loop = asyncio.get_running_loop()
-        self._ports: tuple[AsyncCanPort, ...] = ()
+        self._ports: tuple[AsyncCanReceiver, ...] = ()
         self._closed = False
         self._broken: str | None = None  # why
         self._watched = -1  # descriptor that the loop watches
-        self._thread: Reader | None = None
-        self._leaving: Reader | None = None
+        self._thread: BusReader | None = None
+        self._leaving: BusReader | None = None
         self._reopening = asyncio.Lock()
         self._begin()
 
@@ -91,25 +91,25 @@ class AsyncCanLine:
         """Whether it was closed here."""
         return self._closed
 
-    def port(self, accepts: Accepts, *, size: int = SIZE) -> AsyncCanPort:
+    def port(self, accepts: Accepts, *, size: int = SIZE) -> AsyncCanReceiver:
         """Return a port, which gets each frame from now on that it accepts; others may get the same frame.
 
         Args:
             accepts: whether a frame is for it; must not raise anything.
             size: frames that wait in it; of more the oldest are dropped.
         """
-        port = AsyncCanPort(self, accepts, size)
+        port = AsyncCanReceiver(self, accepts, size)
         self._ports += (port,)
         return port
 
-    def forget(self, port: AsyncCanPort) -> None:
-        """Give a port no more frames, as :meth:`AsyncCanPort.close`."""
+    def forget(self, port: AsyncCanReceiver) -> None:
+        """Give a port no more frames, as :meth:`AsyncCanReceiver.close`."""
         self._ports = tuple(each for each in self._ports if each is not port)
         port.closed = True
         port.frames.clear()
         port.wake()
 
-    def check(self, port: AsyncCanPort | None = None) -> None:
+    def check(self, port: AsyncCanReceiver | None = None) -> None:
         """Raise what a call on the line, or on a port, ends with if it is closed or broken."""
         if self._closed or (port is not None and port.closed):
             raise closed()
@@ -152,7 +152,7 @@ class AsyncCanLine:
             else:
                 self._watched = self._bus.fileno()
                 return
-        self._thread = Reader(self._bus, self._loop, self._came)
+        self._thread = BusReader(self._bus, self._loop, self._came)
         self._thread.start()
 
     def _end(self) -> None:
@@ -285,8 +285,8 @@ class AsyncCanLine:
             self._bus.close()
 
 
-class AsyncCanPort:
-    """What one user has of a line: the frames that it accepts. :meth:`AsyncCanLine.port` makes one.
+class AsyncCanReceiver:
+    """What one user has of a line: the frames that it accepts. :meth:`AsyncSharedCanBus.port` makes one.
 
     Attributes:
         line: it belongs to.
@@ -296,7 +296,7 @@ class AsyncCanPort:
         closed: whether it was closed.
     """
 
-    def __init__(self, line: AsyncCanLine, accepts: Accepts, size: int) -> None:
+    def __init__(self, line: AsyncSharedCanBus, accepts: Accepts, size: int) -> None:
         self.line = line
         self.accepts = accepts
         self.frames: deque[CanFrame] = deque(maxlen=size)
@@ -318,7 +318,7 @@ class AsyncCanPort:
                 waiter.set_result(None)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, as :meth:`AsyncCanLine.send`; they are sent when it returns, so no task can be cancelled in it."""
+        """Send frames, as :meth:`AsyncSharedCanBus.send`; they are sent when it returns, so no task can be cancelled in it."""
         self.line.send(frames, seconds)
 
     async def receive(self, seconds: float) -> CanFrame | None:
@@ -371,7 +371,7 @@ class AsyncCanPort:
         self.line.forget(self)
 
 
-async def arun_can(operation: CanOperation[T], port: AsyncPort) -> T:
+async def arun_can(operation: CanOperation[T], port: AsyncFrameLink) -> T:
     """Carry out an operation in asyncio and return its result.
 
     One that is cancelled leaves the port usable: what was not received yet is dropped by the next operation that wants to
@@ -382,7 +382,7 @@ async def arun_can(operation: CanOperation[T], port: AsyncPort) -> T:
         port: to do it over.
 
     Raises:
-        ConnectionLost, ConnectionClosed, TransportError: as :meth:`AsyncCanLine.send` and :meth:`AsyncCanPort.receive`.
+        ConnectionLost, ConnectionClosed, TransportError: as :meth:`AsyncSharedCanBus.send` and :meth:`AsyncCanReceiver.receive`.
     """
     received: CanFrame | None = None
     deadline = 0.0

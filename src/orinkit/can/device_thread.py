@@ -9,7 +9,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Final
 
 from orinkit.can.frame import CanFrame
-from orinkit.can.reconnecting_bus import Wire
+from orinkit.can.reconnecting_bus import ReconnectingBus
 
 if TYPE_CHECKING:
     from orinkit.can.device import CanDevice
@@ -21,7 +21,7 @@ _SOURCE: Final = 0xFF  # the bits of an identifier that say who sends, as in J19
 _QUIET: Final = 1.0  # s between two exceptions of a device that are logged
 
 
-def run(devices: Sequence[Served], wire: Wire, ending: threading.Event) -> None:
+def run(devices: Sequence[ServedDevice], wire: ReconnectingBus, ending: threading.Event) -> None:
     """Give frames to devices and send what they want to, until the event is set."""
     while not ending.is_set():
         frame = wire.receive(min((device.pause() for device in devices), default=_LONGEST_WAIT))
@@ -33,7 +33,7 @@ def run(devices: Sequence[Served], wire: Wire, ending: threading.Event) -> None:
                 wire.send(device.advance())
 
 
-class Served:
+class ServedDevice:
     """A device whose exceptions are logged, and end nothing."""
 
     def __init__(self, device: CanDevice) -> None:

@@ -1,6 +1,6 @@
 """CAN frames, and operations that want them: what everything that speaks CAN has in common, without I/O.
 
-An operation is a generator: it yields a :class:`Turn`, which says what to send and how long to wait, and is sent the
+An operation is a generator: it yields a :class:`OperationStep`, which says what to send and how long to wait, and is sent the
 next frame, or ``None`` when the time is up.
 """
 
@@ -36,7 +36,7 @@ class CanFrame(NamedTuple):
         return f"{self.id:08X}#{self.data.hex().upper()}"
 
 
-class Turn(NamedTuple):
+class OperationStep(NamedTuple):
     """What an operation wants next.
 
     Attributes:
@@ -51,7 +51,7 @@ class Turn(NamedTuple):
     fresh: bool = False
 
 
-CanOperation: TypeAlias = Generator[Turn, CanFrame | None, T]
+CanOperation: TypeAlias = Generator[OperationStep, CanFrame | None, T]
 
 
 def checked(frame: CanFrame) -> CanFrame:

@@ -17,7 +17,7 @@ _SLICE: Final = 0.25  # s after which it finds that it is to end
 _BACKLOG: Final = 10_000  # frames that are kept for a loop that is not running
 
 
-class Reader(threading.Thread):
+class BusReader(threading.Thread):
     """Reads a bus, and tells the loop that something has come.
 
     Args:

@@ -25,7 +25,7 @@ _QUIET: Final = 1.0  # s between two frames that are none and are logged
 _JOIN: Final = 5.0
 
 
-class Wire:
+class ReconnectingBus:
     """A bus that is opened again when it is lost. All of it is called from one thread, but :meth:`close`.
 
     Args:

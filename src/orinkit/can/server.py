@@ -25,12 +25,12 @@ class CanServer:
     """Devices on a bus, in a thread of their own; :func:`serve_can` makes one."""
 
     def __init__(self, devices: Iterable[CanDevice], at: str | can.BusABC) -> None:
-        from orinkit.can.device_thread import Served, run
-        from orinkit.can.reconnecting_bus import Wire
+        from orinkit.can.device_thread import ServedDevice, run
+        from orinkit.can.reconnecting_bus import ReconnectingBus
 
-        self._devices = [Served(device) for device in _checked(devices)]
+        self._devices = [ServedDevice(device) for device in _checked(devices)]
         self._ending = threading.Event()
-        self._wire = Wire(_address(at) if isinstance(at, str) else at, self._ending)
+        self._wire = ReconnectingBus(_address(at) if isinstance(at, str) else at, self._ending)
         self._lock = threading.Lock()
         self._thread = threading.Thread(
             target=run, args=(tuple(self._devices), self._wire, self._ending), name="orinkit-can-server", daemon=True

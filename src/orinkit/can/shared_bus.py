@@ -4,7 +4,7 @@ There is no thread of its own: whoever waits for a frame reads the bus, for all.
 is woken when a frame for it was read, and reads on itself when the other one leaves. A single caller reads the bus on its
 own thread, with nothing in between.
 
-A line that has broken stays broken until :meth:`CanLine.reopen`. The twin is :mod:`orinkit.can.aio_shared_bus`.
+A line that has broken stays broken until :meth:`SharedCanBus.reopen`. The twin is :mod:`orinkit.can.aio_shared_bus`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _GLANCE: Final = 2e-4  # s
 _LOOK: Final = 2e-3  # s
 
 
-class Port(Protocol):
-    """What an operation is carried out over, on the caller's thread: :class:`CanPort`."""
+class FrameLink(Protocol):
+    """What an operation is carried out over, on the caller's thread: :class:`CanReceiver`."""
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order."""
@@ -49,7 +49,7 @@ class Port(Protocol):
         """Drop what has arrived for this port."""
 
 
-class CanLine:
+class SharedCanBus:
     """A bus that many ports share. Every method may be called from any thread.
 
     Args:
@@ -60,8 +60,8 @@ class CanLine:
         self._bus = bus
         # of what follows; never held while the bus is read. A port may be closed by the garbage collector, while it is held
         self._lock = threading.RLock()
-        self._ports: tuple[CanPort, ...] = ()  # replaced as a whole: who reads goes through it without the lock
-        self._waiting: list[CanPort] = []  # those with a thread that waits for another one that reads
+        self._ports: tuple[CanReceiver, ...] = ()  # replaced as a whole: who reads goes through it without the lock
+        self._waiting: list[CanReceiver] = []  # those with a thread that waits for another one that reads
         self._reader: int | None = None  # the thread that reads the bus
         self._quiet = False  # it has taken all that has arrived, and waits for more
         self._closed = False
@@ -92,19 +92,19 @@ class CanLine:
         """Whether it was closed here."""
         return self._closed
 
-    def port(self, accepts: Accepts, *, size: int = SIZE) -> CanPort:
+    def port(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
         """Return a port, which gets each frame from now on that it accepts; others may get the same frame.
 
         Args:
             accepts: whether a frame is for it.
             size: frames that wait in it; of more the oldest are dropped.
         """
-        port = CanPort(self, accepts, size, self._lock)
+        port = CanReceiver(self, accepts, size, self._lock)
         with self._lock:
             self._ports += (port,)
         return port
 
-    def _check(self, port: CanPort | None = None) -> None:
+    def _check(self, port: CanReceiver | None = None) -> None:
         if self._closed or (port is not None and port.closed):
             raise closed()
         if self._broken is not None:
@@ -146,8 +146,8 @@ class CanLine:
 
     # --- receiving ----------------------------------------------------------------------------------------------------
 
-    def receive(self, port: CanPort, seconds: float) -> CanFrame | None:
-        """Return the next frame for a port, as :meth:`CanPort.receive`."""
+    def receive(self, port: CanReceiver, seconds: float) -> CanFrame | None:
+        """Return the next frame for a port, as :meth:`CanReceiver.receive`."""
         end = monotonic() + seconds
         reads = False
         try:
@@ -174,7 +174,7 @@ class CanLine:
             if self._waiting:
                 self._pass_on()
 
-    def _wait(self, port: CanPort, seconds: float) -> None:
+    def _wait(self, port: CanReceiver, seconds: float) -> None:
         """Wait until there is a frame, or nobody who reads; the lock is held before and after."""
         self._waiting.append(port)
         try:
@@ -189,7 +189,7 @@ class CanLine:
             if self._reader is None and self._waiting:
                 self._waiting[0].woken.notify()
 
-    def _read(self, port: CanPort, left: float, end: float) -> CanFrame | None:
+    def _read(self, port: CanReceiver, left: float, end: float) -> CanFrame | None:
         """Read the bus for all until there is a frame for a port, or the time is up; this thread is the one that reads."""
         if left < 0:
             left = 0.0
@@ -217,7 +217,7 @@ class CanLine:
             self._break(error)
             raise (closed() if self._closed else error) from error.__cause__
 
-    def _hand_out(self, frame: CanFrame, mine: CanPort | None) -> bool:
+    def _hand_out(self, frame: CanFrame, mine: CanReceiver | None) -> bool:
         """Give a frame to every port that accepts it; returns whether one's own does, which does not keep it."""
         is_mine = False
         for port in self._ports:
@@ -230,8 +230,8 @@ class CanLine:
                         port.woken.notify()
         return is_mine
 
-    def clear(self, port: CanPort) -> None:
-        """Drop what has arrived for a port, as :meth:`CanPort.clear`."""
+    def clear(self, port: CanReceiver) -> None:
+        """Drop what has arrived for a port, as :meth:`CanReceiver.clear`."""
         if self._unusable or port.closed:
             self._check(port)
         if self._bus.tells and not self._bus.waiting() and self._reader is None and not port.frames:
@@ -349,8 +349,8 @@ class CanLine:
         self._see_off()
         self._bus.close()
 
-    def forget(self, port: CanPort) -> None:
-        """Give a port no more frames, as :meth:`CanPort.close`."""
+    def forget(self, port: CanReceiver) -> None:
+        """Give a port no more frames, as :meth:`CanReceiver.close`."""
         with self._lock:
             self._ports = tuple(each for each in self._ports if each is not port)
             port.closed = True
@@ -358,8 +358,8 @@ class CanLine:
             port.woken.notify_all()
 
 
-class CanPort:
-    """What one user has of a line: the frames that it accepts. :meth:`CanLine.port` makes one.
+class CanReceiver:
+    """What one user has of a line: the frames that it accepts. :meth:`SharedCanBus.port` makes one.
 
     Every method may be called from any thread; one thread at a time should receive, as a frame goes to one of them only.
 
@@ -372,7 +372,7 @@ class CanPort:
         closed: whether it was closed.
     """
 
-    def __init__(self, line: CanLine, accepts: Accepts, size: int, lock: threading.RLock) -> None:
+    def __init__(self, line: SharedCanBus, accepts: Accepts, size: int, lock: threading.RLock) -> None:
         self.line = line
         self.accepts = accepts
         self.frames: deque[CanFrame] = deque(maxlen=size)
@@ -386,7 +386,7 @@ class CanPort:
         self.frames.append(frame)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, as :meth:`CanLine.send`."""
+        """Send frames, as :meth:`SharedCanBus.send`."""
         self.line.send(frames, seconds)
 
     def receive(self, seconds: float) -> CanFrame | None:
@@ -413,7 +413,7 @@ class CanPort:
         self.line.forget(self)
 
 
-def run_can(operation: CanOperation[T], port: Port) -> T:
+def run_can(operation: CanOperation[T], port: FrameLink) -> T:
     """Carry out an operation on the caller's thread and return its result.
 
     An exception, as KeyboardInterrupt, ends the operation and leaves the port usable: what was not received yet is
@@ -424,7 +424,7 @@ def run_can(operation: CanOperation[T], port: Port) -> T:
         port: to do it over.
 
     Raises:
-        ConnectionLost, ConnectionClosed, TransportError: as :meth:`CanLine.send` and :meth:`CanPort.receive`.
+        ConnectionLost, ConnectionClosed, TransportError: as :meth:`SharedCanBus.send` and :meth:`CanReceiver.receive`.
     """
     received: CanFrame | None = None
     deadline = 0.0

@@ -22,7 +22,7 @@ def standing() -> float:
     return 0.0
 
 
-class Patience:
+class CallTimer:
     """Of one call.
 
     Args:

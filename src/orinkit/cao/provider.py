@@ -20,10 +20,10 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Final, NamedTuple
 
 from orinkit.cao.dialect import RC8, Dialect
-from orinkit.cao.results import Blocking as Blocking
-from orinkit.cao.results import Coded as Coded
-from orinkit.cao.results import Later as Later
+from orinkit.cao.results import BlockingCall as BlockingCall
+from orinkit.cao.results import Deferred as Deferred
 from orinkit.cao.results import Result as Result
+from orinkit.cao.results import ResultWithCode as ResultWithCode
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import Value, Variant, VarType

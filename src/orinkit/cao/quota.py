@@ -20,7 +20,7 @@ MOST_OF_ALL: Final = 16 * 1024 * 1024
 """Bytes of the values of one client, of all clients of a server. In memory a value takes up to about twelve times as much."""
 
 
-class Kept:
+class ByteQuota:
     """Counts the bytes that are kept for one client, or for all.
 
     Args:
@@ -31,7 +31,7 @@ class Kept:
         bytes: that are kept.
     """
 
-    def __init__(self, most: int = MOST_OF_ALL, of_all: Kept | None = None) -> None:
+    def __init__(self, most: int = MOST_OF_ALL, of_all: ByteQuota | None = None) -> None:
         self.bytes = 0
         self._most = most
         self._of_all = of_all

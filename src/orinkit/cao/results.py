@@ -9,59 +9,63 @@ from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 T = TypeVar("T")
 
 
-class Blocking(NamedTuple):
+class BlockingCall(NamedTuple):
     """The rest of a call, to be run in a worker thread because it may wait."""
 
     run: Callable[[], Any]
 
 
-class Coded(NamedTuple):
+class ResultWithCode(NamedTuple):
     """A result together with a success code that is not S_OK, such as S_BUF_FULL."""
 
     code: int
     value: Any = None
 
 
-class Later(Generic[T]):
-    """A result that comes by itself, for example when a motion is over.
+class Deferred(Generic[T]):
+    """A result that is set later, for example at the end of a motion; the methods are those of a Future.
 
-    The device keeps it and calls :meth:`finish` or :meth:`fail` once; whoever waits for it has said so with
-    :meth:`when_done`. Each may be called from any thread: each of their steps is one that Python does not interrupt.
+    The device calls :meth:`set_result` or :meth:`set_exception` once. Every method may be called from any thread: each
+    of their steps is atomic in Python.
     """
 
-    __slots__ = ("_callbacks", "_error", "_value", "done")
+    __slots__ = ("_callbacks", "_done", "_error", "_value")
 
     def __init__(self) -> None:
-        self.done = False
+        self._done = False
         self._value: T | None = None
         self._error: BaseException | None = None
         self._callbacks: list[Callable[[], None]] = []
 
-    def finish(self, value: T | None = None) -> None:
-        """The result is there; nothing happens if there was one already."""
+    def set_result(self, value: T | None = None) -> None:
+        """Set the result; nothing happens if the result or an exception is set."""
         self._settle(value, None)
 
-    def fail(self, error: BaseException) -> None:
-        """There will be no result but this exception; nothing happens if there was a result already."""
+    def set_exception(self, error: BaseException) -> None:
+        """Set an exception instead of a result; nothing happens if the result or an exception is set."""
         self._settle(None, error)
 
+    def done(self) -> bool:
+        """Return True if there is a result or an exception."""
+        return self._done
+
     def result(self) -> T | None:
-        """Return the result, or raise what the call failed with; to be called when it is done."""
+        """Return the result or raise the exception; call it only if :meth:`done` returns True."""
         if self._error is not None:
             raise self._error
         return self._value
 
-    def when_done(self, callback: Callable[[], None]) -> None:
-        """Have a function called once when the result is there, at once if it is; in the thread that finishes."""
+    def add_done_callback(self, callback: Callable[[], None]) -> None:
+        """Call a function once when the result is set, immediately if it is; in the thread that sets the result."""
         self._callbacks.append(callback)
-        if self.done:
+        if self._done:
             self._call_back()
 
     def _settle(self, value: T | None, error: BaseException | None) -> None:
-        if self.done:
+        if self._done:
             return
         self._value, self._error = value, error
-        self.done = True  # before the callbacks are taken: one that is added meanwhile is called by when_done
+        self._done = True  # before the callbacks are taken: one that is added meanwhile is called by add_done_callback
         self._call_back()
 
     def _call_back(self) -> None:
@@ -73,7 +77,7 @@ class Later(Generic[T]):
             callback()
 
 
-Result: TypeAlias = T | Coded | Awaitable[T] | Blocking | Later[T]
+Result: TypeAlias = T | ResultWithCode | Awaitable[T] | BlockingCall | Deferred[T]
 """What a method returns: the result, alone or with a success code, something to await, work for a thread, a promise."""
 
 

@@ -1,7 +1,7 @@
 """One client's session: its handles, and the way from a function call to the provider's method and back.
 
 :meth:`Session.invoke` finds the object behind the handle, reads the arguments as the table types them, calls the
-method and gives a :class:`Reply`. Where the method wants to wait, it gives a :class:`Pending`: the caller awaits or
+method and gives a :class:`CallReply`. Where the method wants to wait, it gives a :class:`Pending`: the caller awaits or
 runs ``pending.work`` and hands what came of it to :meth:`Session.complete` or :meth:`Session.fail`.
 """
 
@@ -20,8 +20,16 @@ from typing import Any, Final, TypeAlias, cast
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider
-from orinkit.cao.quota import KEPT, MOST_OF_A_CLIENT, Kept, size_to_keep
+from orinkit.cao.provider import (
+    BlockingCall,
+    CaoObject,
+    ClientInfo,
+    ControllerObject,
+    Deferred,
+    Provider,
+    ResultWithCode,
+)
+from orinkit.cao.quota import KEPT, MOST_OF_A_CLIENT, ByteQuota, size_to_keep
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
@@ -37,7 +45,7 @@ _MOST_TOLD: Final = 1000  # characters of a reason
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
+class CallReply:
     """The answer to one call.
 
     Attributes:
@@ -53,7 +61,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """A call whose method waits for something; ``work`` is an awaitable, :class:`Blocking` or :class:`Later`."""
+    """A call whose method waits for something; ``work`` is an awaitable, :class:`BlockingCall` or :class:`Deferred`."""
 
     function: Function[..., Any]
     handle: int
@@ -62,10 +70,10 @@ class Pending:
     provider: Provider | None = None
 
 
-Outcome: TypeAlias = Reply | Pending
+Outcome: TypeAlias = CallReply | Pending
 
 
-class Host:
+class ProviderRegistry:
     """The providers that one server offers, by name.
 
     Args:
@@ -76,7 +84,7 @@ class Host:
     def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
         self.providers = [providers] if isinstance(providers, Provider) else _checked(providers)
         self.objects = objects
-        self.kept = Kept()
+        self.kept = ByteQuota()
         self._by_name = {name.lower(): p for p in reversed(self.providers) for name in _names(p)}
         first, *others = self.providers
         for other in others:
@@ -144,7 +152,7 @@ def _names(provider: Provider) -> list[str]:
     return list(names)
 
 
-class Numbers:
+class HandleAllocator:
     """Counts handles up, from 2 to 2,147,483,647 and round again; several sessions may share it."""
 
     def __init__(self) -> None:
@@ -179,14 +187,16 @@ class Session:
         numbers: where handles come from; by default they begin at 2.
     """
 
-    def __init__(self, host: Host, client: ClientInfo | None = None, numbers: Numbers | None = None) -> None:
+    def __init__(
+        self, host: ProviderRegistry, client: ClientInfo | None = None, numbers: HandleAllocator | None = None
+    ) -> None:
         self.host = host
         self._reasons: dict[int, str] = {}
         # not a method of this session: a device that keeps the one must not keep the other
         self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
         self._entries: dict[int, _Entry] = {}  # insertion order is age
-        self._handles = numbers or Numbers()
-        self._kept = Kept(MOST_OF_A_CLIENT, host.kept)
+        self._handles = numbers or HandleAllocator()
+        self._kept = ByteQuota(MOST_OF_A_CLIENT, host.kept)
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
@@ -208,7 +218,7 @@ class Session:
         """
         function = FUNCTIONS.get(function_id)
         if function is None or (self._functions is not None and function_id not in self._functions):
-            return Reply(hresult.E_NOTIMPL, detail=tr("no function {function_id}", function_id=function_id))
+            return CallReply(hresult.E_NOTIMPL, detail=tr("no function {function_id}", function_id=function_id))
         try:
             values = read_arguments(function, arguments)
             special = _SPECIAL.get(function.id)
@@ -218,7 +228,7 @@ class Session:
         except BaseException as error:  # noqa: BLE001 - whatever a device raises is answered, SystemExit too
             return self._failed(function, error)
 
-    def complete(self, pending: Pending, result: Any, *, told: bool = True) -> Reply:
+    def complete(self, pending: Pending, result: Any, *, told: bool = True) -> CallReply:
         """Return the reply for a pending call whose work has given ``result``.
 
         Args:
@@ -228,7 +238,7 @@ class Session:
                 client would never learn its handle.
         """
         try:
-            made = result.value if type(result) is Coded else result
+            made = result.value if type(result) is ResultWithCode else result
             if not told and isinstance(made, CaoObject):
                 made.release()
                 raise error_for(hresult.E_ABORT, pending.label)
@@ -236,7 +246,7 @@ class Session:
         except BaseException as error:  # noqa: BLE001 - as in invoke
             return self._failed(pending.function, error)
 
-    def fail(self, pending: Pending, error: BaseException) -> Reply:
+    def fail(self, pending: Pending, error: BaseException) -> CallReply:
         """Return the reply for a pending call whose work has raised ``error``."""
         return self._failed(pending.function, error)
 
@@ -268,9 +278,9 @@ class Session:
     def _outcome(
         self, function: Function[..., Any], parent: int, label: str, result: Any, provider: Provider | None = None
     ) -> Outcome:
-        if type(result) is Later and result.done:
+        if type(result) is Deferred and result.done():
             result = result.result()
-        elif type(result) in (Blocking, Later) or isawaitable(result):
+        elif type(result) in (BlockingCall, Deferred) or isawaitable(result):
             return Pending(function, parent, label, result, provider)
         return self._reply(function, parent, label, result, provider)
 
@@ -289,12 +299,12 @@ class Session:
         """Whether a function without a result is answered without an argument, where others have VT_EMPTY."""
         return function.method == "execute" and not self.host.dialect.empty_result
 
-    def _existing(self, interface: str, parent: int, label: str, option: str) -> Reply | None:
+    def _existing(self, interface: str, parent: int, label: str, option: str) -> CallReply | None:
         """The object of that name if the client has it and says @IfNotMember; else there must be room for one more."""
         if label and Options(option).flag("@IfNotMember"):
             found = self._named(interface, parent, label)
             if found is not None:
-                return Reply(result=Variant(VarType.I4, found.handle & _ON_WIRE))
+                return CallReply(result=Variant(VarType.I4, found.handle & _ON_WIRE))
         self._check_room()
         return None
 
@@ -307,16 +317,16 @@ class Session:
 
     def _reply(
         self, function: Function[..., Any], parent: int, label: str, result: Any, provider: Provider | None = None
-    ) -> Reply:
+    ) -> CallReply:
         code = hresult.S_OK
-        if type(result) is Coded:
+        if type(result) is ResultWithCode:
             code, result = hresult.unsigned(result.code), result.value
         if function.creates:
             result = self._add(function.creates, result, parent, label, provider) & _ON_WIRE
         if function.result is None or (result is None and self._says_nothing(function)):
-            return Reply(code)
+            return CallReply(code)
         try:
-            return Reply(
+            return CallReply(
                 code, variant(result) if function.result is VarType.VARIANT else Variant(function.result, result)
             )
         except InvalidValue as error:  # the device's fault, not the client's
@@ -325,7 +335,7 @@ class Session:
                 tr("{name} cannot return {kind}: {error}", name=function.name, kind=kind, error=error)
             ) from error
 
-    def _failed(self, function: Function[..., Any], error: BaseException) -> Reply:
+    def _failed(self, function: Function[..., Any], error: BaseException) -> CallReply:
         if isinstance(error, CallError) and hresult.failed(error.code):
             # only the code goes over the wire: what the device has to say beside it is told here
             level = logging.INFO if error.detail else logging.DEBUG
@@ -336,13 +346,13 @@ class Session:
         logger.error("%s: the device raised an exception", function.name, exc_info=error, extra={"kind": function.name})
         return self._failure(hresult.E_FAIL, cut("".join(format_exception_only(error)).strip(), _MOST_TOLD))
 
-    def _failure(self, code: int, detail: str) -> Reply:
+    def _failure(self, code: int, detail: str) -> CallReply:
         """Return the reply for a call that failed, and remember of what."""
         self._reasons.pop(code, None)
         self._reasons[code] = detail
         if len(self._reasons) > _REASONS:
             del self._reasons[next(iter(self._reasons))]
-        return Reply(code, detail=detail)
+        return CallReply(code, detail=detail)
 
     @staticmethod
     def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
@@ -437,12 +447,12 @@ class Session:
 
     # --- functions that are about the session itself ------------------------------------------------------------
 
-    def _service_start(self, _function: Function[..., Any], _values: list[Any]) -> Reply:
-        return Reply()
+    def _service_start(self, _function: Function[..., Any], _values: list[Any]) -> CallReply:
+        return CallReply()
 
-    def _service_stop(self, _function: Function[..., Any], _values: list[Any]) -> Reply:
+    def _service_stop(self, _function: Function[..., Any], _values: list[Any]) -> CallReply:
         self._release_all()
-        return Reply()
+        return CallReply()
 
     def _controller_connect(self, function: Function[..., Any], values: list[Any]) -> Outcome:
         name, provider_name, machine, option = values
@@ -460,9 +470,9 @@ class Session:
             made = provider.connect(name, machine, option, self.client._replace(provider=provider_name))
         return self._outcome(function, 0, name, made, provider)
 
-    def _release(self, function: Function[..., Any], values: list[Any]) -> Reply:
+    def _release(self, function: Function[..., Any], values: list[Any]) -> CallReply:
         self._remove(self._find(function, values[0]).handle)
-        return Reply()
+        return CallReply()
 
 
 def _reason(reasons: dict[int, str], code: int) -> str:

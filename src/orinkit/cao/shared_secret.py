@@ -34,7 +34,7 @@ def check_secret(secret: str) -> str:
     return secret
 
 
-class Failure(NamedTuple):
+class SecretDecision(NamedTuple):
     """What is to be done about a wrong secret.
 
     Attributes:
@@ -55,7 +55,7 @@ class _Record:
         self.logged = -math.inf
 
 
-class Guesses:
+class SecretAttempts:
     """Counts wrong secrets by address. A right one is never delayed, so nobody asks about it.
 
     What is kept is bounded: 1,000 addresses, the one that failed longest ago is forgotten first.
@@ -64,7 +64,7 @@ class Guesses:
     def __init__(self) -> None:
         self._records: dict[str, _Record] = {}  # the address that failed longest ago first
 
-    def failed(self, address: str, now: float) -> Failure:
+    def failed(self, address: str, now: float) -> SecretDecision:
         """Count a wrong secret.
 
         Args:
@@ -80,7 +80,7 @@ class Guesses:
         record.last = now
         record.failures += 1
         record.untold += 1
-        return Failure(self._delay(record.failures - FREE), self._to_be_told(record, now))
+        return SecretDecision(self._delay(record.failures - FREE), self._to_be_told(record, now))
 
     @staticmethod
     def _delay(beyond: int) -> float:

@@ -8,7 +8,7 @@ from orinkit.values.codec import DEFAULT_LIMITS
 
 
 @dataclass(frozen=True, slots=True)
-class Carrier:
+class TransportProfile:
     """One way for calls to travel.
 
     Attributes:

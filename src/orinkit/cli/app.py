@@ -12,7 +12,7 @@ from typing import Final
 from cyclopts import App, CycloptsError, Group, Parameter
 
 import orinkit
-from orinkit.cli._shared.errors import Failure, usage_text
+from orinkit.cli._shared.errors import CommandError, usage_text
 from orinkit.cli._shared.help import HelpFormatter
 from orinkit.cli._shared.terminal import screened
 from orinkit.core.errors import InvalidAddress, InvalidValue, MissingExtra, NotationError, OrinError
@@ -130,7 +130,7 @@ def _guarded(run: Callable[[], int | None]) -> int:
             sys.stdout.flush()
     except CycloptsError as error:
         return _say(usage_text(error), USAGE)
-    except Failure as error:
+    except CommandError as error:
         return _say(str(error), error.code)
     except _UNUSABLE as error:
         return _say(str(error), USAGE)

@@ -17,7 +17,7 @@ class Closable(Protocol):
 C = TypeVar("C", bound=Closable)
 
 
-class Opening(Generic[C]):
+class AwaitableContext(Generic[C]):
     """Something that is being opened: ``async with`` opens and closes it, ``await`` only opens it."""
 
     def __init__(self, opening: Coroutine[Any, Any, C]) -> None:

@@ -13,7 +13,7 @@ _MOST: Final = 1000  # texts that wait for the reader
 _PATIENCE: Final = 1.0  # s without any progress after which a reader is given up
 
 
-class Outlet:
+class BackgroundWriter:
     """Writes texts to a stream from a thread of its own. Those that find too many before them are dropped, and counted.
 
     It takes the place of a file where only ``write`` and ``flush`` are called. A stream without a descriptor, as a text in

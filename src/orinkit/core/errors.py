@@ -48,7 +48,7 @@ from __future__ import annotations
 from typing import Final
 
 from orinkit.core import hresult
-from orinkit.core.hresult import Code, Family
+from orinkit.core.hresult import CodeFamily, ReturnCode
 from orinkit.core.i18n import tr
 
 _SHOWN_ARGUMENT: Final = 60
@@ -259,7 +259,7 @@ class CallError(OrinError):
         arguments: the arguments of the call.
         detail: what else is known, for example the text of an exception in a served device.
         subject: name of the object that was called, ``""`` where it is not known.
-        info: name, text and hint of the code (:class:`orinkit.core.hresult.Code`).
+        info: name, text and hint of the code (:class:`orinkit.core.hresult.ReturnCode`).
     """
 
     def __init__(self, code: int, detail: str = "", function: str = "", arguments: tuple[object, ...] = ()) -> None:
@@ -272,7 +272,7 @@ class CallError(OrinError):
         self.subject = ""
 
     @property
-    def info(self) -> Code:
+    def info(self) -> ReturnCode:
         """Name, text and hint of the code."""
         return hresult.lookup(self.code)
 
@@ -390,23 +390,23 @@ _BY_CODE: Final[dict[int, type[CallError]]] = {
     hresult.E_TIMEOUT: ExecutionTimeout,
 }
 
-_BY_FAMILY: Final[dict[Family, type[CallError]]] = {
-    Family.SUCCESS: CallError,
-    Family.GENERAL: GeneralError,
-    Family.CAO: CaoError,
-    Family.PACKET: PacketError,
-    Family.BUSY: BusyError,
-    Family.SOCKET: SocketError,
-    Family.USER: UserDefinedError,
-    Family.MOTION: MotionError,
-    Family.SERVO: ServoError,
-    Family.SAFETY: SafetyError,
-    Family.PROGRAM: ProgramError,
-    Family.OPTION: OptionError,
-    Family.LANGUAGE: LanguageError,
-    Family.PENDANT: PendantError,
-    Family.CONTROLLER: ControllerError,
-    Family.UNKNOWN: UnknownError,
+_BY_FAMILY: Final[dict[CodeFamily, type[CallError]]] = {
+    CodeFamily.SUCCESS: CallError,
+    CodeFamily.GENERAL: GeneralError,
+    CodeFamily.CAO: CaoError,
+    CodeFamily.PACKET: PacketError,
+    CodeFamily.BUSY: BusyError,
+    CodeFamily.SOCKET: SocketError,
+    CodeFamily.USER: UserDefinedError,
+    CodeFamily.MOTION: MotionError,
+    CodeFamily.SERVO: ServoError,
+    CodeFamily.SAFETY: SafetyError,
+    CodeFamily.PROGRAM: ProgramError,
+    CodeFamily.OPTION: OptionError,
+    CodeFamily.LANGUAGE: LanguageError,
+    CodeFamily.PENDANT: PendantError,
+    CodeFamily.CONTROLLER: ControllerError,
+    CodeFamily.UNKNOWN: UnknownError,
 }
 
 

@@ -220,7 +220,7 @@ ARGUMENT_1_INVALID: Final = 0x8150001E
 START_RIGHT_NOT_COM1: Final = 0x8350102A
 
 
-class Family(enum.Enum):
+class CodeFamily(enum.Enum):
     """Which kind of return code it is; :mod:`orinkit.core.errors` has one exception class for each kind of error."""
 
     SUCCESS = "success"
@@ -242,21 +242,21 @@ class Family(enum.Enum):
 
 
 _SUBSYSTEMS: Final = {
-    0x20: Family.MOTION,
-    0x40: Family.SERVO,
-    0x48: Family.SAFETY,
-    0x49: Family.SAFETY,
-    0x4A: Family.SAFETY,
-    0x50: Family.PROGRAM,
-    0x58: Family.OPTION,
-    0x60: Family.LANGUAGE,
-    0x80: Family.PENDANT,
+    0x20: CodeFamily.MOTION,
+    0x40: CodeFamily.SERVO,
+    0x48: CodeFamily.SAFETY,
+    0x49: CodeFamily.SAFETY,
+    0x4A: CodeFamily.SAFETY,
+    0x50: CodeFamily.PROGRAM,
+    0x58: CodeFamily.OPTION,
+    0x60: CodeFamily.LANGUAGE,
+    0x80: CodeFamily.PENDANT,
 }
 _MAX_LEVEL: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class ReturnCode:
     """One return code with its name, its texts and what to try.
 
     Attributes:
@@ -288,7 +288,7 @@ class Code:
         return choose(self.hint_en, self.hint_ja)
 
     @property
-    def family(self) -> Family:
+    def family(self) -> CodeFamily:
         """Which kind of code it is."""
         return family(self.value)
 
@@ -333,7 +333,7 @@ def failed(code: int) -> bool:
     return unsigned(code) >= 0x8000_0000
 
 
-def family(code: int) -> Family:
+def family(code: int) -> CodeFamily:
     """Return which kind of code it is; depends on the number only, so unknown codes have one too.
 
     Raises:
@@ -341,25 +341,25 @@ def family(code: int) -> Family:
     """
     value = unsigned(code)
     if value < 0x8000_0000:
-        return Family.SUCCESS
+        return CodeFamily.SUCCESS
     if value >> 16 == 0x8091:
-        return Family.BUSY if value == E_BUSY_PROC else Family.SOCKET
+        return CodeFamily.BUSY if value == E_BUSY_PROC else CodeFamily.SOCKET
     if _is_controller(value):
-        return _SUBSYSTEMS.get(value >> 16 & 0xFF, Family.CONTROLLER)
+        return _SUBSYSTEMS.get(value >> 16 & 0xFF, CodeFamily.CONTROLLER)
     if value >> 20 == 0x800:
         return _com_family(value)
-    return Family.UNKNOWN
+    return CodeFamily.UNKNOWN
 
 
-def _com_family(value: int) -> Family:
+def _com_family(value: int) -> CodeFamily:
     if value >> 8 in (0x80_0002, 0x80_0004, 0x80_0009):
-        return Family.CAO
+        return CodeFamily.CAO
     if 0x8001_0000 <= value <= 0x8001_01FF:
-        return Family.PACKET
+        return CodeFamily.PACKET
     # e-CAP table 3 gives 0x8001xxxx to the device; b-CAP (VE026A table 3-4) took the first 512 for packets.
     if 0x8001_0200 <= value <= 0x8001_FFFF or 0x8004_0200 <= value <= 0x8004_FFFF:
-        return Family.USER
-    return Family.GENERAL
+        return CodeFamily.USER
+    return CodeFamily.GENERAL
 
 
 def _is_controller(value: int) -> bool:
@@ -367,23 +367,23 @@ def _is_controller(value: int) -> bool:
     return 0x8010_0000 <= value < 0x8000_0000 + (_MAX_LEVEL + 1 << 24) and value >> 16 != 0x8091
 
 
-def _rows() -> Iterator[Code]:
+def _rows() -> Iterator[ReturnCode]:
     for value, name, en, ja, key in _hresult_orin.ROWS:
-        yield Code(value, name, en, ja, *_hresult_orin.HINTS[key])
+        yield ReturnCode(value, name, en, ja, *_hresult_orin.HINTS[key])
     for value, name, en, ja, key, rc7 in _hresult_controller.ROWS:
-        yield Code(value, name, en, ja, *_hresult_controller.HINTS[key], rc7)
+        yield ReturnCode(value, name, en, ja, *_hresult_controller.HINTS[key], rc7)
     for base, count, name, en, ja, key, rc7 in _hresult_controller.RUNS:
         hints = _hresult_controller.HINTS[key]
         for n in range(1, count + 1):
-            yield Code(base + n, name.format(n=n), en.format(n=n), ja.format(n=n), *hints, rc7)
+            yield ReturnCode(base + n, name.format(n=n), en.format(n=n), ja.format(n=n), *hints, rc7)
 
 
 #: Every known code by its unsigned value.
-CODES: Final[Mapping[int, Code]] = MappingProxyType({code.value: code for code in _rows()})
+CODES: Final[Mapping[int, ReturnCode]] = MappingProxyType({code.value: code for code in _rows()})
 _BY_NAME: Final = {code.name: code for code in CODES.values()}
 
 
-def lookup(code: int) -> Code:
+def lookup(code: int) -> ReturnCode:
     """Return what is known about a code.
 
     A code that is not in :data:`CODES` gets its number as name and a text from its range: family, level and, for motion
@@ -400,7 +400,7 @@ def lookup(code: int) -> Code:
     return known or _unknown(value)
 
 
-def by_name(name: str) -> Code:
+def by_name(name: str) -> ReturnCode:
     """Return the code of a name, in upper or lower case.
 
     Raises:
@@ -419,43 +419,43 @@ def by_name(name: str) -> Code:
 
 
 _FAMILY_TEXTS: Final = {
-    Family.SUCCESS: ("Success with additional information", "正常終了（付加情報あり）"),
-    Family.GENERAL: ("General error", "一般エラー"),
-    Family.CAO: ("Error of the CAO engine or a provider", "CAOエンジンまたはプロバイダのエラー"),
-    Family.PACKET: ("Packet error", "パケットのエラー"),
-    Family.SOCKET: ("Socket error {number}", "ソケットエラー {number}"),
-    Family.USER: ("Error {number} defined by the device", "機器が定義したエラー {number}"),
-    Family.MOTION: ("Motion error", "動作エラー"),
-    Family.SERVO: ("Servo error", "サーボエラー"),
-    Family.SAFETY: ("Safety or I/O unit error", "安全機能またはI/Oユニットのエラー"),
-    Family.PROGRAM: ("Controller or program error", "コントローラまたはプログラムのエラー"),
-    Family.OPTION: ("Error of the electric hand or an option", "電動ハンドまたはオプション機器のエラー"),
-    Family.LANGUAGE: ("Error of the program language", "プログラム言語のエラー"),
-    Family.PENDANT: ("Pendant error", "ペンダントのエラー"),
-    Family.CONTROLLER: ("Controller error", "コントローラのエラー"),
-    Family.UNKNOWN: ("Unknown code", "不明なコード"),
+    CodeFamily.SUCCESS: ("Success with additional information", "正常終了（付加情報あり）"),
+    CodeFamily.GENERAL: ("General error", "一般エラー"),
+    CodeFamily.CAO: ("Error of the CAO engine or a provider", "CAOエンジンまたはプロバイダのエラー"),
+    CodeFamily.PACKET: ("Packet error", "パケットのエラー"),
+    CodeFamily.SOCKET: ("Socket error {number}", "ソケットエラー {number}"),
+    CodeFamily.USER: ("Error {number} defined by the device", "機器が定義したエラー {number}"),
+    CodeFamily.MOTION: ("Motion error", "動作エラー"),
+    CodeFamily.SERVO: ("Servo error", "サーボエラー"),
+    CodeFamily.SAFETY: ("Safety or I/O unit error", "安全機能またはI/Oユニットのエラー"),
+    CodeFamily.PROGRAM: ("Controller or program error", "コントローラまたはプログラムのエラー"),
+    CodeFamily.OPTION: ("Error of the electric hand or an option", "電動ハンドまたはオプション機器のエラー"),
+    CodeFamily.LANGUAGE: ("Error of the program language", "プログラム言語のエラー"),
+    CodeFamily.PENDANT: ("Pendant error", "ペンダントのエラー"),
+    CodeFamily.CONTROLLER: ("Controller error", "コントローラのエラー"),
+    CodeFamily.UNKNOWN: ("Unknown code", "不明なコード"),
 }
-_FAMILY_HINTS: Final = {Family.PACKET: "packet", Family.SOCKET: "network"}
+_FAMILY_HINTS: Final = {CodeFamily.PACKET: "packet", CodeFamily.SOCKET: "network"}
 
 
-def _unknown(value: int) -> Code:
+def _unknown(value: int) -> ReturnCode:
     if _is_controller(value):
         return _unknown_controller(value)
     kind, number = family(value), value & 0xFFFF
     en, ja = _hresult_orin.FACILITIES.get(value >> 16, _FAMILY_TEXTS[kind])
     hints = _hresult_orin.HINTS[_FAMILY_HINTS.get(kind, "")]
-    return Code(value, _hex(value), en.format(number=number), ja.format(number=number), *hints)
+    return ReturnCode(value, _hex(value), en.format(number=number), ja.format(number=number), *hints)
 
 
-def _unknown_controller(value: int) -> Code:
+def _unknown_controller(value: int) -> ReturnCode:
     kind, level, axis = family(value), value >> 24 & 0xF, _axis(value)
     en, ja = _FAMILY_TEXTS[kind]
     level_en, level_ja = _hresult_controller.LEVELS[level]
-    if kind is Family.MOTION:
+    if kind is CodeFamily.MOTION:
         level_en, level_ja = _hresult_controller.MOTION_LEVELS.get(level, (level_en, level_ja))
     hint_en, hint_ja = _hresult_controller.ASK
     first_en, first_ja = _hresult_controller.HINTS[_hresult_controller.LEVEL_HINTS.get(level, "")]
-    return Code(
+    return ReturnCode(
         value,
         _hex(value),
         (f"Axis {axis}: {en[0].lower()}{en[1:]}" if axis else en) + f", level {level} ({level_en})",
@@ -468,7 +468,7 @@ def _unknown_controller(value: int) -> Code:
 def _axis(value: int) -> int:
     """The axis that a motion or servo code ends in, 0 if it names none: such codes have numbers 4000 to 4FFF."""
     digit = value & 0xF
-    per_axis = family(value) in (Family.MOTION, Family.SERVO) and value >> 12 & 0xF == 4
+    per_axis = family(value) in (CodeFamily.MOTION, CodeFamily.SERVO) and value >> 12 & 0xF == 4
     return digit if per_axis and 1 <= digit <= 8 else 0
 
 

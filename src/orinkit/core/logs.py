@@ -20,7 +20,7 @@ import logging
 import sys
 from typing import Any, Final, TextIO
 
-from orinkit.core.background_writer import Outlet
+from orinkit.core.background_writer import BackgroundWriter
 from orinkit.core.i18n import tr, visible
 
 LONGEST: Final = 8192
@@ -45,7 +45,7 @@ class BoundedQueueHandler(logging.Handler):
 
     def __init__(self, stream: TextIO | None = None) -> None:
         super().__init__()
-        self._outlet = Outlet(sys.stderr if stream is None else stream, _notice)
+        self._outlet = BackgroundWriter(sys.stderr if stream is None else stream, _notice)
 
     @property
     def dropped(self) -> int:

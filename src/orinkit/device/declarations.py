@@ -8,7 +8,7 @@ from decimal import Decimal
 from typing import Any, Final, Generic, TypeVar, overload
 
 from orinkit.cao import coerce
-from orinkit.cao.provider import Blocking
+from orinkit.cao.provider import BlockingCall
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import tr
@@ -53,7 +53,7 @@ class Declared:
         """Call a method the way it is to be run: at once, awaited, or in a thread."""
         if self.quick or inspect.iscoroutinefunction(method):
             return method(*args)
-        return Blocking(lambda: method(*args))
+        return BlockingCall(lambda: method(*args))
 
 
 class DeclaredVariable(Declared, Generic[T]):

@@ -30,7 +30,7 @@ from types import ModuleType
 from typing import Final, NamedTuple, TypeGuard
 
 from orinkit.cao.provider import Provider
-from orinkit.cao.session import Host
+from orinkit.cao.session import ProviderRegistry
 from orinkit.core.errors import LoadFailed as LoadFailed
 from orinkit.core.i18n import tr
 
@@ -112,7 +112,7 @@ def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()
             provider = _load_entry(entry)
             others = [*beside, *found]
             if not any(provider is other for other in others):
-                Host([*others, provider])  # it may speak another dialect
+                ProviderRegistry([*others, provider])  # it may speak another dialect
                 found.append(provider)
         except (LoadFailed, ValueError) as error:
             text = tr("%s (%s) is left out: %s")
@@ -433,7 +433,7 @@ def _reachable(target: str, provider: Provider, also: str = "") -> Provider:
     try:
         names = provider.provider_names
         if names:
-            Host(provider)  # looks at them
+            ProviderRegistry(provider)  # looks at them
         if also and also.lower() not in (name.lower() for name in names):
             provider.provider_names = (*names, also)
     except Exception as error:

@@ -1,6 +1,6 @@
 """The client's side of an e-CAP conversation, without I/O.
 
-:meth:`Conversation.call` is a generator as that of :class:`orinkit.bcap.client.Conversation`: what it yields to be sent is
+:meth:`EcapConversation.call` is a generator as that of :class:`orinkit.bcap.client.BcapConversation`: what it yields to be sent is
 the body of a request, what it is sent is the body of the reply. Line feeds ahead of a reply say that the server is at
 work, as S_EXECUTING does in b-CAP. Nothing is ever sent twice.
 """
@@ -10,28 +10,28 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, Final, TypeAlias
 
-from orinkit.cao.call_limits import Clock, Patience, standing
+from orinkit.cao.call_limits import CallTimer, Clock, standing
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
 from orinkit.cao.table import Function
-from orinkit.cao.transport_profile import Carrier
+from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core.errors import InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.ecap.message import read_detail, read_reply, write_request
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Variant, VarType
 
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
-HTTP: Final = Carrier("http", memory=60.0, watched=False)
+HTTP: Final = TransportProfile("http", memory=60.0, watched=False)
 """e-CAP over HTTP. A server forgets a client after a silence that it is told; 60 s is what orinkit's own has by default."""
 
 _FAILED: Final = 0x8000_0000
 _FAREWELL: Final = 1.0  # s
 
 
-class Conversation:
+class EcapConversation:
     """One client's requests and replies, one at a time.
 
     Args:
@@ -52,9 +52,9 @@ class Conversation:
 
     def __init__(
         self,
-        limits: Limits = DEFAULT_LIMITS,
+        limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: Carrier = HTTP,
+        wire: TransportProfile = HTTP,
         dialect: Dialect = RC8,
         clock: Clock = standing,
     ) -> None:
@@ -100,7 +100,7 @@ class Conversation:
             raise _too_long(function, len(request), self._limits)
         self._tell(">", request)
         self._stopped = False
-        patience = Patience(function.name, deadline, self._clock)
+        patience = CallTimer(function.name, deadline, self._clock)
         received = yield request, patience.bound(seconds)
         while received and not received.strip():
             patience.heard(1, executing=True)
@@ -133,7 +133,7 @@ class Conversation:
             self.trace(mark, body)
 
 
-def _too_long(function: Function[..., Any], length: int, limits: Limits) -> InvalidValue:
+def _too_long(function: Function[..., Any], length: int, limits: PacketLimits) -> InvalidValue:
     return InvalidValue(
         tr(
             "{name}: the arguments make a request of {length} bytes, at most {most} can be sent",

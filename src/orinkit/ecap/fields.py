@@ -42,7 +42,7 @@ _SURROGATES: Final = 8192  # bytes that are decoded at a time where there are su
 _LONGEST_PAIR: Final = 6  # bytes of two surrogates
 
 
-class Field(NamedTuple):
+class FormField(NamedTuple):
     """A value.
 
     Attributes:
@@ -54,7 +54,7 @@ class Field(NamedTuple):
     plus: bool = False
 
 
-def read_fields(body: bytes) -> dict[str, Field]:
+def read_fields(body: bytes) -> dict[str, FormField]:
     """Return the fields of a body by their names in lower case, ``func`` among them.
 
     Raises:
@@ -119,13 +119,13 @@ def _search(pattern: re.Pattern[bytes], data: bytes, start: int = 0) -> re.Match
     return None
 
 
-def _decoded(pieces: dict[str, bytes], decode: Callable[[bytes], bytes]) -> dict[str, Field]:
+def _decoded(pieces: dict[str, bytes], decode: Callable[[bytes], bytes]) -> dict[str, FormField]:
     return {name: _decode(name.capitalize(), value, decode) for name, value in pieces.items()}
 
 
-def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> Field:
+def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> FormField:
     try:
-        return Field(to_text(decode(value)), decode is _form_bytes and b"+" in value)
+        return FormField(to_text(decode(value)), decode is _form_bytes and b"+" in value)
     except CallError as error:
         raise refused(f"{name}: {error.detail}") from None
     except UnicodeDecodeError as error:

@@ -23,9 +23,9 @@ from orinkit.cao.table import Argument, Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
 from orinkit.core.i18n import printable, quoted, tr
-from orinkit.ecap.fields import ARGUMENTS, BLANKS, Field, read_fields, refused, to_text
+from orinkit.ecap.fields import ARGUMENTS, BLANKS, FormField, read_fields, refused, to_text
 from orinkit.values import codec
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.notation import format_variant, parse
 from orinkit.values.notation_numbers import LONGEST, REAL, WHOLE
 from orinkit.values.types import ARRAY, TABLE, VARIANT_ARRAY, VarType, misfit
@@ -33,10 +33,10 @@ from orinkit.values.variant import Variant, trusted, variant
 
 _FAILED: Final = 0x8000_0000
 _DETAIL: Final = 500  # characters
-_EMPTY: Final = Field("")
+_EMPTY: Final = FormField("")
 
 
-class Request(NamedTuple):
+class EcapRequest(NamedTuple):
     """A call, as :meth:`orinkit.cao.session.Session.invoke` wants it.
 
     Attributes:
@@ -71,7 +71,7 @@ def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> b
     return f"Func={function.id}{fields}".encode("ascii")
 
 
-def read_request(body: bytes, limits: Limits = DEFAULT_LIMITS) -> Request:
+def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequest:
     """Return the call that a body asks for.
 
     Raises:
@@ -92,7 +92,7 @@ def read_request(body: bytes, limits: Limits = DEFAULT_LIMITS) -> Request:
         _check_cost((field.text for argument, field in pairs if argument.vt is VarType.VARIANT), limits)
     except LimitExceeded as error:
         raise error_for(error.code, f"{function.name}: {error}") from None
-    return Request(function, [_read(function, number, *pair, limits) for number, pair in enumerate(pairs, 1)])
+    return EcapRequest(function, [_read(function, number, *pair, limits) for number, pair in enumerate(pairs, 1)])
 
 
 def explain_request(body: bytes) -> str:
@@ -169,7 +169,7 @@ def _whole(word: str) -> int | None:
     return int(word, 16 if match[1] else 10) if match else None
 
 
-def _check_number(function: Function[..., Any], given: list[Field]) -> None:
+def _check_number(function: Function[..., Any], given: list[FormField]) -> None:
     for number, field in enumerate(given, 1):
         if number > len(function.arguments) and field.text.strip(BLANKS):
             raise refused(
@@ -177,11 +177,13 @@ def _check_number(function: Function[..., Any], given: list[Field]) -> None:
             )
 
 
-def _left_out(argument: Argument, field: Field) -> bool:
+def _left_out(argument: Argument, field: FormField) -> bool:
     return argument.optional and not (field.text if argument.vt is VarType.BSTR else field.text.strip(BLANKS))
 
 
-def _read(function: Function[..., Any], number: int, argument: Argument, field: Field, limits: Limits) -> Variant:
+def _read(
+    function: Function[..., Any], number: int, argument: Argument, field: FormField, limits: PacketLimits
+) -> Variant:
     try:
         if argument.vt is VarType.VARIANT:
             return _read_variant(field.text, limits)
@@ -197,7 +199,7 @@ def _read(function: Function[..., Any], number: int, argument: Argument, field: 
     raise error_for(code, function.where(number) + reason + (plus if field.plus else ""))
 
 
-def _read_variant(text: str, limits: Limits) -> Variant:
+def _read_variant(text: str, limits: PacketLimits) -> Variant:
     return _parse(text, limits) if text.strip(BLANKS) else trusted(VarType.EMPTY, None)
 
 
@@ -293,7 +295,7 @@ def write_reply(code: int, result: Variant | None) -> bytes:
     return b"".join([text[at : at + _SLICE].encode("utf-8", "surrogatepass") for at in slices])
 
 
-def read_reply(body: bytes, limits: Limits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
+def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
     """Return the code, unsigned, and the result of an answer.
 
     The code may be hexadecimal with ``0x``, or decimal, signed or not; line feeds may come before it. What stands behind the
@@ -367,7 +369,7 @@ def _quoted(data: bytes) -> str:
 # --- bounds -----------------------------------------------------------------------------------------------------------
 
 
-def _too_long(length: int, limits: Limits) -> str:
+def _too_long(length: int, limits: PacketLimits) -> str:
     return tr("body of {length} bytes, at most {most} are allowed", length=length, most=limits.packet)
 
 
@@ -386,7 +388,7 @@ _QUOTES_FOR_ONE: Final = 8
 _ALLOWANCE: Final = 20
 
 
-def _check_cost(texts: Iterable[str], limits: Limits) -> None:
+def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
     """Refuse texts that would take too long to be read; they are only looked over for that.
 
     Raises:
@@ -426,7 +428,7 @@ def _has_slow(text: str) -> bool:
     return False
 
 
-def _parse(text: str, limits: Limits) -> Variant:
+def _parse(text: str, limits: PacketLimits) -> Variant:
     """Return the VARIANT of a text.
 
     Raises:
@@ -435,6 +437,6 @@ def _parse(text: str, limits: Limits) -> Variant:
     """
     item = parse(text)
     if item.type & ARRAY and len(text) > limits.variants:  # shorter ones cannot have more elements
-        sizes = Limits(limits.packet, limits.depth, limits.variants)
+        sizes = PacketLimits(limits.packet, limits.depth, limits.variants)
         codec.decode(codec.encode_variant(item), limits=sizes)
     return item

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from orinkit.gateway.remote import RemoteProvider
-from orinkit.gateway.rules import Restricted, Rules
+from orinkit.gateway.rules import AccessRules, RestrictedProvider
 from orinkit.gateway.upstream import Upstream
 
-__all__ = ["RemoteProvider", "Restricted", "Rules", "Upstream"]
+__all__ = ["AccessRules", "RemoteProvider", "RestrictedProvider", "Upstream"]

@@ -19,13 +19,13 @@ from orinkit.cao.options import Options
 from orinkit.cao.provider import (
     CaoObject,
     ClientInfo,
-    Coded,
     CommandObject,
     ControllerObject,
     ExtensionObject,
     FileObject,
     MessageObject,
     Provider,
+    ResultWithCode,
     RobotObject,
     TaskObject,
     VariableObject,
@@ -35,7 +35,7 @@ from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
-from orinkit.gateway.upstream import LOCAL, Connection, Upstream, Wanted
+from orinkit.gateway.upstream import LOCAL, ConnectRequest, Upstream, UpstreamConnection
 from orinkit.values.variant import VarType
 
 AnyUpstream: TypeAlias = str | Upstream
@@ -69,7 +69,7 @@ class RemoteObject(CaoObject):
 
     interface = ""
 
-    def __init__(self, connection: Connection, origin: _Origin | None = None, handle: int = 0) -> None:
+    def __init__(self, connection: UpstreamConnection, origin: _Origin | None = None, handle: int = 0) -> None:
         super().__init__()
         self.origin = origin
         self.handle = handle
@@ -103,7 +103,7 @@ class RemoteObject(CaoObject):
                 value = value.value
             if _leaves_mark(function, arguments):
                 self._marked = True
-        return value if reply.code == hresult.S_OK else Coded(reply.code, value)
+        return value if reply.code == hresult.S_OK else ResultWithCode(reply.code, value)
 
     def is_moving(self) -> bool:
         """Whether a motion that was passed on may still run."""
@@ -257,7 +257,7 @@ class RemoteProvider(Provider):
         }
         _check_names(self._upstreams, len(listed))
         self.dialect = _common_dialect(self._upstreams)
-        self._connections: set[Connection] = set()
+        self._connections: set[UpstreamConnection] = set()
 
     async def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Connect for one client, and return its controller object.
@@ -267,8 +267,8 @@ class RemoteProvider(Provider):
                 E_CAO_REMOTE_PROVIDER, it cannot be reached.
         """
         upstream, machine = self._choose(machine)
-        wanted = Wanted(name, client.provider, machine, option)
-        connection = Connection(upstream, wanted, self._connections.discard)
+        wanted = ConnectRequest(name, client.provider, machine, option)
+        connection = UpstreamConnection(upstream, wanted, self._connections.discard)
         self._connections.add(connection)
         try:
             async with connection.turn:

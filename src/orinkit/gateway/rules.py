@@ -1,4 +1,4 @@
-"""What a client may call: read-only, or only what is on a list. :class:`Restricted` puts rules around any provider.
+"""What a client may call: read-only, or only what is on a list. :class:`RestrictedProvider` puts rules around any provider.
 
 What is not allowed is E_ACCESSDENIED, and does not reach the provider. Lists are of shell patterns (``*``, ``?``,
 ``[12]``), upper and lower case do not matter. Connecting, disconnecting and releasing are always allowed.
@@ -17,7 +17,16 @@ from typing import Any, Final
 
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, CaoObject, ClientInfo, Coded, ControllerObject, Later, Provider, Result
+from orinkit.cao.provider import (
+    BlockingCall,
+    CaoObject,
+    ClientInfo,
+    ControllerObject,
+    Deferred,
+    Provider,
+    Result,
+    ResultWithCode,
+)
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
@@ -87,7 +96,7 @@ _ALWAYS: Final = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class AccessRules:
     """What is allowed; without any of these, everything.
 
     A list of variables is about what a client names in a call. Programs of the controller use what they like, so a
@@ -150,7 +159,7 @@ class Rules:
             raise _denied(function.name if command is None else f"{function.name} {command:.40}", read_only=True)
 
 
-class Restricted(Provider):
+class RestrictedProvider(Provider):
     """A provider of which only some of what it has may be used.
 
     Args:
@@ -158,7 +167,7 @@ class Restricted(Provider):
         rules: what is allowed.
     """
 
-    def __init__(self, provider: Provider, rules: Rules) -> None:
+    def __init__(self, provider: Provider, rules: AccessRules) -> None:
         self._provider = provider
         self._rules = rules
         self.provider_names = provider.provider_names
@@ -186,7 +195,7 @@ class Restricted(Provider):
 class _RestrictedObject(CaoObject):
     """An object of which only some of what it has may be used."""
 
-    def __init__(self, served: CaoObject, rules: Rules) -> None:
+    def __init__(self, served: CaoObject, rules: AccessRules) -> None:
         super().__init__()
         self._served = served
         self._rules = rules
@@ -217,7 +226,7 @@ def _passed_on(function: Function[..., Any]) -> Callable[..., Any]:
     return method
 
 
-_CLASSES: Final[dict[str, Callable[[CaoObject, Rules], Any]]] = {
+_CLASSES: Final[dict[str, Callable[[CaoObject, AccessRules], Any]]] = {
     interface: type(
         f"_Restricted{interface}",
         (_RestrictedObject,),
@@ -227,33 +236,33 @@ _CLASSES: Final[dict[str, Callable[[CaoObject, Rules], Any]]] = {
 }
 
 
-def _covered(interface: str, result: Any, rules: Rules) -> Any:
+def _covered(interface: str, result: Any, rules: AccessRules) -> Any:
     """Return what a method has returned, whenever it comes, with the object in it restricted."""
     if isinstance(result, CaoObject):
         return _CLASSES[interface](result, rules)
-    if type(result) is Coded:
-        return Coded(result.code, _covered(interface, result.value, rules))
-    if type(result) is Blocking:
-        return Blocking(lambda: _covered(interface, result.run(), rules))
-    if type(result) is Later:
+    if type(result) is ResultWithCode:
+        return ResultWithCode(result.code, _covered(interface, result.value, rules))
+    if type(result) is BlockingCall:
+        return BlockingCall(lambda: _covered(interface, result.run(), rules))
+    if type(result) is Deferred:
         return _covered_later(interface, result, rules)
     return _covered_soon(interface, result, rules) if isawaitable(result) else result
 
 
-async def _covered_soon(interface: str, result: Awaitable[Any], rules: Rules) -> Any:
+async def _covered_soon(interface: str, result: Awaitable[Any], rules: AccessRules) -> Any:
     return _covered(interface, await result, rules)
 
 
-def _covered_later(interface: str, result: Later[Any], rules: Rules) -> Later[Any]:
-    promise = Later[Any]()
+def _covered_later(interface: str, result: Deferred[Any], rules: AccessRules) -> Deferred[Any]:
+    promise = Deferred[Any]()
 
     def settle() -> None:
         try:
-            promise.finish(_covered(interface, result.result(), rules))
+            promise.set_result(_covered(interface, result.result(), rules))
         except BaseException as error:  # noqa: BLE001 - whatever the device has failed with
-            promise.fail(error)
+            promise.set_exception(error)
 
-    result.when_done(settle)
+    result.add_done_callback(settle)
     return promise
 
 
@@ -290,7 +299,7 @@ def _matches(name: str, patterns: Iterable[str]) -> bool:
 
 
 def _covers(name: str, patterns: Iterable[str]) -> bool:
-    """Whether a variable is on the list; see :attr:`Rules.variables`."""
+    """Whether a variable is on the list; see :attr:`AccessRules.variables`."""
     return _passes(name, patterns, _covers_folded, _without_zeros)
 
 

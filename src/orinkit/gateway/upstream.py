@@ -45,7 +45,7 @@ from orinkit.core.i18n import tr
 from orinkit.rc8.motion_calls import leaves_moving
 from orinkit.transport.registry import resolve, row_of
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.pose_numbers import brief
 
 logger = logging.getLogger("orinkit.gateway")
@@ -60,7 +60,7 @@ _SIGNS: Final = 3  # signs of life in the time after which a controller forgets 
 _MOST_SECONDS: Final = 1e6
 
 
-class Wanted(NamedTuple):
+class ConnectRequest(NamedTuple):
     """The arguments of a client's Controller_Connect."""
 
     name: str
@@ -109,7 +109,7 @@ class Upstream:
     retry: float = 0.5
     keep_alive: float | None = None
     dead_after: float = DEAD_AFTER
-    limits: Limits = DEFAULT_LIMITS
+    limits: PacketLimits = DEFAULT_LIMITS
 
     def __post_init__(self) -> None:
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
@@ -137,7 +137,7 @@ class Upstream:
             return host, f"[{host}]", f"{host}:{port}", f"[{host}]:{port}"
         return (f"{host}:{port}",) if host == LOCAL else (host, f"{host}:{port}")  # every client says localhost
 
-    async def open(self, wanted: Wanted) -> tuple[AsyncClient, int]:
+    async def open(self, wanted: ConnectRequest) -> tuple[AsyncClient, int]:
         """Connect for one client: Service_Start, Controller_Connect; returns the connection and the handle.
 
         Raises:
@@ -163,7 +163,7 @@ class Upstream:
         return client, handle
 
 
-class Connection:
+class UpstreamConnection:
     """One client's connection to a controller: opened anew by the next call after it was lost.
 
     Everything happens in one event loop. Who calls takes :attr:`turn` first, then :meth:`ready`, then :meth:`ask`, as
@@ -182,7 +182,7 @@ class Connection:
         may_move: whether a motion that was passed on may still run.
     """
 
-    def __init__(self, upstream: Upstream, wanted: Wanted, ended: Callable[[Connection], None]) -> None:
+    def __init__(self, upstream: Upstream, wanted: ConnectRequest, ended: Callable[[UpstreamConnection], None]) -> None:
         self.turn = asyncio.Lock()
         self.generation = 0
         self.handle = 0

@@ -19,10 +19,10 @@ from orinkit.rc8.slave_fields import (
     POSES,
     RECEIVE_BITS,
     RECEIVED,
-    Field,
-    Form,
+    FieldType,
     PoseKind,
-    Receive,
+    ReceiveBits,
+    SlaveField,
 )
 from orinkit.rc8.slave_values import as_i4, called, called_in_answer, elements, hexadecimal, invalid, whole
 from orinkit.values.pose_numbers import brief
@@ -36,7 +36,7 @@ class ReceiveFormat:
     """What slvRecvFormat sets; :func:`receive_format` makes it of its numbers.
 
     Attributes:
-        number: flags of :class:`Receive` and a number of POSE_PARTS.
+        number: flags of :class:`ReceiveBits` and a number of POSE_PARTS.
         microseconds: timestamps are in µs, not in ms.
     """
 
@@ -53,7 +53,7 @@ class ReceiveFormat:
         """Whether an answer is a bare array."""
         return self.number <= POSE_MASK
 
-    def has(self, flag: Receive | int) -> bool:
+    def has(self, flag: ReceiveBits | int) -> bool:
         """Tell whether an answer has this part."""
         return bool(self.number & int(flag))
 
@@ -161,7 +161,7 @@ class SlaveAnswer:
 _STAMP: Final = "timestamp"  # the attribute of what is a time for programs
 _OWN: Final = frozenset(each.name for each in fields(SlaveAnswer)) - {"more"}
 _ATTRIBUTES: Final[dict[str, str]] = {
-    row.name: name if (name := _STAMP if row.form is Form.STAMP else row.name) in _OWN else "" for row in RECEIVED
+    row.name: name if (name := _STAMP if row.form is FieldType.STAMP else row.name) in _OWN else "" for row in RECEIVED
 }
 """The attribute of each field; ``""`` for one that is in ``more``."""
 _NAMES: Final = tuple(name for name, own in _ATTRIBUTES.items() if own)
@@ -226,12 +226,12 @@ _IS_FINITE: Final = (1e300).__gt__  # of a magnitude; no number of an answer com
 _SHOWN: Final = 10  # elements of a wrong answer that a message quotes
 _I4: Final = int(VarType.I4)
 _Numbers: TypeAlias = tuple[float, ...] | None
-_Reader: TypeAlias = Callable[[ReceiveFormat, Field, Any], Any]
+_Reader: TypeAlias = Callable[[ReceiveFormat, SlaveField, Any], Any]
 _Writer: TypeAlias = Callable[[Any], Variant]
 
 
 @lru_cache(maxsize=256)
-def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, Field, str, _Reader, _Writer], ...]]:
+def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, SlaveField, str, _Reader, _Writer], ...]]:
     """Return the place of the pose in an answer (table 4-3); place, row, attribute, reader, writer of each other field."""
     has = [row for row in _OTHERS if row.receive & number]
     pose_at = sum(row.place < _POSE_PLACE for row in has)
@@ -242,7 +242,7 @@ def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, Field, str, _Rea
 
 
 _POSE_PLACE: Final = min(row.place for row in POSES.values())
-_OTHERS: Final = tuple(row for row in ON_WIRE if row.form not in (Form.POSE, Form.WINDOW))
+_OTHERS: Final = tuple(row for row in ON_WIRE if row.form not in (FieldType.POSE, FieldType.WINDOW))
 
 
 def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers, _Numbers]:
@@ -258,29 +258,29 @@ def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers,
     return (joints, numbers[:size], None) if first == "P" else (joints, None, numbers[:size])
 
 
-def _read_whole(receive: ReceiveFormat, row: Field, given: Any) -> int:
+def _read_whole(receive: ReceiveFormat, row: SlaveField, given: Any) -> int:
     if type(given) is not int:
         raise _wrong(receive, called_in_answer(row), given, tr("a whole number"))
     return given
 
 
-def _read_bytes(receive: ReceiveFormat, row: Field, given: Any) -> bytes:
+def _read_bytes(receive: ReceiveFormat, row: SlaveField, given: Any) -> bytes:
     if type(given) is not bytes:
         raise _wrong(receive, called_in_answer(row), given, tr("an array of VT_UI1"))
     return given
 
 
-def _read_up_to_count(receive: ReceiveFormat, row: Field, given: Any) -> tuple[float, ...]:
+def _read_up_to_count(receive: ReceiveFormat, row: SlaveField, given: Any) -> tuple[float, ...]:
     return _read_reals(receive, row, given, 1, row.count)
 
 
-def _read_real(receive: ReceiveFormat, row: Field, given: Any) -> float:
+def _read_real(receive: ReceiveFormat, row: SlaveField, given: Any) -> float:
     if type(given) in _REALS and _IS_FINITE(abs(given)):
         return float(given)
     raise _wrong(receive, called_in_answer(row), given, tr("a finite number"))
 
 
-def _read_reals(receive: ReceiveFormat, row: Field | None, given: Any, few: int, most: int) -> tuple[float, ...]:
+def _read_reals(receive: ReceiveFormat, row: SlaveField | None, given: Any, few: int, most: int) -> tuple[float, ...]:
     if (
         isinstance(given, list | tuple)
         and few <= len(given) <= most
@@ -293,16 +293,16 @@ def _read_reals(receive: ReceiveFormat, row: Field | None, given: Any, few: int,
     raise _wrong(receive, name, given, tr("{count} finite numbers", count=count))
 
 
-_READERS: Final[dict[Form, _Reader]] = {
-    Form.STAMP: _read_whole, Form.BITS: _read_whole, Form.BYTES: _read_bytes, Form.REALS: _read_up_to_count,
-    Form.REAL: _read_real,
+_READERS: Final[dict[FieldType, _Reader]] = {
+    FieldType.STAMP: _read_whole, FieldType.BITS: _read_whole, FieldType.BYTES: _read_bytes, FieldType.REALS: _read_up_to_count,
+    FieldType.REAL: _read_real,
 }  # fmt: skip
-_WRITERS: Final[dict[Form, _Writer]] = {
-    Form.STAMP: lambda value: trusted(_I4, as_i4(operator.index(value))),
-    Form.BITS: lambda value: trusted(_I4, as_i4(operator.index(value))),
-    Form.BYTES: lambda value: Variant(VarType.UI1 | ARRAY, value),
-    Form.REALS: lambda value: trusted(R8_ARRAY, list(value)),
-    Form.REAL: lambda value: trusted(VarType.R8, float(value)),
+_WRITERS: Final[dict[FieldType, _Writer]] = {
+    FieldType.STAMP: lambda value: trusted(_I4, as_i4(operator.index(value))),
+    FieldType.BITS: lambda value: trusted(_I4, as_i4(operator.index(value))),
+    FieldType.BYTES: lambda value: Variant(VarType.UI1 | ARRAY, value),
+    FieldType.REALS: lambda value: trusted(R8_ARRAY, list(value)),
+    FieldType.REAL: lambda value: trusted(VarType.R8, float(value)),
 }
 
 
@@ -322,6 +322,6 @@ def _wrong(receive: ReceiveFormat, name: str, given: Any, wanted: str) -> Protoc
     )
 
 
-def _not_there(row: Field) -> InvalidValue:
+def _not_there(row: SlaveField) -> InvalidValue:
     name = called_in_answer(row)
     return InvalidValue(tr("{name}: the receive format has it, but it is missing or of another length", name=name))

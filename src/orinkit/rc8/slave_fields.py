@@ -20,7 +20,7 @@ A field that is received takes one row here, and for the virtual RC8 one entry i
 is then in ``Sample.more`` under its name, until ``Sample`` has an attribute of that name. A field that is sent also takes an
 attribute of ``SetPoint`` and ``Outputs``, and a parameter of the client's methods, because these are typed.
 
-A new kind of value takes a member of :class:`Form`, and its entry in the table of each module that handles values:
+A new kind of value takes a member of :class:`FieldType`, and its entry in the table of each module that handles values:
 ``rc8/slave_values.py``, ``rc8/slave_feedback.py``, ``streaming/process/record_layout.py``, ``streaming/recording/recorder.py``.
 """
 
@@ -37,7 +37,7 @@ PoseKind: TypeAlias = Literal["P", "J", "T"]
 """What the numbers of a set-point are: a position, joints, a homogeneous transformation."""
 
 
-class Form(Enum):
+class FieldType(Enum):
     """What the value of a field is."""
 
     POSE = "pose"
@@ -56,7 +56,7 @@ class Form(Enum):
     """Number of the first point and count of the bytes that the answer is to have, two VT_I4. Sent only."""
 
 
-class Receive(IntFlag):
+class ReceiveBits(IntFlag):
     """What slvMove answers beside the pose; the pose itself is a number in POSE_MASK."""
 
     TIME = 0x10
@@ -66,7 +66,7 @@ class Receive(IntFlag):
     USER = 0x200
 
 
-class Send(IntFlag):
+class SendBits(IntFlag):
     """What slvMove carries beside the pose."""
 
     HAND = 0x20
@@ -75,7 +75,7 @@ class Send(IntFlag):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
+class SlaveField:
     """One row.
 
     Attributes:
@@ -97,7 +97,7 @@ class Field:
 
     name: str
     label: str
-    form: Form
+    form: FieldType
     place: int
     text: str = ""
     count: int = 1
@@ -112,25 +112,25 @@ class Field:
     size_label: str = ""
 
 
-FIELDS: Final[tuple[Field, ...]] = (
-    Field(name="time", label=N_("timestamp"), form=Form.STAMP, place=0, receive=Receive.TIME, column="controller_s",
+FIELDS: Final[tuple[SlaveField, ...]] = (
+    SlaveField(name="time", label=N_("timestamp"), form=FieldType.STAMP, place=0, receive=ReceiveBits.TIME, column="controller_s",
           text=N_("the controller's time, s")),
-    Field(name="joints", label=N_("pose of type J"), form=Form.POSE, place=1, count=8, kind="J", mode=2,
+    SlaveField(name="joints", label=N_("pose of type J"), form=FieldType.POSE, place=1, count=8, kind="J", mode=2,
           text=N_("where the arm is, deg (mm for linear joints)")),
-    Field(name="position", label=N_("pose of type P"), form=Form.POSE, place=1, count=7, kind="P", mode=1,
+    SlaveField(name="position", label=N_("pose of type P"), form=FieldType.POSE, place=1, count=7, kind="P", mode=1,
           text=N_("where the tool is: X, Y, Z in mm, RX, RY, RZ in deg, Fig")),
-    Field(name="trans", label=N_("pose of type T"), form=Form.POSE, place=1, count=10, kind="T", mode=3,
+    SlaveField(name="trans", label=N_("pose of type T"), form=FieldType.POSE, place=1, count=10, kind="T", mode=3,
           text=N_("the same: X, Y, Z in mm, orient and approach vector, Fig")),
-    Field(name="mini", label=N_("mini I/O"), form=Form.BITS, place=2, receive=Receive.MINI, send=Send.MINI,
+    SlaveField(name="mini", label=N_("mini I/O"), form=FieldType.BITS, place=2, receive=ReceiveBits.MINI, send=SendBits.MINI,
           text=N_("states of the mini I/O")),
-    Field(name="hand", label=N_("hand I/O"), form=Form.BITS, place=5, receive=Receive.HAND, send=Send.HAND,
+    SlaveField(name="hand", label=N_("hand I/O"), form=FieldType.BITS, place=5, receive=ReceiveBits.HAND, send=SendBits.HAND,
           text=N_("states of the hand I/O")),
-    Field(name="user", label=N_("user I/O to send"), form=Form.BYTES, place=3, receive=Receive.USER, send=Send.USER,
+    SlaveField(name="user", label=N_("user I/O to send"), form=FieldType.BYTES, place=3, receive=ReceiveBits.USER, send=SendBits.USER,
           by_word=False, answer_label=N_("user I/O"), offset_label=N_("offset of user I/O to send"),
           size_label=N_("size of user I/O to send"), text=N_("states of the user I/O, hexadecimal bytes")),
-    Field(name="window", label=N_("user I/O to receive"), form=Form.WINDOW, place=4, receive=Receive.USER, by_word=False,
+    SlaveField(name="window", label=N_("user I/O to receive"), form=FieldType.WINDOW, place=4, receive=ReceiveBits.USER, by_word=False,
           offset_label=N_("offset of user I/O to receive"), size_label=N_("size of user I/O to receive")),
-    Field(name="current", label=N_("motor currents"), form=Form.REALS, place=6, count=8, receive=Receive.CURRENT,
+    SlaveField(name="current", label=N_("motor currents"), form=FieldType.REALS, place=6, count=8, receive=ReceiveBits.CURRENT,
           text=N_("of the motors, A")),
 )  # fmt: skip
 """The rows."""
@@ -154,15 +154,15 @@ POSE_PARTS: Final[dict[int, tuple[PoseKind, ...]]] = {
 
 ON_WIRE: Final = tuple(sorted(FIELDS, key=lambda field: field.place))
 """The rows in the order of slvMove."""
-POSES: Final[dict[PoseKind, Field]] = {field.kind: field for field in FIELDS if field.kind}
+POSES: Final[dict[PoseKind, SlaveField]] = {field.kind: field for field in FIELDS if field.kind}
 """The rows of poses by their kinds."""
 POSE_SIZES: Final[dict[PoseKind, int]] = {kind: field.count for kind, field in POSES.items()}
 """How many numbers a whole pose has."""
-PARAMETERS: Final = tuple(field for field in ON_WIRE if field.send or field.form is Form.WINDOW)
+PARAMETERS: Final = tuple(field for field in ON_WIRE if field.send or field.form is FieldType.WINDOW)
 """What may follow the pose in slvMove's parameter, in its order (table 4-2)."""
 OUTPUTS: Final = tuple(field for field in FIELDS if field.send)
 """States that are sent."""
-RECEIVED: Final = tuple(field for field in FIELDS if field.form is not Form.WINDOW)
+RECEIVED: Final = tuple(field for field in FIELDS if field.form is not FieldType.WINDOW)
 """What an answer may have: poses and all else."""
 WORDS: Final = tuple(field for field in RECEIVED if field.by_word)
 """What ``recv=`` takes."""

@@ -28,14 +28,14 @@ from orinkit.rc8.slave_feedback import read_answer as read_answer
 from orinkit.rc8.slave_feedback import read_receive_parameter as read_receive_parameter
 from orinkit.rc8.slave_feedback import receive_format as receive_format
 from orinkit.rc8.slave_fields import MOST_USER_BYTES as MOST_USER_BYTES
-from orinkit.rc8.slave_fields import PARAMETERS, POSES, Form
+from orinkit.rc8.slave_fields import PARAMETERS, POSES, FieldType
 from orinkit.rc8.slave_fields import POSE_MASK as POSE_MASK
 from orinkit.rc8.slave_fields import POSE_PARTS as POSE_PARTS
 from orinkit.rc8.slave_fields import POSE_SIZES as POSE_SIZES
 from orinkit.rc8.slave_fields import SEND_FORMATS as SEND_FORMATS
 from orinkit.rc8.slave_fields import PoseKind as PoseKind
-from orinkit.rc8.slave_fields import Receive as Receive
-from orinkit.rc8.slave_fields import Send as Send
+from orinkit.rc8.slave_fields import ReceiveBits as ReceiveBits
+from orinkit.rc8.slave_fields import SendBits as SendBits
 from orinkit.rc8.slave_values import LARGEST as LARGEST
 from orinkit.rc8.slave_values import (
     PARTS,
@@ -109,7 +109,7 @@ def mode_number(buffering: int, kind: str) -> int:
     )  # fmt: skip
 
 
-def send_format(number: int) -> Send:
+def send_format(number: int) -> SendBits:
     """Return the format of a number of slvSendFormat.
 
     Raises:
@@ -117,10 +117,10 @@ def send_format(number: int) -> Send:
     """
     if number not in SEND_FORMATS:
         raise _unknown(tr("send format"), number, SEND_FORMATS)
-    return Send(number)
+    return SendBits(number)
 
 
-_ASKS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is Form.WINDOW)
+_ASKS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is FieldType.WINDOW)
 
 
 # --- slvMove's parameter (tables 4-2 and 4-5) -------------------------------------------------------------------------
@@ -149,7 +149,7 @@ class SetPoint:
     window: UserWindow | None = None
 
 
-def encode_set_point(kind: PoseKind, point: SetPoint, send: Send, receive: ReceiveFormat) -> Value:
+def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: ReceiveFormat) -> Value:
     """Return slvMove's parameter, the client's side; joints that are left out are 0, a figure is FIG_AUTO.
 
     Raises:
@@ -170,7 +170,7 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: Send, receive: Recei
     return trusted(VARIANT_ARRAY, parameter)
 
 
-def read_set_point(kind: PoseKind, parameter: Variant, send: Send, receive: ReceiveFormat) -> SetPoint:
+def read_set_point(kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat) -> SetPoint:
     """Return the set-point of slvMove's parameter, the server's side.
 
     Numbers may be of any numeric type, a pose an array of any of them. A J may end behind joint 6, P and T before the
@@ -195,7 +195,9 @@ _NOTHING: Final = (None,) * len(PARTS)
 @lru_cache(maxsize=64)
 def _parts_of_set_point(send: int, asks: int) -> tuple[str, ...]:
     """Return what stands behind the pose, in the order of table 4-2."""
-    return tuple(row.name for row in PARAMETERS if row.send & send or (row.form is Form.WINDOW and row.receive & asks))
+    return tuple(
+        row.name for row in PARAMETERS if row.send & send or (row.form is FieldType.WINDOW and row.receive & asks)
+    )
 
 
 def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:

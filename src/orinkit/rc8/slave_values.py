@@ -26,7 +26,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.slave_fields import FIELDS as TABLE
-from orinkit.rc8.slave_fields import MOST_USER_BYTES, PARAMETERS, POSE_SIZES, Field, Form, PoseKind
+from orinkit.rc8.slave_fields import MOST_USER_BYTES, PARAMETERS, POSE_SIZES, FieldType, PoseKind, SlaveField
 from orinkit.values.pose_numbers import FIELDS, FIG_AUTO, brief
 from orinkit.values.types import ARRAY, NUMERIC, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Variant, trusted
@@ -292,7 +292,7 @@ def _window_fault(part: str, offset: int, size: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PartCodec:
     """What may stand behind the pose (table 4-2).
 
     Attributes:
@@ -307,9 +307,9 @@ class Part:
 
 
 _FORMS: Final = {
-    Form.BITS: Part(1, _read_state, _write_state),
-    Form.BYTES: Part(3, _read_user, _write_user),
-    Form.WINDOW: Part(2, _read_window, _write_window),
+    FieldType.BITS: PartCodec(1, _read_state, _write_state),
+    FieldType.BYTES: PartCodec(3, _read_user, _write_user),
+    FieldType.WINDOW: PartCodec(2, _read_window, _write_window),
 }
 PARTS: Final = {field.name: _FORMS[field.form] for field in PARAMETERS}
 """What may stand behind the pose, in the order of table 4-2, by its name in a set-point.
@@ -327,7 +327,7 @@ def called(part: str) -> str:
     return tr(_NAMES[part])
 
 
-def called_in_answer(field: Field) -> str:
+def called_in_answer(field: SlaveField) -> str:
     """Return what a message about an answer calls a field."""
     return tr(field.answer_label or field.label)
 

@@ -8,19 +8,19 @@ from types import TracebackType
 from typing import Final, Self
 
 from orinkit.cao.provider import Provider
-from orinkit.cao.session import Host
+from orinkit.cao.session import ProviderRegistry
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
 from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
-from orinkit.server.context import Connections, Listener
+from orinkit.server.context import Listener, ServerContext
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.log_limiter import THROTTLE
 from orinkit.transport.address import parse_address
 from orinkit.transport.links import refused
 from orinkit.transport.registry import AnyAddress, resolve, row_of
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 logger = logging.getLogger("orinkit.server")
 
@@ -62,7 +62,7 @@ class AsyncServer:
         clients: int = DEFAULT_CLIENTS,
         per_address: int | None = None,
         objects: int = 1000,
-        limits: Limits = DEFAULT_LIMITS,
+        limits: PacketLimits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
         dead_after: float = DEAD_AFTER,
         alive: float = ALIVE,
@@ -70,8 +70,8 @@ class AsyncServer:
     ) -> None:
         self._http = http
         self._addresses = [_place(url) for url in urls or (DEFAULT_URL,)]
-        self._host = Host(providers, objects)
-        self._connections = Connections(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
+        self._host = ProviderRegistry(providers, objects)
+        self._connections = ServerContext(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
         self._listeners: list[Listener] = []
         self.urls: list[str] = []
 
@@ -140,7 +140,7 @@ def _place(url: str) -> AnyAddress:
     return address
 
 
-async def _listen(address: AnyAddress, shared: Connections, http: HttpOptions) -> Listener:
+async def _listen(address: AnyAddress, shared: ServerContext, http: HttpOptions) -> Listener:
     """Open one address."""
     row = row_of(address)
     opened = resolve(row.listener)(address, shared, *((http,) if row.http else ()))

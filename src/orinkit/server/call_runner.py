@@ -7,7 +7,7 @@ import threading
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from orinkit.cao.provider import Blocking, Later
+from orinkit.cao.provider import BlockingCall, Deferred
 
 
 def result_of(work: Any) -> Awaitable[Any]:
@@ -17,9 +17,9 @@ def result_of(work: Any) -> Awaitable[Any]:
         work: ``Pending.work``: :class:`~orinkit.cao.provider.Blocking`, :class:`~orinkit.cao.provider.Later`, or an
             awaitable.
     """
-    if type(work) is Blocking:
+    if type(work) is BlockingCall:
         return in_thread(work.run)
-    if type(work) is Later:
+    if type(work) is Deferred:
         return later(work)
     awaitable: Awaitable[Any] = work
     return awaitable
@@ -59,7 +59,7 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     raise value
 
 
-async def later(promise: Later[Any]) -> Any:
+async def later(promise: Deferred[Any]) -> Any:
     """Wait for a result that the device has promised and return it, or raise what the call failed with."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
@@ -74,6 +74,6 @@ async def later(promise: Later[Any]) -> Any:
         except RuntimeError:  # the server has been closed meanwhile
             pass
 
-    promise.when_done(finish_from_anywhere)
+    promise.add_done_callback(finish_from_anywhere)
     await done
     return promise.result()

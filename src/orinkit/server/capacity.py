@@ -19,7 +19,7 @@ ALWAYS: Final = 64 * 1024
 """Bytes of one of them that there is always room for, however much others have begun to send."""
 
 
-class Partial:
+class IncompleteRequests:
     """Counts the bytes of requests that have not come whole."""
 
     def __init__(self) -> None:

@@ -10,14 +10,14 @@ from collections.abc import Iterable
 from operator import itemgetter
 from typing import Final, Protocol
 
-from orinkit.cao.session import Host, Numbers
-from orinkit.cao.shared_secret import Guesses
+from orinkit.cao.session import HandleAllocator, ProviderRegistry
+from orinkit.cao.shared_secret import SecretAttempts
 from orinkit.server import log_limiter
 from orinkit.server.alive_option import ALIVE, check_alive
-from orinkit.server.capacity import Partial, most_of_an_address
+from orinkit.server.capacity import IncompleteRequests, most_of_an_address
 from orinkit.server.large_values import Worker
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
@@ -34,7 +34,7 @@ class Listener(Protocol):
     url: str
 
     async def close(self) -> None:
-        """Take no more clients; those who are there are closed by :meth:`Connections.close`."""
+        """Take no more clients; those who are there are closed by :meth:`ServerContext.close`."""
 
 
 class Closable(Protocol):
@@ -61,7 +61,7 @@ class Client(Closable, Protocol):
         """Be a client no more, at once: another one has come, and this one holds nothing."""
 
 
-class Connections:
+class ServerContext:
     """What the clients of one server share.
 
     Args:
@@ -93,8 +93,8 @@ class Connections:
 
     def __init__(
         self,
-        host: Host,
-        limits: Limits,
+        host: ProviderRegistry,
+        limits: PacketLimits,
         clients: int,
         invoke_timeout: float,
         dead_after: float = DEAD_AFTER,
@@ -112,14 +112,14 @@ class Connections:
         self.open: set[Client] = set()
         self.all: set[Closable] = set()
         self.turned_away: set[Closable] = set()
-        self.partial = Partial()
-        self.guesses = Guesses()
+        self.partial = IncompleteRequests()
+        self.guesses = SecretAttempts()
         self.held: Counter[str] = Counter()
         self.opening = 0
         self.closing = False
         self.empty = asyncio.Event()
         self.tasks: set[asyncio.Task[None]] = set()
-        self.numbers = Numbers()
+        self.numbers = HandleAllocator()
         self.worker = Worker()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)

@@ -19,7 +19,7 @@ GONE: Final = 10.0
 """Seconds of silence after which a client is taken to have gone that has promised signs of life."""
 
 
-class Watched(Protocol):
+class MonitoredClient(Protocol):
     """A client, as far as it is watched."""
 
     @property
@@ -50,7 +50,7 @@ class Watched(Protocol):
         """It is taken to have gone."""
 
 
-class Vigil:
+class LivenessMonitor:
     """Watches one client.
 
     Args:
@@ -58,7 +58,7 @@ class Vigil:
         client: who is watched.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, client: Watched) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, client: MonitoredClient) -> None:
         self._loop = loop
         self._client = client
         self._timer: asyncio.TimerHandle | None = None

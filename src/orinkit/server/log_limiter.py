@@ -1,6 +1,6 @@
 """How much log one client can cause: ten messages of a kind, then one in ten seconds, and how many were left out.
 
-:func:`install` puts one :class:`Throttle` on the loggers that a client's calls reach, whatever handlers the program has.
+:func:`install` puts one :class:`LogLimiter` on the loggers that a client's calls reach, whatever handlers the program has.
 Servers say with :data:`CLIENT` on whose behalf something is being done. A kind is a logger with a message as it is written
 in the source, ``"%s: %s"``, and the record's ``kind`` where the call gave one in ``extra``.
 """
@@ -42,7 +42,7 @@ class _Timer(Protocol):
 
 
 @dataclass(slots=True)
-class _Count:
+class _MessageCount:
     """What is known of one kind of message of one client."""
 
     left: float
@@ -51,7 +51,7 @@ class _Count:
     sample: str = ""
 
 
-class Throttle(logging.Filter):
+class LogLimiter(logging.Filter):
     """Lets a burst of each kind of message of each client through, then one in :data:`INTERVAL` seconds.
 
     Args:
@@ -68,7 +68,7 @@ class Throttle(logging.Filter):
         self._clock = clock
         self._later = later or _in_a_thread
         self._lock = threading.Lock()
-        self._counts: dict[_Key, _Count] = {}  # the one that has been quiet longest first
+        self._counts: dict[_Key, _MessageCount] = {}  # the one that has been quiet longest first
         self._timer: _Timer | None = None
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -89,7 +89,7 @@ class Throttle(logging.Filter):
                 self._timer = self._later(INTERVAL, self.report)
         return False
 
-    def _count(self, record: logging.LogRecord, now: float) -> _Count:
+    def _count(self, record: logging.LogRecord, now: float) -> _MessageCount:
         kind = str(getattr(record, "kind", ""))
         key = (CLIENT.get(), record.name, record.levelno, str(record.msg), kind)
         count = self._counts.pop(key, None)
@@ -97,7 +97,7 @@ class Throttle(logging.Filter):
             key = ("", *key[1:])
             count = self._counts.pop(key, None)
         if count is None:
-            count = _Count(BURST, now)
+            count = _MessageCount(BURST, now)
         self._counts[key] = count
         return count
 
@@ -155,7 +155,7 @@ def _in_a_thread(seconds: float, function: Callable[[], None]) -> _Timer:
     return timer
 
 
-THROTTLE: Final = Throttle()
+THROTTLE: Final = LogLimiter()
 """That of all servers of the process."""
 
 

@@ -11,15 +11,15 @@ from itertools import chain
 from typing import Final
 
 from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
-from orinkit.bcap.wire import Wire
-from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.bcap.wire import BcapProfile
+from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
-from orinkit.cao.session import Pending, Reply, Session
+from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.server.call_runner import result_of
-from orinkit.server.context import Connections
+from orinkit.server.context import ServerContext
 from orinkit.server.large_values import is_large
-from orinkit.server.liveness import Vigil
+from orinkit.server.liveness import LivenessMonitor
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
 from orinkit.values.variant import Variant
@@ -53,12 +53,12 @@ class Peer(ABC):
     _send: Callable[[bytes | bytearray], None]
     _is_gone: Callable[[], bool]
 
-    def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop, wire: Wire) -> None:
+    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, wire: BcapProfile) -> None:
         self._shared = shared
         self._loop = loop
         self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, wire, shared.host.dialect)
         self._session: Session | None = None
-        self._vigil: Vigil | None = None
+        self._vigil: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
         self._cancellable = False
         self._alarm: asyncio.TimerHandle | None = None
@@ -155,7 +155,7 @@ class Peer(ABC):
 
     def _attend(self) -> None:
         if self._vigil is None:
-            self._vigil = Vigil(self._loop, self)
+            self._vigil = LivenessMonitor(self._loop, self)
         self._vigil.attend()
 
     @abstractmethod
@@ -229,7 +229,7 @@ class Peer(ABC):
         self._leave(reason)
 
     def _refuse(self, call: Execute) -> None:
-        self._answer(call, Reply(hresult.E_MAX_CONNECT))
+        self._answer(call, CallReply(hresult.E_MAX_CONNECT))
 
     def _be_busy(self, work: Coroutine[object, object, None], *, cancellable: bool) -> None:
         """Have something done that takes its time, and the client told meanwhile that it is at work."""
@@ -274,10 +274,10 @@ class Peer(ABC):
         if self.patience is not None or self._conversation.alive is not None:
             self._attend()
         outcome = session.invoke(call.function_id, call.arguments)
-        if type(outcome) is Reply:
+        if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
-            self._be_busy(self._finish(session, call, outcome), cancellable=type(outcome.work) is not Blocking)
+            self._be_busy(self._finish(session, call, outcome), cancellable=type(outcome.work) is not BlockingCall)
 
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
         begin_call(lambda: self._conversation.timed_out or not self._serves(session))
@@ -298,7 +298,7 @@ class Peer(ABC):
         """Whether the client whose session it is is still there; another one may have come in its place."""
         return self._session is session and not self._is_gone()
 
-    def _answer(self, call: Execute, reply: Reply) -> None:
+    def _answer(self, call: Execute, reply: CallReply) -> None:
         result = reply.result
         if result is not None and is_large(result):
             self._hold()
@@ -333,7 +333,7 @@ class Peer(ABC):
         self._set_alarm(self._conversation.deadline())
 
 
-class Caller(Peer):
+class ConnectionlessClient(Peer):
     """A client without a connection: its first call makes it one, until Service_Stop."""
 
     def _newcomer(self) -> Session | None:

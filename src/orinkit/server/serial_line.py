@@ -11,8 +11,8 @@ from orinkit.bcap.wire import LINE, SILENCE
 from orinkit.cao.provider import ClientInfo
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
-from orinkit.server.context import Connections
-from orinkit.server.peer import Caller
+from orinkit.server.context import ServerContext
+from orinkit.server.peer import ConnectionlessClient
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.transport.serial.settings import open_failed, settings
@@ -28,7 +28,7 @@ REOPENED_EVERY: Final = 1.0
 _MOST_WAITING: Final = 16384  # bytes of answers that wait to be sent; those that follow are dropped
 
 
-class LineCaller(Caller, asyncio.Protocol):
+class SerialClient(ConnectionlessClient, asyncio.Protocol):
     """Whoever is at the other end of a serial line, one client after the other.
 
     Args:
@@ -40,7 +40,7 @@ class LineCaller(Caller, asyncio.Protocol):
 
     def __init__(
         self,
-        shared: Connections,
+        shared: ServerContext,
         loop: asyncio.AbstractEventLoop,
         path: str,
         lost: Callable[[Exception | None], None] | None = None,
@@ -151,7 +151,7 @@ class PortListener:
         url: of the port; a setting is shown if it is not the usual one.
     """
 
-    def __init__(self, address: SerialAddress, shared: Connections, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, address: SerialAddress, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
         self._address = address
         self._shared = shared
         self._loop = loop
@@ -162,7 +162,7 @@ class PortListener:
         self.url = _url(address)
 
     @classmethod
-    async def open(cls, address: SerialAddress, shared: Connections) -> Self:
+    async def open(cls, address: SerialAddress, shared: ServerContext) -> Self:
         """Open the port.
 
         Raises:
@@ -180,7 +180,7 @@ class PortListener:
         try:
             self._transport, _ = await serialx.create_serial_connection(
                 self._loop,
-                lambda: LineCaller(self._shared, self._loop, self._address.path, self._lost),
+                lambda: SerialClient(self._shared, self._loop, self._address.path, self._lost),
                 self._address.path,
                 transport_cls=serialx.SerialTransport,
                 **chosen,
@@ -209,7 +209,7 @@ class PortListener:
         return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 
     async def close(self) -> None:
-        """Open the port no more; :class:`LineCaller` closes it."""
+        """Open the port no more; :class:`SerialClient` closes it."""
         self._closed = True
         if self._reopening is not None:
             self._reopening.cancel()
@@ -227,7 +227,7 @@ class PtyListener:
         self.url = _url(SerialAddress(terminal.path))
 
     @classmethod
-    async def open(cls, address: PtyAddress, shared: Connections) -> Self:
+    async def open(cls, address: PtyAddress, shared: ServerContext) -> Self:
         """Open a pair of pseudo-terminals.
 
         Raises:
@@ -237,7 +237,7 @@ class PtyListener:
         try:
             from orinkit.server.pseudo_terminal import PseudoTerminal
 
-            return cls(PseudoTerminal(loop, lambda path: LineCaller(shared, loop, path)))
+            return cls(PseudoTerminal(loop, lambda path: SerialClient(shared, loop, path)))
         except (ImportError, OSError) as error:
             raise ConnectFailed(
                 tr(
@@ -249,7 +249,7 @@ class PtyListener:
             ) from error
 
     async def close(self) -> None:
-        """Do nothing: :class:`LineCaller` closes it."""
+        """Do nothing: :class:`SerialClient` closes it."""
 
 
 def _url(address: SerialAddress) -> str:

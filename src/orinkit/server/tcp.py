@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from typing import Final, Self, cast
 
 from orinkit.bcap.server import Execute
-from orinkit.bcap.wire import STREAM, Wire
+from orinkit.bcap.wire import STREAM, BcapProfile
 from orinkit.cao.provider import ClientInfo
 from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
-from orinkit.server.context import Connections
+from orinkit.server.context import ServerContext
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
 from orinkit.transport.fork_safety import keep_from_children
@@ -36,7 +36,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     more than everything else that is done for a call.
     """
 
-    def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop, wire: Wire = STREAM) -> None:
+    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, wire: BcapProfile = STREAM) -> None:
         super().__init__(shared, loop, wire)
         self._kind = wire.name
         shared.opening += 1
@@ -211,7 +211,7 @@ class TcpListener:
         keep_from_children(self)
 
     @classmethod
-    async def open(cls, address: Address, shared: Connections) -> Self:
+    async def open(cls, address: Address, shared: ServerContext) -> Self:
         """Listen.
 
         Raises:

@@ -12,7 +12,7 @@ from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 if TYPE_CHECKING:
     from orinkit.server.aio_server import AsyncServer
@@ -95,7 +95,7 @@ def serve(
     clients: int = DEFAULT_CLIENTS,
     per_address: int | None = None,
     objects: int = 1000,
-    limits: Limits = DEFAULT_LIMITS,
+    limits: PacketLimits = DEFAULT_LIMITS,
     invoke_timeout: float = 180.0,
     dead_after: float = DEAD_AFTER,
     alive: float = ALIVE,

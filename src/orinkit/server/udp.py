@@ -13,8 +13,8 @@ from orinkit.bcap.server import Encoded, Execute
 from orinkit.bcap.wire import DATAGRAM
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.session import Session
-from orinkit.server.context import Connections
-from orinkit.server.peer import Caller
+from orinkit.server.context import ServerContext
+from orinkit.server.peer import ConnectionlessClient
 from orinkit.transport.address import Address
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.values.variant import Variant
@@ -30,7 +30,7 @@ _LONGEST: Final = 65536  # bytes of any datagram
 _Place: TypeAlias = tuple[Any, ...]  # of a client, as the socket gives it: host, port, and more for IPv6
 
 
-class UdpCaller(Caller):
+class UdpClient(ConnectionlessClient):
     """One client on UDP.
 
     Its first call makes it one. It goes with Service_Stop, or when nothing is heard of it for :data:`FORGOTTEN_AFTER`
@@ -109,13 +109,13 @@ class UdpSocket(asyncio.DatagramProtocol):
         loop: the event loop that it lives in.
     """
 
-    def __init__(self, shared: Connections, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
         self.shared = shared
         self.loop = loop
         self._transport: asyncio.DatagramTransport | None = None
         self._full = False
-        self._callers: dict[_Place, UdpCaller] = {}
-        self._resting: dict[_Place, UdpCaller] = {}  # those of them who are no clients any more, the oldest first
+        self._callers: dict[_Place, UdpClient] = {}
+        self._resting: dict[_Place, UdpClient] = {}  # those of them who are no clients any more, the oldest first
         self._closed = asyncio.Event()
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         """A datagram has come, of a client or of anybody."""
         caller = self._callers.get(addr)
         if caller is None:
-            caller = UdpCaller(self, addr)  # is kept if this is a call
+            caller = UdpClient(self, addr)  # is kept if this is a call
         caller.received(data)
 
     def error_received(self, exc: Exception) -> None:
@@ -163,12 +163,12 @@ class UdpSocket(asyncio.DatagramProtocol):
         if not self._full and self._transport is not None and not self._transport.is_closing():
             self._transport.sendto(data, place)
 
-    def keep(self, caller: UdpCaller) -> None:
+    def keep(self, caller: UdpClient) -> None:
         """Know a client again."""
         self._callers[caller.place] = caller
         self._resting.pop(caller.place, None)
 
-    def rest(self, caller: UdpCaller) -> None:
+    def rest(self, caller: UdpClient) -> None:
         """Know one again who is no client any more; not more of them than there may be clients, for anybody can be one."""
         if caller.place not in self._callers:
             return
@@ -176,7 +176,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         if len(self._resting) > self.shared.clients:
             next(iter(self._resting.values())).close()
 
-    def drop(self, caller: UdpCaller) -> None:
+    def drop(self, caller: UdpClient) -> None:
         """Know a client no more."""
         self._callers.pop(caller.place, None)
         self._resting.pop(caller.place, None)
@@ -220,7 +220,7 @@ class UdpListener:
         self._sockets: list[UdpSocket] = []
 
     @classmethod
-    async def open(cls, address: Address, shared: Connections) -> Self:
+    async def open(cls, address: Address, shared: ServerContext) -> Self:
         """Open the sockets.
 
         Raises:

@@ -12,7 +12,7 @@ from typing import ClassVar, Final, NamedTuple, TypeAlias
 from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
 from orinkit.transport import registry
-from orinkit.transport.registry import AnyAddress, Given
+from orinkit.transport.registry import AddressText, AnyAddress
 from orinkit.values.pose_numbers import brief
 
 DEFAULT_PORT: Final = 5007
@@ -168,21 +168,21 @@ def bad_address(text: str, reason: str, scheme: str = _USUAL) -> InvalidAddress:
     )
 
 
-def _split_scheme(text: str) -> Given:
+def _split_scheme(text: str) -> AddressText:
     place = text.strip()
     scheme, mark, rest = place.partition("://")
     if mark:
-        return Given(text, scheme.lower(), rest)
+        return AddressText(text, scheme.lower(), rest)
     scheme, mark, rest = place.partition(":")
     if mark and registry.known(scheme.lower()):
-        return Given(text, scheme.lower(), rest, url=False)
-    return Given(text, _USUAL, place, url=False)
+        return AddressText(text, scheme.lower(), rest, url=False)
+    return AddressText(text, _USUAL, place, url=False)
 
 
 # --- hosts ------------------------------------------------------------------------------------------------------------
 
 
-def parse_host(given: Given) -> Address:
+def parse_host(given: AddressText) -> Address:
     """Read ``192.168.0.1:5007``."""
     return Address(given.scheme, *_split_port(given.text, given.rest.removesuffix("/"), given.scheme))
 
@@ -210,7 +210,7 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
     return host, number
 
 
-def parse_http(given: Given) -> HttpAddress:
+def parse_http(given: AddressText) -> HttpAddress:
     """Read ``127.0.0.1:8080/path?query``."""
     text, scheme, rest, _ = given
     place, slash, path = rest.partition("/")
@@ -223,7 +223,7 @@ def parse_http(given: Given) -> HttpAddress:
 # --- CAN --------------------------------------------------------------------------------------------------------------
 
 
-def parse_can(given: Given) -> CanAddress:
+def parse_can(given: AddressText) -> CanAddress:
     """Read ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
     from urllib.parse import unquote
 

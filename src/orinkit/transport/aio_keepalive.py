@@ -14,7 +14,7 @@ async def atake_now(lock: asyncio.Lock) -> bool:
     return not lock.locked() and await lock.acquire()
 
 
-class AsyncPulse:
+class AsyncKeepAlive:
     """In a task: a blocked event loop does not beat."""
 
     def __init__(self, beat: Callable[[], Awaitable[object]], every: float) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from orinkit.transport.credentials import NOTHING, Access
+from orinkit.transport.credentials import NOTHING, Credentials
 from orinkit.transport.links import refused
-from orinkit.transport.registry import AnyAddress, Opening, resolve, row_of
+from orinkit.transport.registry import AnyAddress, LinkOptions, resolve, row_of
 from orinkit.transport.runner import AsyncLink
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 from orinkit.values.codec import DEFAULT_LIMITS
@@ -13,7 +13,7 @@ from orinkit.values.codec import DEFAULT_LIMITS
 async def open_link(
     address: AnyAddress,
     seconds: float,
-    access: Access = NOTHING,
+    access: Credentials = NOTHING,
     most: int = DEFAULT_LIMITS.packet,
     dead_after: float = DEAD_AFTER,
 ) -> AsyncLink:
@@ -34,5 +34,5 @@ async def open_link(
     row = row_of(address)
     if not row.aio_link:
         raise refused(address)
-    link: AsyncLink = await resolve(row.aio_link)(address, Opening(seconds, access, most, dead_after))
+    link: AsyncLink = await resolve(row.aio_link)(address, LinkOptions(seconds, access, most, dead_after))
     return link

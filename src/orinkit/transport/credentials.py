@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 
-class Access(NamedTuple):
+class Credentials(NamedTuple):
     """What a client shows to a server over HTTP, and how it knows the server.
 
     Attributes:
@@ -17,5 +17,5 @@ class Access(NamedTuple):
     cafile: str = ""
 
 
-NOTHING: Final = Access()
+NOTHING: Final = Credentials()
 """For a server that lets everybody in, known by the system's certificates."""

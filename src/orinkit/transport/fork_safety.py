@@ -20,14 +20,14 @@ from orinkit.core.i18n import tr
 from orinkit.transport.link_errors import closed
 
 
-class Inherited(Protocol):
+class Inheritable(Protocol):
     """Something that a forked child is not to keep."""
 
     def left_behind(self) -> Iterable[int]:
         """Be of no more use, in the child; returns the descriptors that it has. Locks may be held by threads that are gone."""
 
 
-class OfThisProcess:
+class ProcessBound:
     """What client links have in common: the exception by which they say that they are of no more use."""
 
     _left = False
@@ -36,10 +36,10 @@ class OfThisProcess:
         return _in_child() if self._left else closed()
 
 
-_kept: Final[WeakSet[Inherited]] = WeakSet()
+_kept: Final[WeakSet[Inheritable]] = WeakSet()
 
 
-def keep_from_children(thing: Inherited) -> None:
+def keep_from_children(thing: Inheritable) -> None:
     """Have something left behind in every child that this process forks from now on, as long as it exists."""
     _kept.add(thing)
 

@@ -17,7 +17,7 @@ def take_now(lock: threading.RLock) -> bool:
     return lock.acquire(blocking=False)
 
 
-class Pulse:
+class KeepAlive:
     """In a daemon thread of its own.
 
     Args:

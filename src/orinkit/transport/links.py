@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from orinkit.core.errors import InvalidAddress, StreamError
 from orinkit.core.i18n import tr
-from orinkit.transport.credentials import NOTHING, Access
-from orinkit.transport.registry import AnyAddress, Opening, Transport, find, resolve, row_of
+from orinkit.transport.credentials import NOTHING, Credentials
+from orinkit.transport.registry import AnyAddress, LinkOptions, Transport, find, resolve, row_of
 from orinkit.transport.runner import Link
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 from orinkit.values.codec import DEFAULT_LIMITS
@@ -14,7 +14,7 @@ from orinkit.values.codec import DEFAULT_LIMITS
 def open_link(
     address: AnyAddress,
     seconds: float,
-    access: Access = NOTHING,
+    access: Credentials = NOTHING,
     most: int = DEFAULT_LIMITS.packet,
     dead_after: float = DEAD_AFTER,
 ) -> Link:
@@ -35,7 +35,7 @@ def open_link(
     row = row_of(address)
     if not row.link:
         raise refused(address)
-    link: Link = resolve(row.link)(address, Opening(seconds, access, most, dead_after))
+    link: Link = resolve(row.link)(address, LinkOptions(seconds, access, most, dead_after))
     return link
 
 

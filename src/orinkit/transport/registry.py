@@ -24,7 +24,7 @@ from orinkit.core.i18n import N_, tr
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    from orinkit.transport.credentials import Access
+    from orinkit.transport.credentials import Credentials
 
 GROUP: Final = "orinkit.transports"
 """The entry points' group."""
@@ -43,7 +43,7 @@ class AnyAddress(Protocol):
         """The scheme of its row."""
 
 
-class Given(NamedTuple):
+class AddressText(NamedTuple):
     """What the parser of a row gets.
 
     Attributes:
@@ -59,7 +59,7 @@ class Given(NamedTuple):
     url: bool = True
 
 
-class Opening(NamedTuple):
+class LinkOptions(NamedTuple):
     """How a client opens a link.
 
     Attributes:
@@ -70,12 +70,12 @@ class Opening(NamedTuple):
     """
 
     seconds: float
-    access: Access
+    access: Credentials
     most: int
     dead_after: float
 
 
-class Option(NamedTuple):
+class ServeOption(NamedTuple):
     """The option of ``orinkit serve`` and ``orinkit gateway``: ``--SCHEME PLACE``.
 
     Attributes:
@@ -96,12 +96,12 @@ class Transport(NamedTuple):
 
     Attributes:
         scheme: of the address, in lower case.
-        parse: ``(Given) -> AnyAddress``. Raises InvalidAddress.
+        parse: ``(AddressText) -> AnyAddress``. Raises InvalidAddress.
         example: an address, for messages.
-        carrier: a :class:`~orinkit.bcap.wire.Wire` for b-CAP, another :class:`~orinkit.cao.transport_profile.Carrier` for
+        carrier: a :class:`~orinkit.bcap.wire.BcapProfile` for b-CAP, another :class:`~orinkit.cao.transport_profile.TransportProfile` for
             e-CAP. Its name is a scheme with the same carrier, whose row adopts its links.
-        link: ``(address, Opening) -> Link``, for a client.
-        aio_link: ``async (address, Opening) -> AsyncLink``.
+        link: ``(address, LinkOptions) -> Link``, for a client.
+        aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.
         listener: ``async (address, Connections) -> Listener``, for a server. With ``http`` it gets its HttpOptions too.
         refusal: ``(address) -> InvalidAddress``, why there is no link, or no listener.
@@ -119,7 +119,7 @@ class Transport(NamedTuple):
     adopt: Reference = ""
     listener: Reference = ""
     refusal: Reference = ""
-    option: Option | None = None
+    option: ServeOption | None = None
     http: bool = False
     alias: str = ""
 
@@ -130,7 +130,7 @@ class Transport(NamedTuple):
         return tuple(filter(None, each))
 
 
-def _http(scheme: str, option: Option | None = None) -> Transport:
+def _http(scheme: str, option: ServeOption | None = None) -> Transport:
     return Transport(
         scheme,
         parse="orinkit.transport.address:parse_http",
@@ -154,7 +154,7 @@ _BUILT_IN: Final = (
         aio_link="orinkit.transport.sockets.aio_tcp:AsyncTcpLink.open",
         adopt="orinkit.transport.sockets.tcp:TcpLink.adopt",
         listener="orinkit.server.tcp:TcpListener.open",
-        option=Option(
+        option=ServeOption(
             N_(
                 "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be given again. Port 0 takes a "
                 "free one. No default if another address is given."
@@ -171,7 +171,7 @@ _BUILT_IN: Final = (
         aio_link="orinkit.transport.sockets.aio_udp:AsyncUdpLink.open",
         adopt="orinkit.transport.sockets.udp:UdpLink.adopt",
         listener="orinkit.server.udp:UdpListener.open",
-        option=Option(
+        option=ServeOption(
             N_("HOST:PORT to listen on with UDP, or PORT alone for 127.0.0.1; may be given again."), ports=True
         ),
     ),
@@ -184,14 +184,14 @@ _BUILT_IN: Final = (
         aio_link="orinkit.transport.serial.opening:open_aio_link",
         adopt="orinkit.transport.serial.opening:adopt",
         listener="orinkit.server.serial_line:PortListener.open",
-        option=Option(
+        option=ServeOption(
             N_("Serial port to listen on, as /dev/ttyUSB0?baudrate=115200; 38400 8N1 by default; may be given again.")
         ),
     ),
     Transport("com", parse="orinkit.transport.serial.address:parse_com", example="com:1:38400:N:8:1:0", alias="serial"),
     _http(
         "http",
-        Option(
+        ServeOption(
             N_(
                 "HOST:PORT to listen on for e-CAP over HTTP, or PORT alone for 127.0.0.1; may be given "
                 "again. A host alone means port 80. With --cert it is https, and port 443."
@@ -207,7 +207,7 @@ _BUILT_IN: Final = (
         example="pty://",
         listener="orinkit.server.serial_line:PtyListener.open",
         refusal="orinkit.transport.links:for_servers",
-        option=Option(N_("Listen on a new pseudo-terminal: a serial line without a cable."), flag=True),
+        option=ServeOption(N_("Listen on a new pseudo-terminal: a serial line without a cable."), flag=True),
     ),
     Transport(
         "can",

@@ -1,6 +1,6 @@
 """The two drivers, side by side: one protocol operation, on the caller's own thread or in asyncio.
 
-An operation is a generator as :meth:`orinkit.bcap.client.Conversation.call`: it yields bytes to send and how many
+An operation is a generator as :meth:`orinkit.bcap.client.BcapConversation.call`: it yields bytes to send and how many
 seconds to wait for an answer, and is sent what was received. Beside them, waiting without receiving: :func:`pause`,
 :func:`apause`, and :class:`Deadline` for how long.
 """
@@ -59,7 +59,7 @@ class AsyncLink(Protocol):
         """Close; may be called again."""
 
 
-class LentLink:
+class DetachedLink:
     """Stands for a link that another process has: nothing can be sent over it."""
 
     def __init__(self, link: Link, closing: Callable[[], None]) -> None:
@@ -92,7 +92,7 @@ class LentLink:
         self.link.release()
 
 
-class AsyncLentLink:
+class AsyncDetachedLink:
     """The same for asyncio."""
 
     def __init__(self, link: AsyncLink, closing: Callable[[], None]) -> None:

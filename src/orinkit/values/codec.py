@@ -1,7 +1,7 @@
 """VARIANT as bytes, the way a packet argument and a VARIANT array hold it (VE026A 3.2, figure 3-2 and 3-3).
 
 An argument is ``length u32 | type u16 | count u32 | data``, little-endian, the length without itself; an element of a
-VARIANT array is the same without the length. Every read is bounded by the bytes present and by :class:`Limits`.
+VARIANT array is the same without the length. Every read is bounded by the bytes present and by :class:`PacketLimits`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LENGTH: Final = struct.Struct("<I")
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class PacketLimits:
     """How much one packet may hold; the defaults are the documents' or, where they are silent, ours.
 
     Attributes:
@@ -44,7 +44,7 @@ class Limits:
     error_size: int = 4
 
 
-DEFAULT_LIMITS: Final = Limits()
+DEFAULT_LIMITS: Final = PacketLimits()
 
 
 # --- to bytes ---------------------------------------------------------------------------------------------------------
@@ -152,7 +152,7 @@ _R4_PACK: Final = struct.Struct("<IHIf").pack
 
 
 def encode_variant(item: Variant, error_size: int = 4) -> bytes:
-    """Return a :class:`Variant` as one packet argument; for ``error_size`` see :class:`Limits`.
+    """Return a :class:`Variant` as one packet argument; for ``error_size`` see :class:`PacketLimits`.
 
     Raises:
         InvalidValue: its arrays are nested too deep, or a VT_ERROR does not fit its size.
@@ -229,7 +229,7 @@ def _broken(text: str, code: int = hresult.E_INVALIDRCVPACKET) -> ProtocolError:
     return ProtocolError(text, code)
 
 
-def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limits = DEFAULT_LIMITS, *, exact: bool = False, budget: list[int] | None = None) -> tuple[Any, int]:  # fmt: skip
+def decode(data: bytes, position: int = 0, end: int | None = None, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False, budget: list[int] | None = None) -> tuple[Any, int]:  # fmt: skip
     """Read one packet argument at ``position``; return its value and the position behind it.
 
     Args:
@@ -239,7 +239,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
         limits: bounds on what is read.
         exact: give a :class:`Variant` instead of a plain value.
         budget: how many elements the packet may have still, in a list of one number that this counts down; as many as
-            :attr:`Limits.variants` by default.
+            :attr:`PacketLimits.variants` by default.
 
     Raises:
         ProtocolError: the bytes are no argument; its ``code`` is what a server answers (VE026A table 3-5).
@@ -277,7 +277,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Limit
                 present=end - position - 4,
             ),
         )
-    reader = _Reader(data, stop, limits, exact)
+    reader = _ValueReader(data, stop, limits, exact)
     if budget is not None:
         reader.left = budget[0]
     value, after = reader.read(vt, count, position + 10, 0)
@@ -336,12 +336,12 @@ def _unpacked(code: str, data: bytes, position: int, count: int) -> Sequence[Any
     return items
 
 
-class _Reader:
+class _ValueReader:
     """Reads one argument's data, bounded by where the argument ends."""
 
     __slots__ = ("data", "end", "exact", "left", "limits")
 
-    def __init__(self, data: bytes, end: int, limits: Limits, exact: bool) -> None:
+    def __init__(self, data: bytes, end: int, limits: PacketLimits, exact: bool) -> None:
         self.data, self.end, self.limits, self.exact = data, end, limits, exact
         self.left = limits.variants
 

@@ -70,7 +70,7 @@ def parse(text: str) -> Variant:
         NotationError: the text is no VARIANT notation, is nested deeper than MAX_DEPTH or longer than MAX_LENGTH; the
             message names the column, counted from 1, and what was expected there.
     """
-    reader = _Reader(text)
+    reader = _NotationParser(text)
     result = reader.variant()
     reader.finish()
     return result
@@ -84,7 +84,7 @@ def parse_elements(text: str) -> list[Variant]:
     Raises:
         NotationError: as :func:`parse`.
     """
-    reader = _Reader(text)
+    reader = _NotationParser(text)
     result = reader.elements()
     reader.finish()
     return result
@@ -114,7 +114,7 @@ def parse_lenient(text: str) -> Variant:
     match = _NOTATION.match(text)
     if match and int(match[1]) in _TYPES:
         return parse(text)
-    reader = _Reader(text)
+    reader = _NotationParser(text)
     word = text.strip(_BLANKS)
     if len(word) <= LONGEST:
         if word.lower() in ("true", "false"):
@@ -137,7 +137,7 @@ def _error(at: int, problem: str) -> NotationError:
     return NotationError(tr("column {column}: {problem}", column=at + 1, problem=problem))
 
 
-class _Reader:
+class _NotationParser:
     """Walks once over a text; ``at`` is where it stands, ``depth`` in how many brackets."""
 
     __slots__ = ("at", "depth", "text")

@@ -23,27 +23,27 @@ _MODE: Final = re.compile(r"[EPep]")
 _EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
 
 
-class Mark(NamedTuple):
+class PassMarkText(NamedTuple):
     """``@E``: a mode of ``0``, ``E``, ``P``, ``n``; for ``n`` the radius in mm."""
 
     mode: str
     radius: float
 
 
-class Joints(NamedTuple):
+class ExtraJointsText(NamedTuple):
     """``EXA((7, 10))``."""
 
     absolute: bool
     joints: tuple[tuple[int, float], ...]
 
 
-class Parts(NamedTuple):
+class TargetParts(NamedTuple):
     """``@E P1 EX((7, 10))``."""
 
     kind: str
     value: tuple[float, ...] | int
-    mark: Mark | None
-    extra: Joints | None
+    mark: PassMarkText | None
+    extra: ExtraJointsText | None
 
 
 class Scanner:
@@ -125,7 +125,7 @@ def _error(at: int, problem: str) -> NotationError:
     return NotationError(tr("column {column}: {problem}", column=at + 1, problem=problem))
 
 
-def read_target(scanner: Scanner) -> Parts:
+def read_target(scanner: Scanner) -> TargetParts:
     """Read one target."""
     mark = read_mark(scanner)
     kind = scanner.take(_KIND).upper()
@@ -141,22 +141,22 @@ def read_target(scanner: Scanner) -> Parts:
         scanner.need("]")
     else:
         value = scanner.whole(0, MAX_WHOLE, N_('the number of a variable {kind}, or "(" and its values'), kind=kind)
-    return Parts(kind, value, mark, _read_extra(scanner))
+    return TargetParts(kind, value, mark, _read_extra(scanner))
 
 
-def read_mark(scanner: Scanner) -> Mark | None:
+def read_mark(scanner: Scanner) -> PassMarkText | None:
     """Read a pass mark if there is one."""
     if not scanner.skip("@"):
         return None
     mode = scanner.take(_MODE).upper()
     if mode:
-        return Mark(mode, 0.0)
+        return PassMarkText(mode, 0.0)
     start = scanner.here()
     wanted = N_("P, E, 0 or a radius in mm")
     radius = scanner.number(wanted)
     if radius < 0:
         raise scanner.expected(tr(wanted), start)
-    return Mark("n" if radius else "0", radius)
+    return PassMarkText("n" if radius else "0", radius)
 
 
 def _read_values(scanner: Scanner, kind: str) -> tuple[float, ...]:
@@ -187,7 +187,7 @@ def _read_value(scanner: Scanner, kind: str, place: int) -> float:
     return value
 
 
-def _read_extra(scanner: Scanner) -> Joints | None:
+def _read_extra(scanner: Scanner) -> ExtraJointsText | None:
     name = scanner.take(_EXTRA)
     if not name:
         return None
@@ -201,7 +201,7 @@ def _read_extra(scanner: Scanner) -> Joints | None:
         scanner.need(")")
     else:
         _read_joint(scanner, joints)
-    return Joints(len(name) > len("EX"), tuple(joints.items()))
+    return ExtraJointsText(len(name) > len("EX"), tuple(joints.items()))
 
 
 def _read_joint(scanner: Scanner, joints: dict[int, float]) -> None:

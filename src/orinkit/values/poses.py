@@ -34,7 +34,7 @@ from orinkit.values.pose_numbers import FIG_NEAREST as FIG_NEAREST
 from orinkit.values.pose_numbers import FIG_WITHIN_LIMITS as FIG_WITHIN_LIMITS
 from orinkit.values.pose_numbers import Figure as Figure
 from orinkit.values.pose_numbers import describe_figure as describe_figure
-from orinkit.values.pose_text import Mark, Parts, Scanner, read_mark, read_target
+from orinkit.values.pose_text import PassMarkText, Scanner, TargetParts, read_mark, read_target
 
 Kind: TypeAlias = Literal["P", "T", "J", "V", ""]
 """What the numbers of a target are; ``""`` where it was not said."""
@@ -443,13 +443,13 @@ def as_mark(mark: object) -> PassMark:
     )
 
 
-def _target(parts: Parts) -> Target:
+def _target(parts: TargetParts) -> Target:
     kind: Any = parts.kind
     extra = None if parts.extra is None else Extra(*parts.extra)
     return Target(kind, parts.value, None if parts.mark is None else _pass_mark(parts.mark), extra)
 
 
-def _pass_mark(mark: Mark) -> PassMark:
+def _pass_mark(mark: PassMarkText) -> PassMark:
     mode: Any = mark.mode
     return PassMark(mode, mark.radius)
 

@@ -48,7 +48,7 @@ class TypeRow:
         to_wire: make of the content what :mod:`struct` packs; ``None`` if it is the same.
         from_wire: the way back, to plain Python.
         from_wire_exact: the way back with nothing lost; ``None`` if ``from_wire`` loses nothing.
-        elements_for_one: how many elements count as one against :attr:`~orinkit.values.codec.Limits.variants`, by what
+        elements_for_one: how many elements count as one against :attr:`~orinkit.values.codec.PacketLimits.variants`, by what
             they cost to read.
         text: how an element is written as text; ``None`` if the notation has a rule of its own for the type.
         size: bytes of one element; 0 if it is not fixed.

@@ -25,7 +25,7 @@ _SHORTEST_PAUSE: Final = 0.0002  # s; others need a chance to look at the device
 _JOIN_TIMEOUT: Final = 5.0
 
 
-class Driver(ABC):
+class ClockDriver(ABC):
     """What has a device go on as its clock does."""
 
     @abstractmethod
@@ -87,7 +87,7 @@ class Clock:
         end = time.monotonic() + seconds
         return lambda: time.monotonic() >= end
 
-    def drive(self, advance: Callable[[], float | None]) -> Driver:
+    def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
         """Have a device go on with time.
 
         Args:
@@ -97,7 +97,7 @@ class Clock:
         return _Thread(advance, self.scale)
 
 
-class _Thread(Driver):
+class _Thread(ClockDriver):
     """Calls the device from a thread that lives as long as there is something to do."""
 
     def __init__(self, advance: Callable[[], float | None], scale: float) -> None:
@@ -178,7 +178,7 @@ class ManualClock(Clock):
         """Return what is never true: on this clock everything is done that is due, however long it takes."""
         return lambda: False
 
-    def drive(self, advance: Callable[[], float | None]) -> Driver:
+    def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
         """Have a device go on whenever the clock is moved."""
         return _ByHand(self._driven, advance)
 
@@ -191,7 +191,7 @@ class ManualClock(Clock):
         return self._start + timedelta(seconds=self._seconds)
 
 
-class _ByHand(Driver):
+class _ByHand(ClockDriver):
     def __init__(self, driven: list[Callable[[], float | None]], advance: Callable[[], float | None]) -> None:
         self._driven = driven
         self._advance = advance

@@ -18,7 +18,7 @@ from orinkit.core import hresult
 from orinkit.server import context as connections
 from orinkit.server.http import limits, sessions, tls
 from orinkit.server.http.flow_control import HELD
-from orinkit.server.http.limits import GuardedProtocol, Joining, Stage
+from orinkit.server.http.limits import HeaderCoalescer, LimitedProtocol, Stage
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.threaded import Server
 from support.devices import Workshop
@@ -52,13 +52,13 @@ def patience(monkeypatch: pytest.MonkeyPatch, stage: Stage) -> None:
     monkeypatch.setattr(stage, "seconds", LONG)
 
 
-def end_of(server: Server, web: Web) -> GuardedProtocol:
+def end_of(server: Server, web: Web) -> LimitedProtocol:
     """Return the server's end of a connection, once it has read what has come there."""
     name = "{}:{}/http".format(*web.socket.getsockname())
 
-    def found() -> list[GuardedProtocol]:
+    def found() -> list[LimitedProtocol]:
         all_of_them = list(server._server._connections.all)
-        return [each for each in all_of_them if isinstance(each, GuardedProtocol) and each.name == name]
+        return [each for each in all_of_them if isinstance(each, LimitedProtocol) and each.name == name]
 
     until(found)
     take_turns(server)
@@ -443,7 +443,7 @@ def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
 ) -> None:
     kept = [0]
 
-    class Measured(Joining):
+    class Measured(HeaderCoalescer):
         def receive_data(self, data: bytes) -> None:
             super().receive_data(data)
             kept.append(len(self.trailing_data[0]))

@@ -20,12 +20,12 @@ from orinkit import aio
 from orinkit.bcap.server import LARGE
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import ConnectFailed, InvalidValue
-from orinkit.ecap.message import Request, read_request
+from orinkit.ecap.message import EcapRequest, read_request
 from orinkit.server import aio_server
 from orinkit.server.http import app
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.threaded import Server
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
 from support.devices import Recorder, Workshop
 from support.leaping import leap
@@ -341,7 +341,7 @@ def test_statuses_are_one_plain_line_in_the_language(web: Web) -> None:
 
 def test_bodies_of_any_length_up_to_the_limit(workshop: Workshop) -> None:
     with (
-        orinkit.serve(workshop, "http://127.0.0.1:0", limits=Limits(packet=5000)) as server,
+        orinkit.serve(workshop, "http://127.0.0.1:0", limits=PacketLimits(packet=5000)) as server,
         Web(server.url, keeps_cookies=True) as web,
     ):
         handle = connect(web)
@@ -360,7 +360,10 @@ def chunked(*chunks: bytes) -> bytes:
 
 
 def test_chunked_bodies(workshop: Workshop) -> None:
-    with orinkit.serve(workshop, "http://127.0.0.1:0", limits=Limits(packet=5000)) as server, Web(server.url) as web:
+    with (
+        orinkit.serve(workshop, "http://127.0.0.1:0", limits=PacketLimits(packet=5000)) as server,
+        Web(server.url) as web,
+    ):
         head = web.head(Content_Length="", Transfer_Encoding="chunked")
         web.send(head + chunked(b"Fu", b"nc=", b"1"))
         assert web.answer().body == OK
@@ -493,7 +496,10 @@ def test_large_bodies_and_results(web: Web) -> None:
 
 
 def test_an_answer_that_is_too_long(workshop: Workshop) -> None:
-    with orinkit.serve(workshop, "http://127.0.0.1:0", limits=Limits(packet=100_000)) as server, Web(server.url) as web:
+    with (
+        orinkit.serve(workshop, "http://127.0.0.1:0", limits=PacketLimits(packet=100_000)) as server,
+        Web(server.url) as web,
+    ):
         handle = connect(web)
         assert web.call(EXECUTE, handle, "Large", "3,49000").code == 0
         assert web.call(EXECUTE, handle, "Large", "3,51000").code == hresult.E_TOO_MUCH_DATA
@@ -504,7 +510,7 @@ def test_a_body_that_takes_long_to_read_stops_nobody(server: Server, web: Web, m
     """The event loop has to be free while a thread reads it: quick calls are answered meanwhile."""
     go = threading.Event()
 
-    def read(body: bytes, limits: Limits) -> Request:
+    def read(body: bytes, limits: PacketLimits) -> EcapRequest:
         if len(body) > LARGE:
             assert go.wait(PATIENCE)
         return read_request(body, limits)

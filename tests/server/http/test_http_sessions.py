@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import orinkit
-from orinkit.cao.session import Host
+from orinkit.cao.session import ProviderRegistry
 from orinkit.core import hresult
-from orinkit.server.context import Connections
+from orinkit.server.context import ServerContext
 from orinkit.server.http import sessions as http_sessions
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.http.sessions import HttpSessions
@@ -572,7 +572,7 @@ def test_the_secret_of_a_cookie_is_not_logged(workshop: Workshop, caplog: pytest
 
 def test_sessions_that_have_ended_leave_nothing() -> None:
     async def sessions() -> weakref.ref[Any]:
-        shared = Connections(Host(Workshop()), DEFAULT_LIMITS, 10, 180.0)
+        shared = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
         table = HttpSessions(shared, 60.0)
         made = table.beginning("192.168.0.1", 5)
         assert made is not None

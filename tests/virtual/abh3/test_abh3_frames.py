@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orinkit.abh3.table.ids import EVERYONE, Id, pgn, request, single
+from orinkit.abh3.table.ids import EVERYONE, FrameId, pgn, request, single
 from orinkit.can.frame import CanFrame
 from orinkit.core.errors import InvalidValue
 from orinkit.virtual.abh3 import DataSet, Parameters, VirtualABH3
@@ -64,7 +64,7 @@ def test_the_answer_of_v2_has_what_the_command_did():
 def test_any_priority_is_accepted(priority):
     cell = Abh3Cell()
     frame = cell.frame()
-    (answer,) = cell.device.receive(frame._replace(id=Id.parse(frame.id).with_priority(priority)))
+    (answer,) = cell.device.receive(frame._replace(id=FrameId.parse(frame.id).with_priority(priority)))
     assert answer.id == 0x00EF0201
 
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from orinkit.abh3.session import telabh3
 from orinkit.abh3.session.multipacket import exchange
-from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS, Reply
-from orinkit.abh3.table.ids import CONTROL, Id, pgn, request, single
+from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS, TelReply
+from orinkit.abh3.table.ids import CONTROL, FrameId, pgn, request, single
 from orinkit.can.frame import CanFrame
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
@@ -48,7 +48,7 @@ class Host:
             answer: bytes = end.value
             return answer
 
-    def _asked(self, message: bytes) -> Reply:
+    def _asked(self, message: bytes) -> TelReply:
         return telabh3.parse_reply(self.talk(message))
 
     def read(self, address: int) -> float:
@@ -331,13 +331,13 @@ def test_every_address_that_is_known_is_answered(cell, host):
 
 
 def test_other_hosts_are_not_served(cell):
-    rts = CanFrame(int(Id(CONTROL, 1, 3)), bytes.fromhex("10090002ff00ef00"))
+    rts = CanFrame(int(FrameId(CONTROL, 1, 3)), bytes.fromhex("10090002ff00ef00"))
     assert cell.device.receive(rts) == []
-    assert len(cell.device.receive(rts._replace(id=int(Id(CONTROL, 1, 2))))) == 1
+    assert len(cell.device.receive(rts._replace(id=int(FrameId(CONTROL, 1, 2))))) == 1
 
 
 def test_a_host_that_falls_silent_is_told_so_and_then_forgotten(cell):
-    rts = CanFrame(int(Id(CONTROL, 1, 2)), bytes.fromhex("10090002ff00ef00"))
+    rts = CanFrame(int(FrameId(CONTROL, 1, 2)), bytes.fromhex("10090002ff00ef00"))
     assert cell.device.receive(rts)
     frames = []
     for _ in range(10):
@@ -353,9 +353,9 @@ def test_a_host_that_falls_silent_is_told_so_and_then_forgotten(cell):
 
 def test_what_was_written_takes_effect_though_nobody_takes_the_answer(cell):
     message = telabh3.write_parameter(0x4107, 9)
-    frames = [CanFrame(int(Id(CONTROL, 1, 2)), bytes((0x10, len(message), 0, 3, 0xFF, 0, 0xEF, 0)))]
+    frames = [CanFrame(int(FrameId(CONTROL, 1, 2)), bytes((0x10, len(message), 0, 3, 0xFF, 0, 0xEF, 0)))]
     padded = message.ljust(21, b"\xff")
-    frames += [CanFrame(int(Id(0xEB, 1, 2)), bytes((n + 1,)) + padded[7 * n : 7 * n + 7]) for n in range(3)]
+    frames += [CanFrame(int(FrameId(0xEB, 1, 2)), bytes((n + 1,)) + padded[7 * n : 7 * n + 7]) for n in range(3)]
     for frame in frames:
         cell.device.receive(frame)
     assert cell.device.parameters.group == 5

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from orinkit.abh3.table.signals import DIALECTS, Logic
 from orinkit.virtual.abh3 import DataSet, Parameters
-from orinkit.virtual.abh3.axis import FINE, Axis, Limits, Mode
+from orinkit.virtual.abh3.axis import FINE, AxisLimits, AxisMode, MotorAxis
 from orinkit.virtual.abh3.drive import velocity, wrapped
 from orinkit.virtual.abh3.flags import Inputs
 from support.abh3_cell import GO, MS, Abh3Cell
@@ -293,9 +293,9 @@ def test_torque_of_one_axis_only_and_inverted():
 
 
 def test_what_is_faster_than_the_limit_is_slowed_down_in_torque_mode_too():
-    axis = Axis(Limits(Parameters(speed_limit=100.0)))
+    axis = MotorAxis(AxisLimits(Parameters(speed_limit=100.0)))
     axis.velocity = 200 * FINE
-    axis.order(Mode.TORQUE, 500)
+    axis.order(AxisMode.TORQUE, 500)
     axis.run(1)
     assert axis.velocity == 194 * FINE
     axis.run(1000)
@@ -434,13 +434,13 @@ def test_the_edge_of_pulse_clear_clears_its_motor(dialect, model):
 # --- time ---------------------------------------------------------------------------------------------------------------
 
 
-def one_by_one(axis: Axis, cycles: int) -> None:
+def one_by_one(axis: MotorAxis, cycles: int) -> None:
     for _ in range(cycles):
         axis.run(1)
 
 
 ORDERS = st.lists(
-    st.tuples(st.sampled_from(list(Mode)), st.integers(-400, 400), st.integers(0, 1500), st.integers(-3000, 3000)),
+    st.tuples(st.sampled_from(list(AxisMode)), st.integers(-400, 400), st.integers(0, 1500), st.integers(-3000, 3000)),
     max_size=6,
 )
 
@@ -451,11 +451,11 @@ def test_many_cycles_at_once_are_what_they_are_one_by_one(orders, seconds, frict
     parameters = Parameters(
         acceleration_time=seconds, deceleration_time=seconds / 3, friction=friction, speed_limit=300.0
     )
-    fast, slow = Axis(Limits(parameters)), Axis(Limits(parameters))
+    fast, slow = MotorAxis(AxisLimits(parameters)), MotorAxis(AxisLimits(parameters))
     for mode, command, cycles, load in orders:
         for axis in (fast, slow):
             axis.load = load
-            axis.order(mode, command * FINE if mode is Mode.SPEED else command * 80)
+            axis.order(mode, command * FINE if mode is AxisMode.SPEED else command * 80)
         fast.run(cycles)
         one_by_one(slow, cycles)
         assert (fast.velocity, fast.travelled) == (slow.velocity, slow.travelled)
@@ -512,9 +512,9 @@ def test_a_state_knows_whether_anything_moves():
 
 
 def test_every_combination_of_modes_ends_somewhere():
-    limits = Limits(Parameters(speed_limit=0.0))
-    for mode, command, load in itertools.product(Mode, (-1, 0, 1), (-5000, 0, 5000)):
-        axis = Axis(limits)
+    limits = AxisLimits(Parameters(speed_limit=0.0))
+    for mode, command, load in itertools.product(AxisMode, (-1, 0, 1), (-5000, 0, 5000)):
+        axis = MotorAxis(limits)
         axis.load = load
         axis.order(mode, command)
         axis.run(10**9)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from orinkit.arms import Axis, load_model
+from orinkit.arms import AxisModel, load_model
 from orinkit.arms.kinematics import Kinematics
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
@@ -583,7 +583,7 @@ def test_near_a_singular_point_the_path_is_slower():
 
 
 def eight_axes() -> Kinematics:
-    extra = (Axis(-500, 500, 100, 400, linear=True), Axis(-90, 90, 30, 60))
+    extra = (AxisModel(-500, 500, 100, 400, linear=True), AxisModel(-90, 90, 30, 60))
     model = VS050.model
     return Kinematics(dataclasses.replace(model, axes=(*model.axes, *extra), home=(*model.home, 0, 0)))
 

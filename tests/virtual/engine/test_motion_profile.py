@@ -7,19 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit.virtual.engine.motion.profile import SMOOTHING, Profile
+from orinkit.virtual.engine.motion.profile import SMOOTHING, MotionProfile
 
 limits = st.floats(-4, 4).map(lambda exponent: 10**exponent)
-laws = st.builds(Profile.trapezoid, limits, limits, limits)
+laws = st.builds(MotionProfile.trapezoid, limits, limits, limits)
 
 
-def samples(law: Profile, count: int = 2001):
+def samples(law: MotionProfile, count: int = 2001):
     return law.sampled(np.linspace(-0.1, law.duration + 0.1, count))
 
 
 @given(limits, limits, limits)
 def test_it_goes_from_rest_to_rest_within_its_limits(velocity, acceleration, deceleration):
-    law = Profile.trapezoid(velocity, acceleration, deceleration)
+    law = MotionProfile.trapezoid(velocity, acceleration, deceleration)
     position, rate, change = samples(law)
     assert (position[0], position[-1]) == (0, 1)
     assert np.all(np.diff(position) >= -1e-12)
@@ -38,7 +38,7 @@ def test_it_goes_from_rest_to_rest_within_its_limits(velocity, acceleration, dec
 
 @given(limits, limits, limits)
 def test_the_jerk_is_limited(velocity, acceleration, deceleration):
-    law = Profile.trapezoid(velocity, acceleration, deceleration)
+    law = MotionProfile.trapezoid(velocity, acceleration, deceleration)
     assert max(abs(knot.jerk) for knot in law.knots) <= (acceleration + deceleration) / SMOOTHING * (1 + 1e-9)
 
 
@@ -53,13 +53,13 @@ def test_the_jerk_is_limited(velocity, acceleration, deceleration):
     ],
 )
 def test_it_is_as_long_as_the_trapezoid_and_its_smoothing(velocity, acceleration, deceleration, trapezoid):
-    law = Profile.trapezoid(velocity, acceleration, deceleration)
+    law = MotionProfile.trapezoid(velocity, acceleration, deceleration)
     assert law.duration == pytest.approx(trapezoid + SMOOTHING)
-    assert Profile.trapezoid(velocity, acceleration, deceleration, 0.2).duration == pytest.approx(trapezoid + 0.2)
+    assert MotionProfile.trapezoid(velocity, acceleration, deceleration, 0.2).duration == pytest.approx(trapezoid + 0.2)
 
 
 def test_it_is_the_moving_average_of_a_trapezoid():
-    law = Profile.trapezoid(0.5, 1.0, 0.5, 0.3)
+    law = MotionProfile.trapezoid(0.5, 1.0, 0.5, 0.3)
     times = np.linspace(0, 3.5, 35_001)
     trapezoid = np.clip(np.minimum(times, np.minimum(0.5, (2.75 - times) * 0.5)), 0, None)
     way = np.concatenate(([0], np.cumsum((trapezoid[1:] + trapezoid[:-1]) / 2 * 1e-4)))
@@ -107,7 +107,7 @@ def test_stretched_is_the_same_law_slower(law, factor):
 
 
 def test_it_does_not_become_faster_than_it_can():
-    law = Profile.trapezoid(1, 1, 1)
+    law = MotionProfile.trapezoid(1, 1, 1)
     assert law.stretched(0.1) is law
     assert law.stretched(-1) is law
     with pytest.raises(ValueError, match="duration"):
@@ -121,7 +121,7 @@ def test_moments_say_when_it_is_where(law):
 
 
 def test_nowhere_to_go_takes_no_time():
-    law = Profile.instant()
+    law = MotionProfile.instant()
     assert (law.duration, law.at(0), law.at(1), law.rate(0)) == (0, 1, 1, 0)
     position, rate, change = law.sampled(np.array([-1.0, 0.0, 1.0]))
     assert (position.tolist(), rate.tolist(), change.tolist()) == ([0, 1, 1], [0, 0, 0], [0, 0, 0])
@@ -134,12 +134,12 @@ def test_limits_are_finite_and_above_0(wrong, place):
     values = [1.0, 1.0, 1.0, 0.04]
     values[place] = wrong
     with pytest.raises(ValueError, match="limit"):
-        Profile.trapezoid(*values)
+        MotionProfile.trapezoid(*values)
 
 
 @pytest.mark.parametrize("ratio", [1e-12, 1e-6, 1e6, 1e12])
 def test_very_different_limits_are_no_trouble(ratio):
-    law = Profile.trapezoid(1e6, 1e-3, 1e-3 * ratio)
+    law = MotionProfile.trapezoid(1e6, 1e-3, 1e-3 * ratio)
     position, rate, change = samples(law)
     assert math.isfinite(law.duration)
     assert np.all(np.diff(position) >= -1e-9)

@@ -11,7 +11,7 @@ from itertools import pairwise
 import pytest
 
 from orinkit.virtual.clock import Clock, ManualClock
-from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.rc8 import VirtualRC8
 
 SOON = 20.0
@@ -43,13 +43,13 @@ def fail(error: Exception) -> None:
     raise AssertionError from error
 
 
-def made(clock: Clock, *parts: Steps, failed: Callable[[Exception], None] = fail) -> Cycles:
-    cycles = Cycles(clock)
+def made(clock: Clock, *parts: Steps, failed: Callable[[Exception], None] = fail) -> ControlLoop:
+    cycles = ControlLoop(clock)
     cycles.add(*parts, failed=failed)
     return cycles
 
 
-def wake(cycles: Cycles, part: Steps, todo: int) -> None:
+def wake(cycles: ControlLoop, part: Steps, todo: int) -> None:
     with cycles:
         part.idle.clear()
         part.todo += todo

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit.cao.provider import Later
-from orinkit.cao.session import Host, Pending, Session
+from orinkit.cao.provider import Deferred
+from orinkit.cao.session import Pending, ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant
@@ -39,9 +39,9 @@ def ready(rc8, controller):
     return robot
 
 
-def code(promise: Later[None]) -> int:
+def code(promise: Deferred[None]) -> int:
     """The code that a promise was broken with, 0 if it was kept."""
-    assert promise.done
+    assert promise.done()
     try:
         promise.result()
     except CallError as error:
@@ -108,7 +108,7 @@ def test_a_command_that_answers_at_once(mode, command):
     info = command("SysInfo", 0)
     assert info.get_result() is None
     answer = info.execute(mode)
-    assert answer.done if mode == WAIT else answer is None
+    assert answer.done() if mode == WAIT else answer is None
     assert (info.get_state(), info.get_result()) == (DONE, "SN-42")
     assert info.get_parameters() == variant(0)
     info.put_parameters(variant(99))
@@ -139,7 +139,7 @@ def test_a_mode_that_is_none(mode, command, refused):
 def test_waiting_for_a_command(command, clock, rc8):
     move = command("HandMoveA", [10, 100])
     answer = move.execute(WAIT)
-    assert (move.get_state(), answer.done, result_code(move)) == (EXECUTING, False, hresult.E_CAO_CMD_EXECUTE)
+    assert (move.get_state(), answer.done(), result_code(move)) == (EXECUTING, False, hresult.E_CAO_CMD_EXECUTE)
     clock.advance(1)
     assert (move.get_state(), code(answer), move.get_result()) == (DONE, 0, None)
     assert rc8.state.hand.position == 10.0
@@ -188,7 +188,7 @@ def test_cancelling_a_motion_brings_the_arm_to_rest(command, ready, clock, rc8):
     answer = drive.execute(WAIT)
     clock.advance(0.2)
     over = drive.cancel()
-    assert (drive.get_state(), over.done) == (EXECUTING, False)  # it is still slowing down
+    assert (drive.get_state(), over.done()) == (EXECUTING, False)  # it is still slowing down
     assert rc8.state.arm.stopping
     clock.advance(1)
     assert (code(over), code(answer)) == (0, hresult.E_CANCEL)
@@ -394,7 +394,7 @@ def test_rights_are_those_of_the_command(connect):
 
 
 def test_through_a_session_as_a_server_calls_it(rc8, clock):
-    session = Session(Host(rc8))
+    session = Session(ProviderRegistry(rc8))
     controller = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
     handle = session.invoke(10, [controller, variant("HandMoveA"), variant("")]).result
     assert session.invoke(118, [handle, variant([10, 100])]).code == 0
@@ -416,7 +416,7 @@ def test_through_a_session_as_a_server_calls_it(rc8, clock):
 
 
 def test_a_client_that_goes_away_takes_its_commands_along(rc8, clock):
-    session = Session(Host(rc8))
+    session = Session(ProviderRegistry(rc8))
     controller = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
     handle = session.invoke(10, [controller, variant("HandMoveA"), variant("")]).result
     session.invoke(118, [handle, variant([0, 1])])

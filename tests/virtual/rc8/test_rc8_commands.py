@@ -4,7 +4,7 @@ from datetime import datetime, timedelta
 
 import pytest
 
-from orinkit.cao.session import Host, Session
+from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.clock import ManualClock
@@ -242,7 +242,7 @@ def test_provider_names():
 
 
 def test_through_a_session_as_a_server_calls_it(rc8):
-    session = Session(Host(rc8))
+    session = Session(ProviderRegistry(rc8))
     text = [variant(part) for part in ("b-CAP", "caoProv.denso.vrc", "192.168.0.1", "")]
     handle = session.invoke(3, text).result
     assert handle == Variant(I4, 2)

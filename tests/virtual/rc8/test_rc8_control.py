@@ -5,12 +5,12 @@ import json
 import pytest
 
 import orinkit
-from orinkit.cao.provider import Blocking, ClientInfo, Later
-from orinkit.cao.session import Host, Session
+from orinkit.cao.provider import BlockingCall, ClientInfo, Deferred
+from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant
-from orinkit.virtual.rc8 import Mode, control
+from orinkit.virtual.rc8 import ModeSwitch, control
 from orinkit.virtual.rc8.control import CONTROL_NAMES, PROVIDER_NAME, ControlPanel, ControlProvider
 from orinkit.virtual.rc8.robot.motor import MotorState
 
@@ -43,10 +43,10 @@ def switches(rc8):
 
 @pytest.mark.parametrize(
     ("parameter", "mode"),
-    [(1, Mode.MANUAL), (2, Mode.TEACH_CHECK), ("manual", Mode.MANUAL), ("TEACH", Mode.TEACH_CHECK), (["auto"], Mode.AUTOMATIC), ("3", Mode.AUTOMATIC)],
+    [(1, ModeSwitch.MANUAL), (2, ModeSwitch.TEACH_CHECK), ("manual", ModeSwitch.MANUAL), ("TEACH", ModeSwitch.TEACH_CHECK), (["auto"], ModeSwitch.AUTOMATIC), ("3", ModeSwitch.AUTOMATIC)],
 )  # fmt: skip
 def test_mode(parameter, mode, press, rc8, status):
-    rc8.set_mode(1 if mode is not Mode.MANUAL else 3)
+    rc8.set_mode(1 if mode is not ModeSwitch.MANUAL else 3)
     assert press("Mode", parameter) is None
     assert switches(rc8).mode is mode
     assert status()["mode"] == mode.name.lower()
@@ -89,10 +89,10 @@ def test_motor(press, clock, status, refused):
     clock.advance(2)
     assert status()["motor"] == "on"
     waiting = press("Motor", [0, 1])
-    assert isinstance(waiting, Later)
-    assert not waiting.done
+    assert isinstance(waiting, Deferred)
+    assert not waiting.done()
     clock.advance(1)
-    assert waiting.done
+    assert waiting.done()
     assert status()["motor"] == "off"
     press("EmergencyStop")
     assert refused(press, "Motor", 1) == hresult.EMERGENCY_STOP_ON
@@ -102,7 +102,7 @@ def test_waiting_for_a_motor_that_is_cut(press, clock):
     waiting = press("Motor", [1, 1])
     clock.advance(0.5)
     press("EmergencyStop")
-    assert waiting.done
+    assert waiting.done()
     with pytest.raises(CallError) as caught:
         waiting.result()
     assert caught.value.code == hresult.MOTOR_ON_FAILED
@@ -124,9 +124,9 @@ def test_jog(press, manual, clock, status):
     assert status()["moving"] is False
     assert status()["joints"][0] == pytest.approx(start + 5.5, abs=1e-3)
     waiting = press("Jog", ["1", "-5.5", 1])
-    assert not waiting.done
+    assert not waiting.done()
     clock.advance(3)
-    assert waiting.done
+    assert waiting.done()
     assert status()["joints"][0] == pytest.approx(start, abs=1e-3)
 
 
@@ -314,7 +314,7 @@ def test_wrong_secrets_are_slowed_down_and_told_of_and_the_right_one_is_not(rc8,
         with pytest.raises(CallError):
             provider.connect("", "", "Secret=wrong", client)
     waiting = [provider.connect("", "", "Secret=wrong", client) for _ in range(8)]
-    assert {type(each) for each in waiting} == {Blocking}
+    assert {type(each) for each in waiting} == {BlockingCall}
     assert isinstance(provider.connect("", "", OPTION, client), ControlPanel)
     with pytest.raises(CallError):  # as many are waiting as may
         provider.connect("", "", "Secret=wrong", client)
@@ -323,13 +323,13 @@ def test_wrong_secrets_are_slowed_down_and_told_of_and_the_right_one_is_not(rc8,
         with pytest.raises(CallError, match="E_ACCESSDENIED"):
             each.run()
     assert slept == [0.125, 0.25, 0.5, 1, 1, 1, 1, 1]
-    assert isinstance(provider.connect("", "", "Secret=wrong", client), Blocking)  # there is room again
+    assert isinstance(provider.connect("", "", "Secret=wrong", client), BlockingCall)  # there is room again
     told = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert told == ["control port: 5 clients with a wrong secret, or with none, were refused"]
 
 
 def test_it_is_no_provider_of_the_controller(rc8, panel):
-    session = Session(Host(ControlProvider(rc8, secret=SECRET)))
+    session = Session(ProviderRegistry(ControlProvider(rc8, secret=SECRET)))
     names = [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", OPTION)]
     assert session.invoke(3, names).code == hresult.E_CAO_PROV_INVALID
     names[1] = variant(PROVIDER_NAME.upper())

@@ -16,15 +16,15 @@ from hypothesis import strategies as st
 
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import Host, Session
+from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import StateError, VirtualRC8
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore, disk
 from orinkit.virtual.rc8.objects.file import RC8File, find_file
-from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.state import Origin
 
 NOT_FOUND = hresult.FILE_NOT_FOUND
@@ -48,15 +48,17 @@ def store(root, clock) -> FileStore:
 
 @pytest.fixture
 def caller(rc8):
-    def caller(access: Access = Access.READ_WRITE) -> Caller:
-        return Caller(rc8.state, Origin("ctrl", "192.168.0.7"), access)
+    def caller(access: AccessRight = AccessRight.READ_WRITE) -> ClientContext:
+        return ClientContext(rc8.state, Origin("ctrl", "192.168.0.7"), access)
 
     return caller
 
 
 @pytest.fixture
 def open_file(store, caller):
-    def open_file(name: str, option: str = "", access: Access = Access.READ_WRITE, run: Any = None) -> RC8File:
+    def open_file(
+        name: str, option: str = "", access: AccessRight = AccessRight.READ_WRITE, run: Any = None
+    ) -> RC8File:
         return find_file(caller(access), store, name, option, run)
 
     return open_file
@@ -1001,7 +1003,7 @@ def test_a_folder_is_deleted_with_its_content_on_demand(open_file, store, refuse
 def test_run_hands_the_program_to_whoever_runs_them(open_file, refused):
     runs = []
 
-    def run(caller: Caller, name: str, option: str) -> str:
+    def run(caller: ClientContext, name: str, option: str) -> str:
         runs.append((caller.origin.address, name, option))
         return name.removesuffix(".pcs")
 
@@ -1013,7 +1015,7 @@ def test_run_hands_the_program_to_whoever_runs_them(open_file, refused):
     assert refused(folder.get_file("a.txt", CREATE).run, "") == INVALID
     assert refused(folder.get_file("b.pcs\\", CREATE).run, "") == INVALID
     assert refused(open_file("dir\\Pro1.pcs").run, "") == hresult.E_NOTIMPL
-    assert refused(open_file("dir\\Pro1.pcs", access=Access.READ, run=run).run, "") == hresult.NO_WRITE_RIGHT
+    assert refused(open_file("dir\\Pro1.pcs", access=AccessRight.READ, run=run).run, "") == hresult.NO_WRITE_RIGHT
     program.delete("")
     assert refused(program.run, "") == NOT_FOUND
     assert len(runs) == 1
@@ -1023,13 +1025,13 @@ def test_a_reader_changes_nothing(open_file, store, told, refused):
     store.write("a.pcs", b"1")
     store.make_folder("dir")
     told.clear()
-    file = open_file("a.pcs", access=Access.READ)
+    file = open_file("a.pcs", access=AccessRight.READ)
     assert plain(file) == "1"
     assert file.get_attribute() == 1
-    assert open_file("dir", access=Access.READ).get_attribute() == 17
+    assert open_file("dir", access=AccessRight.READ).get_attribute() == 17
     calls = [
         (file.put_value, text("x")), (file.copy, "b", ""), (file.move, "b", ""), (file.delete, ""), (file.run, ""),
-        (open_file, "new", CREATE, Access.READ), (open_file, "new\\", CREATE, Access.READ),
+        (open_file, "new", CREATE, AccessRight.READ), (open_file, "new\\", CREATE, AccessRight.READ),
     ]  # fmt: skip
     assert [refused(*call) for call in calls] == [hresult.NO_WRITE_RIGHT] * len(calls)
     assert (told, store.names()) == ([], ["a.pcs", "dir\\"])
@@ -1038,8 +1040,8 @@ def test_a_reader_changes_nothing(open_file, store, told, refused):
 def test_without_the_right_to_read_there_is_nothing_to_see(caller, store, refused):
     store.write("a.pcs", b"1")
     for name in ("a.pcs", "no", ""):
-        assert refused(find_file, caller(Access.NONE), store, name, "") == hresult.NO_READ_RIGHT
-    file = RC8File(caller(Access.NONE), store, "a.pcs")
+        assert refused(find_file, caller(AccessRight.NONE), store, name, "") == hresult.NO_READ_RIGHT
+    file = RC8File(caller(AccessRight.NONE), store, "a.pcs")
     for call in (
         file.get_value,
         file.get_size,
@@ -1061,7 +1063,7 @@ def test_a_file_has_no_variables_and_no_commands(open_file, refused):
 
 def test_help_is_in_the_controllers_language(clock, store):
     device = VirtualRC8(clock=clock, language="ja")
-    caller = Caller(device.state, Origin("ctrl"), Access.READ_WRITE)
+    caller = ClientContext(device.state, Origin("ctrl"), AccessRight.READ_WRITE)
     helps = [find_file(caller, store, name, CREATE).get_help() for name in ("a.pcs", "a.txt", "dir\\")]
     assert helps == ["a.pcs: プログラム", "a.txt: ファイル", "dir: フォルダ"]
     device.close()
@@ -1070,7 +1072,7 @@ def test_help_is_in_the_controllers_language(clock, store):
 class _Served(Provider):
     provider_names = ("CaoProv.Test",)
 
-    def __init__(self, caller: Caller, store: FileStore) -> None:
+    def __init__(self, caller: ClientContext, store: FileStore) -> None:
         self.caller = caller
         self.store = store
 
@@ -1079,7 +1081,7 @@ class _Served(Provider):
 
 
 class _Controller(ControllerObject):
-    def __init__(self, caller: Caller, store: FileStore) -> None:
+    def __init__(self, caller: ClientContext, store: FileStore) -> None:
         super().__init__()
         self.caller = caller
         self.store = store
@@ -1089,7 +1091,7 @@ class _Controller(ControllerObject):
 
 
 def test_every_function_of_a_file_answers_as_the_table_types_it(caller, store):
-    session = Session(Host(_Served(caller(), store)))
+    session = Session(ProviderRegistry(_Served(caller(), store)))
 
     def call(function: str, *arguments: Any) -> Any:
         values = [

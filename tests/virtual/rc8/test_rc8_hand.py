@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit.cao.provider import Later
-from orinkit.cao.session import Host, Pending, Session
+from orinkit.cao.provider import Deferred
+from orinkit.cao.session import Pending, ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant
@@ -37,9 +37,9 @@ def hand0(controller):
     return lambda command, parameter=None: extension.execute(command, variant(parameter))
 
 
-def code(promise: Later[None]) -> int:
+def code(promise: Deferred[None]) -> int:
     """The code that a promise was broken with, 0 if it was kept."""
-    assert promise.done
+    assert promise.done()
     try:
         promise.result()
     except CallError as error:
@@ -47,9 +47,9 @@ def code(promise: Later[None]) -> int:
     return 0
 
 
-def seconds_of(clock: ManualClock, promise: Later[None]) -> float:
+def seconds_of(clock: ManualClock, promise: Deferred[None]) -> float:
     begun = clock.now()
-    while not promise.done:
+    while not promise.done():
         clock.advance(PERIOD)
         assert clock.now() - begun < 60
     return clock.now() - begun
@@ -61,7 +61,7 @@ def seconds_of(clock: ManualClock, promise: Later[None]) -> float:
 def test_a_movement_takes_its_time(execute, clock, hand):
     assert execute("HandCurPos") == Variant(R8, STROKE)
     promise = execute("HandMoveA", [10, 50])
-    assert not promise.done
+    assert not promise.done()
     assert execute("HandBusyState") == Variant(BOOL, True)
     took = seconds_of(clock, promise)
     ideal = 20 / (SPEED / 2) + SPEED / 2 / ACCELERATION  # a trapezoid
@@ -274,7 +274,7 @@ def test_moving_with_force_to_a_position_is_none(execute, clock, hand):
     assert hand.position == 30.0
 
 
-def code_after(promise: Later[None], clock: ManualClock) -> int:
+def code_after(promise: Deferred[None], clock: ManualClock) -> int:
     clock.advance(1)
     return code(promise)
 
@@ -316,7 +316,7 @@ def test_fingers_never_go_through_a_workpiece(width, target):
     hand = device.state.hand
     hand.put(width)
     promise = hand.move(target, 100)
-    while not promise.done:
+    while not promise.done():
         clock.advance(PERIOD)
         assert hand.position >= width
     assert hand.holding is (target <= width)
@@ -433,7 +433,7 @@ def test_rights(connect, refused):
 
 
 def test_through_a_session_as_a_server_calls_it(rc8, clock):
-    session = Session(Host(rc8))
+    session = Session(ProviderRegistry(rc8))
     handle = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
     pending = session.invoke(17, [handle, variant("HandMoveA"), variant([10, 100])])
     assert isinstance(pending, Pending)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from orinkit.values.variant import Variant, VarType
-from orinkit.virtual.rc8 import Access, Permission, VirtualRC8
+from orinkit.virtual.rc8 import AccessRight, Permission, VirtualRC8
 
 NO_READ, NO_WRITE = 0x80501043, 0x80501044
 EMPTY = Variant(VarType.EMPTY)
@@ -12,15 +12,15 @@ EMPTY = Variant(VarType.EMPTY)
 @pytest.mark.parametrize(
     ("address", "access"),
     [
-        ("192.168.0.7", Access.READ),
-        ("192.168.0.8", Access.NONE),
-        ("10.1.2.3", Access.READ),
-        ("10.9.0.1", Access.READ_WRITE),
-        ("::ffff:10.9.0.1", Access.READ_WRITE),
-        ("fd00::5", Access.READ),
-        ("172.16.0.1", Access.NONE),
-        ("/dev/ttyUSB0", Access.NONE),
-        ("", Access.NONE),
+        ("192.168.0.7", AccessRight.READ),
+        ("192.168.0.8", AccessRight.NONE),
+        ("10.1.2.3", AccessRight.READ),
+        ("10.9.0.1", AccessRight.READ_WRITE),
+        ("::ffff:10.9.0.1", AccessRight.READ_WRITE),
+        ("fd00::5", AccessRight.READ),
+        ("172.16.0.1", AccessRight.NONE),
+        ("/dev/ttyUSB0", AccessRight.NONE),
+        ("", AccessRight.NONE),
     ],
 )
 def test_the_most_specific_entry_decides(address, access):
@@ -29,15 +29,15 @@ def test_the_most_specific_entry_decides(address, access):
 
 
 def test_everyone_may_do_everything_unless_told():
-    assert Permission().of("1.2.3.4") is Access.READ_WRITE
+    assert Permission().of("1.2.3.4") is AccessRight.READ_WRITE
 
 
 def test_permission_as_text():
     permission = Permission.parse(" 192.168.0.7 = r,10.0.0.0/8=rw , *=none")
     assert [permission.of(a) for a in ("192.168.0.7", "10.1.1.1", "8.8.8.8")] == [
-        Access.READ,
-        Access.READ_WRITE,
-        Access.NONE,
+        AccessRight.READ,
+        AccessRight.READ_WRITE,
+        AccessRight.NONE,
     ]
 
 

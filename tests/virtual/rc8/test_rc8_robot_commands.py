@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, variant
@@ -100,7 +100,7 @@ ONE_NUMBER = [name for name, (parameter, _, _) in ANSWERS.items() if type(parame
 def answer(cell: Cell, name: str, parameter: Any) -> Variant:
     """Execute a command to its end and return the VARIANT that goes to the client."""
     result = cell.robot.execute(name, variant(parameter))
-    if isinstance(result, Later):
+    if isinstance(result, Deferred):
         cell.cycles(result)
         result = result.result()
     return variant(result)
@@ -268,7 +268,7 @@ def test_the_arm_is_not_given_to_a_client_that_has_gone(cell):
     first = leaving.execute("TakeArm", variant(0))
     second = staying.execute("TakeArm", variant(0))
     leaving.release()
-    assert first.done
+    assert first.done()
     assert cell.code(first) == hresult.E_ABORT
     cell.run(second)
     assert staying.execute("TakeArmState", variant(-1)) == 1
@@ -335,7 +335,7 @@ def test_motor_again_while_it_is_switching():
     first = cell.robot.execute("Motor", variant(1))
     cell.trace(60)
     assert cell.cycles(cell.robot.execute("Motor", variant(1))) == 65
-    assert first.done
+    assert first.done()
     first = cell.robot.execute("Motor", variant(0))
     cell.trace(10)
     assert cell.cycles(cell.robot.execute("Motor", variant(0))) == 28
@@ -352,7 +352,7 @@ def test_an_emergency_stop_ends_switching_off(cell):
     going = cell.robot.execute("Motor", variant(0))
     cell.trace(10)
     cell.rc8.pendant.emergency_stop()
-    assert going.done
+    assert going.done()
     assert cell.code(going) == 0
     assert cell.arm.motor.state is MotorState.OFF
 
@@ -462,7 +462,7 @@ def test_where_it_is_at_home(cell):
 def test_what_is_read_while_it_moves_belongs_together(cell):
     move = cell.move(1, "J(60, 20, 80, 10, 50, 30)")
     commands = [cell.arm.queue.joints] * 4
-    while not move.done:
+    while not move.done():
         commands += cell.trace(1)
         joints = cell.execute("CurJnt")
         assert joints[:6] == list(commands[-4])  # three cycles late
@@ -510,7 +510,7 @@ def test_motion_skip_ends_the_motions_well(cell):
     second = cell.move(2, "P(330, 120, 300, 180, 0, 180)")
     cell.trace(10)
     skipping = cell.robot.execute("MotionSkip", variant([-1, 0]))
-    assert not skipping.done
+    assert not skipping.done()
     cell.run(skipping)
     assert not cell.arm.busy
     assert cell.code(first) == cell.code(second) == 0
@@ -907,7 +907,7 @@ def send_anything(cell: Cell, name: str, parameter: Variant) -> None:
         if cell.rc8.state.faults.code or not cell.arm.motor.on:
             settle(cell)
     else:
-        assert variant(None if isinstance(result, Later) else result).type & ~ARRAY <= VarType.UI8
+        assert variant(None if isinstance(result, Deferred) else result).type & ~ARRAY <= VarType.UI8
         settle(cell)
 
 

@@ -65,7 +65,7 @@ def tips(cell: Cell, joints: list[tuple[float, ...]]) -> np.ndarray:
 def path_of(cell: Cell, move: object, most: int = 2000) -> list[tuple[float, ...]]:
     """Run a motion to its end and return the command joints of every cycle, from where it began."""
     joints = [cell.arm.queue.joints]
-    while not move.done:
+    while not move.done():
         joints += cell.trace(1)
         assert len(joints) < most
     move.result()
@@ -302,7 +302,7 @@ def test_answered_at_the_end(cell, mark, where):
         if arrived is None and cell.arm.queue.joints[0] == 20:
             arrived = count
         assert (cell.execute("CurJnt")[0] == 20) is (arrived is not None and count >= arrived + 3)
-        if move.done:
+        if move.done():
             break
     assert count - arrived == (3 if mark == "@E" else 0)
 
@@ -317,7 +317,7 @@ def test_passing_is_answered_when_it_begins_to_slow_down(cell, interpolation):
     pose = "P(350, 100, 310, 180, 0, 180), @P " + POSE if interpolation == ARC else "@P " + POSE
     move = cell.move(interpolation, pose, "SPEED=20")
     joints = [cell.arm.queue.joints]
-    while not move.done:
+    while not move.done():
         joints += cell.trace(1)
     answered = len(joints) - 1
     while cell.arm.busy:
@@ -1073,10 +1073,10 @@ def test_a_move_after_a_paused_one_was_dropped_is_a_new_one(cell, how):
     cell.trace(12)
     cell.run(cell.robot.hold(""))
     if how == "Halt":
-        assert cell.robot.halt("").done
+        assert cell.robot.halt("").done()
     else:
-        assert cell.robot.execute("MotionSkip", variant([-1, 0])).done
-    assert old.done
+        assert cell.robot.execute("MotionSkip", variant([-1, 0])).done()
+    assert old.done()
     assert cell.code(old) == (hresult.STOPPED_DURING_PC_MOTION if how == "Halt" else 0)
     new = cell.move(PTP, "J(-90, 45, 90, 0, 45, 0)")  # in the same cycle
     cell.trace(12)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
@@ -269,6 +269,6 @@ def test_any_value_is_taken_or_refused(shared, name, value):
     except CallError:
         return
     assert name in WRITABLE
-    if isinstance(result, Later):
+    if isinstance(result, Deferred):
         shared.run(result)
         shared.execute("Motor", 1)

@@ -11,14 +11,14 @@ import pytest
 import orinkit
 from orinkit.arms import load_model
 from orinkit.cao.provider import ClientInfo
-from orinkit.cli._shared.errors import Failure
-from orinkit.cli.commands.pendant import ACTIONS, Words
+from orinkit.cli._shared.errors import CommandError
+from orinkit.cli.commands.pendant import ACTIONS, PendantArguments
 from orinkit.core import hresult
 from orinkit.values.variant import variant
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
-from orinkit.virtual.rc8.robot.slave_mode.limits import LENIENCY, SERVO_LIMIT, Limits
+from orinkit.virtual.rc8.robot.slave_mode.limits import LENIENCY, SERVO_LIMIT, SlaveLimits
 from orinkit.virtual.rc8.robot.speeds import Speeds
 from orinkit.virtual.rc8.switches import SlaveLimit, Switches
 from support.slave_cell import HOME, J0, J1, J2, P0, T0, SlaveCell, straight
@@ -44,9 +44,9 @@ def along(axis: int, value: float) -> tuple[float, ...]:
 PARTS = {0: (SERVO_LIMIT, SERVO_LIMIT), 1: (SERVO_LIMIT * 0.4, SERVO_LIMIT * 0.3), 2: (1.0, 1.0), 3: (0.4, 0.3)}
 
 
-def limits(setting: int) -> Limits:
+def limits(setting: int) -> SlaveLimits:
     speeds = Speeds()
-    made = Limits(VS050, Switches(slave_limit=SlaveLimit(setting)), speeds)
+    made = SlaveLimits(VS050, Switches(slave_limit=SlaveLimit(setting)), speeds)
     speeds.set_external(40.0, 30.0, 20.0)  # afterwards: they count at every moment
     return made
 
@@ -231,13 +231,16 @@ def test_the_control_port_has_the_setting(cell):
 @pytest.mark.parametrize(("word", "number"), [("0", 0), ("3", 3)])
 def test_the_command_line_has_the_setting(word, number):
     action = ACTIONS["slave-limit"]
-    assert (action.command, action.read(Words((word,), False, "slave-limit 0|1|2|3"))) == ("SlaveLimit", number)
+    assert (action.command, action.read(PendantArguments((word,), False, "slave-limit 0|1|2|3"))) == (
+        "SlaveLimit",
+        number,
+    )
 
 
 @pytest.mark.parametrize("words", [(), ("1", "2"), ("servo",), ("1.5",), ("nan",), ("inf",)])
 def test_words_that_are_no_setting(words):
-    with pytest.raises(Failure, match="the form is: slave-limit"):
-        ACTIONS["slave-limit"].read(Words(words, False, "slave-limit 0|1|2|3"))
+    with pytest.raises(CommandError, match="the form is: slave-limit"):
+        ACTIONS["slave-limit"].read(PendantArguments(words, False, "slave-limit 0|1|2|3"))
 
 
 def test_serve_rc8_has_its_options():

@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import pytest
 
-from orinkit.arms import Axis, load_model
-from orinkit.cao.provider import Coded, Later
+from orinkit.arms import AxisModel, load_model
+from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core import hresult
 from orinkit.values.variant import Variant, VarType, variant
 from orinkit.virtual.engine.motion.queue import QueueState
 from orinkit.virtual.rc8 import Permission, VirtualRC8
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 from support.cell import ADDRESS
 from support.slave_cell import HOME, J0, J1, J2, P0, P1, T0, T2, SlaveCell, code, sine, value
 
@@ -236,7 +236,7 @@ def test_the_answer_to_a_full_buffer_is_a_whole_one(cell):
     cell.send(HOME)
     cell.send(HOME)
     answer = cell.send(HOME)
-    assert isinstance(answer, Coded)
+    assert isinstance(answer, ResultWithCode)
     assert value(answer) == [*HOME, 0.0, 0.0]
 
 
@@ -316,10 +316,10 @@ def test_mode_2_answers_when_there_is_room(cell):
     for number in (1, 2, 3):
         assert code(cell.send(step(number))) == 0  # at once, and no S_BUF_FULL
     held = cell.send(step(4))
-    assert isinstance(held, Later)
-    assert not held.done
+    assert isinstance(held, Deferred)
+    assert not held.done()
     cell.cycle()
-    assert held.done
+    assert held.done()
     assert value(held)[1:] == [*HOME[1:], 0.0, 0.0]
     cell.cycle(3)
     assert cell.commands[-4:] == [step(1), step(2), step(3), step(4)]
@@ -340,14 +340,14 @@ def test_mode_2_tells_where_the_arm_is_when_it_answers(cell):
 def test_a_client_that_waits_for_its_answers_is_never_late_in_mode_2(cell):
     cell.on(J2)
     poses = iter([*SINE, SINE[-1], SINE[-1]])
-    held: Later | None = None
+    held: Deferred | None = None
     for _ in range(len(SINE) + 10):
-        while held is None or held.done:
+        while held is None or held.done():
             pose = next(poses, None)
             if pose is None:
                 break
             answer = cell.send(pose)
-            held = answer if isinstance(answer, Later) else None
+            held = answer if isinstance(answer, Deferred) else None
         cell.cycle()
     assert (cell.error, cell.mode) == (0, J2)
     assert [joints for joints in cell.commands if joints != HOME] == SINE[1:-1]
@@ -363,13 +363,13 @@ def test_it_is_left_when_the_buffer_has_been_consumed(cell, mode):
         cell.send(step(number))
     cell.send(step(2))
     leaving = cell.robot.execute("slvChangeMode", variant(0))
-    assert not leaving.done
+    assert not leaving.done()
     assert cell.mode == mode
     assert cell.code_of(lambda: cell.send(step(3))) == hresult.SLAVE_MODE_OFF
     cell.cycle(2)
-    assert not leaving.done
+    assert not leaving.done()
     cell.cycle()
-    assert leaving.done
+    assert leaving.done()
     assert leaving.result() is None
     assert (cell.mode, cell.error) == (0, 0)
     assert cell.arm.queue.joints == step(2)
@@ -385,7 +385,7 @@ def test_an_arm_that_still_moves_is_brought_to_rest_first(cell, mode):
     cell.cycle()
     assert cell.arm.queue.joints == SINE[25]
     last = len(cell.commands) - 1
-    while not leaving.done:
+    while not leaving.done():
         assert cell.mode == mode
         assert cell.execute("slvGetMode") == mode
         cell.cycle()
@@ -401,8 +401,8 @@ def test_leaving_twice_is_leaving_once(cell):
     cell.stream(SINE[:25])
     first, second = (cell.robot.execute("slvChangeMode", variant(0)) for _ in range(2))
     cell.rest()
-    assert first.done
-    assert second.done
+    assert first.done()
+    assert second.done()
     assert cell.code_of(lambda: cell.on()) == 0
 
 
@@ -471,7 +471,7 @@ EXTRA = 0x400000
 def eight() -> Iterator[SlaveCell]:
     """An arm with two extra axes, the eighth a linear one."""
     base = load_model("VS-050")
-    axes = (*base.axes, Axis(-90, 90, 200, 1000), Axis(0, 500, 300, 1500, linear=True))
+    axes = (*base.axes, AxisModel(-90, 90, 200, 1000), AxisModel(0, 500, 300, 1500, linear=True))
     made = SlaveCell(model=type(base)("X", "X", base.origins, axes, (*base.home, 1.0, 100.0)))
     yield made
     made.close()
@@ -744,7 +744,7 @@ def test_the_cycle_sleeps_while_nothing_is_sent(cell):
 def test_points_that_do_not_change_are_not_written(tmp_path):
     """Set-points come 125 times in a second, and the disk is slow."""
     device = VirtualRC8(state=tmp_path)
-    variables: Variables = device.state.variables
+    variables: VariableTable = device.state.variables
     saved = []
     keep, variables._save = variables._save, lambda *given: saved.append(given[1])
     variables.set_points(16, 16, 0x8001)
@@ -777,7 +777,7 @@ def test_several_held_answers_come_in_their_order(cell):
     done = []
     for _ in range(4):
         cell.cycle()
-        done.append([each.done for each in held])
+        done.append([each.done() for each in held])
     assert done == [[index < count for index in range(4)] for count in (1, 2, 3, 4)]
     cell.cycle(3)
     assert cell.commands[-7:] == [step(number) for number in range(1, 8)]

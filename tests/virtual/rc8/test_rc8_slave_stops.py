@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from orinkit.arms import load_model
 from orinkit.arms.kinematics import Kinematics
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import variant
@@ -143,8 +143,8 @@ def test_what_is_held_is_answered_with_the_cause(cell, cause):
     held.append(cell.robot.execute("slvChangeMode", variant(0)))
     end(cell)
     for each in held:
-        assert isinstance(each, Later)
-        assert each.done
+        assert isinstance(each, Deferred)
+        assert each.done()
         assert cell.code(each) == code
     cell.rest()
 
@@ -206,7 +206,7 @@ def test_halt_is_answered_when_the_arm_stands_and_frees_nothing_else(cell):
     cell.stream(SINE[:26])
     other = cell.connect().get_robot("", "")
     halt = other.halt("")
-    assert not halt.done
+    assert not halt.done()
     cell.run(halt)
     assert not cell.arm.busy
     assert cell.error == 0
@@ -280,7 +280,7 @@ def test_another_client_takes_over_when_the_arm_stands(cell):
     other = cell.connect().get_robot("", "")
     _disconnect(cell)
     taking = other.execute("TakeArm", variant([0, 0]))
-    assert not taking.done
+    assert not taking.done()
     cell.run(taking)
     assert other.execute("slvChangeMode", variant(J0)) is None
     assert other.execute("slvGetMode", variant(None)) == J0

@@ -228,7 +228,7 @@ def test_leaving_needs_no_look(late):
         leaving = late.robot.execute("slvChangeMode", variant(0))
     for _ in range(100):
         late.drive(PERIOD)
-    assert leaving.done
+    assert leaving.done()
     assert (late.wire.asked, late.error, late.on) == ([], 0, False)
 
 

@@ -106,9 +106,9 @@ def test_the_arm_decelerates_within_its_limits(cell, cause, kind, after):
     assert cell.arm.queue.joints != cell.arm.model.home
     assert not cell.arm.queue.moving
     if code is None:
-        assert not move.done
+        assert not move.done()
     else:
-        assert move.done
+        assert move.done()
         assert cell.code(move) == code
     assert (cell.arm.motor.state is MotorState.OFF) is motor_off
 
@@ -140,7 +140,7 @@ def test_a_held_motion_goes_on_to_its_end(cell, kind):
     cell.run(cell.robot.hold(""))
     held = cell.arm.queue.joints
     assert cell.trace(50) == [held] * 50
-    assert not move.done
+    assert not move.done()
     cell.robot.unhold("")
     joints += cell.trace(200)
     assert cell.code(move) == 0
@@ -182,7 +182,7 @@ def test_halt_is_answered_when_the_arm_stands(cell):
     cell.move(*MOVES["ptp"])
     cell.trace(12)
     halt = cell.robot.halt("")
-    assert not halt.done
+    assert not halt.done()
     cell.run(halt)
     assert not cell.arm.busy
 
@@ -196,7 +196,7 @@ def test_another_client_takes_over_after_a_disconnect(cell):
     cell.robot.release()
     cell.controller.release()
     taking = other.execute("TakeArm", variant([0, 0]))
-    assert not taking.done
+    assert not taking.done()
     cell.run(taking)
     assert cell.arm.holder is not None
     assert cell.code(other.move(1, variant("J(0, 45, 90, 0, 45, 0)"), "")) == 0

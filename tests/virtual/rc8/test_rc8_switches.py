@@ -13,7 +13,7 @@ from orinkit.core import hresult
 from orinkit.values.variant import variant
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.robot.motor import MotorState
-from orinkit.virtual.rc8.switches import Mode, Switches, Token, TokenKind
+from orinkit.virtual.rc8.switches import ModeSwitch, Switches, Token, TokenKind
 from support.cell import ADDRESS, Cell
 
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
@@ -119,7 +119,7 @@ def test_the_token_goes_from_one_to_another():
 
 def test_how_it_is_at_the_start():
     switches = Switches()
-    assert (switches.mode, switches.token, switches.auto_enable) == (Mode.AUTOMATIC, Token(), True)
+    assert (switches.mode, switches.token, switches.auto_enable) == (ModeSwitch.AUTOMATIC, Token(), True)
     assert not any((switches.emergency_stop, switches.protective_stop, switches.machine_lock, switches.deadman))
     assert not switches.torque_off
     assert Switches(emergency_stop=True).torque_off
@@ -185,7 +185,7 @@ def test_the_same_mode_again_changes_nothing(cell):
 def test_what_is_no_mode(cell, mode):
     with pytest.raises(ValueError, match="mode"):
         cell.rc8.pendant.mode(mode)
-    assert cell.rc8.state.switches.mode is Mode.AUTOMATIC
+    assert cell.rc8.state.switches.mode is ModeSwitch.AUTOMATIC
 
 
 # --- machine lock -----------------------------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ def test_locked_motions_run_and_the_arm_stays(locked, interpolation, pose, mark)
     free.close()
     move = locked.move(interpolation, mark + pose)
     taken = 0
-    while not move.done:
+    while not move.done():
         locked.trace(1)
         taken += 1
         assert locked.execute("CurJnt")[:6] == list(HOME)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from orinkit.arms import load_model
-from orinkit.cao.provider import Coded, Later
+from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType, plain, variant
 from orinkit.virtual.engine.control_loop import PERIOD
@@ -83,8 +83,8 @@ class SlaveCell(Cell):
             result = self.robot.execute("slvMove", variant(parameter))
         except CallError as error:
             return error.code, None
-        assert not isinstance(result, Later)
-        return (result.code, variant(result.value)) if isinstance(result, Coded) else (S_OK, variant(result))
+        assert not isinstance(result, Deferred)
+        return (result.code, variant(result.value)) if isinstance(result, ResultWithCode) else (S_OK, variant(result))
 
     def codes(self, *parameters: Any) -> list[int]:
         return [self.ask(parameter)[0] for parameter in parameters]
@@ -512,13 +512,13 @@ def test_4_4_mode_2_answers_when_there_is_room(cell: SlaveCell, kind: str) -> No
     done = []
     for number, turn in enumerate(turns[3:]):
         answer = cell.robot.execute("slvMove", variant(pose(turn)))
-        assert isinstance(answer, Later)
-        assert not answer.done
+        assert isinstance(answer, Deferred)
+        assert not answer.done()
         assert cell.joints[0] == pytest.approx(number * STEP, abs=1e-9)
         done.append(cell.trace(1)[0][0])
-        assert answer.done
+        assert answer.done()
         result = answer.result()
-        assert not (isinstance(result, Coded) and result.code & 0x8000_0000)
+        assert not (isinstance(result, ResultWithCode) and result.code & 0x8000_0000)
     done += [joints[0] for joints in cell.trace(5)]
     assert done == pytest.approx([*turns, 5 * STEP, 5 * STEP], abs=1e-9)
     assert cell.error == 0
@@ -759,9 +759,9 @@ def test_4_6_2_what_is_in_the_buffer_is_carried_out_before_the_end(cell: SlaveCe
     cell.feed([j(SLOW)])
     assert not any(code & 0x8000_0000 for code in cell.codes(j(2 * SLOW), j(3 * SLOW), j(3 * SLOW)))
     leaving = cell.robot.execute("slvChangeMode", variant(OFF))
-    assert isinstance(leaving, Later)
+    assert isinstance(leaving, Deferred)
     done = []
-    while not leaving.done:
+    while not leaving.done():
         assert plain(stranger.execute("slvGetMode", variant(None))) == mode
         done.append(cell.trace(1)[0][0])
         assert len(done) < 10
@@ -779,7 +779,7 @@ def test_4_6_2_an_error_before_the_end_is_told(cell: SlaveCell) -> None:
     leaving = cell.robot.execute("slvChangeMode", variant(OFF))
     cell.pass_cycles(2)
     assert cell.error in (SPEED_OVER + 1, ACCELERATION_OVER + 1)
-    assert leaving.done
+    assert leaving.done()
     assert cell.code(leaving) & 0x8000_0000
     assert cell.mode == OFF
 
@@ -927,9 +927,9 @@ def test_4_7_who_waits_for_room_is_told(cell: SlaveCell) -> None:
     cell.on(0x202)
     cell.codes(j(), j(), j())
     waiting = cell.robot.execute("slvMove", variant(j()))
-    assert not waiting.done
+    assert not waiting.done()
     cell.rc8.raise_error(0x84404541)
-    assert waiting.done
+    assert waiting.done()
     assert cell.code(waiting) & 0x8000_0000
 
 

@@ -10,10 +10,10 @@ import pytest
 from orinkit.arms import load_model
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.provider import ClientInfo, Later
+from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, UserDefinedError
-from orinkit.core.hresult import Family
+from orinkit.core.hresult import CodeFamily
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.engine.control_loop import PERIOD
@@ -139,7 +139,7 @@ def test_a_model_has_seven_axes():
 
 @pytest.mark.parametrize("code", CODES.values(), ids=lambda code: code.name)
 def test_its_own_codes_are_in_the_range_for_them_and_have_texts(code):
-    assert hresult.family(code.value) is Family.USER
+    assert hresult.family(code.value) is CodeFamily.USER
     assert code.value not in hresult.CODES
     assert code.message.isascii()
     assert JAPANESE.search(i18n.translate("ja", code.message))
@@ -224,7 +224,7 @@ def test_servo_on_tells_0_while_the_motor_goes_on_and_from_when_it_goes_off(off)
     assert servo.get_value().value == 1
     promise = off.client("Motor", 0)
     off.cycle(2)
-    assert (servo.get_value().value, promise.done) == (0, False)
+    assert (servo.get_value().value, promise.done()) == (0, False)
 
 
 @pytest.mark.parametrize("other", ["Motor", "slvChangeMode", "slvMove", "ClearError"])
@@ -353,7 +353,7 @@ def test_the_mode_is_left_when_the_arm_stands(cell):
     cell.on()
     cell.stream(ramp(0.8, 20))
     promise = cell.client("slvChangeMode", 0)
-    assert isinstance(promise, Later)
+    assert isinstance(promise, Deferred)
     cycles = cell.cycles(promise)
     assert 5 < cycles * PERIOD * 1000 / 8 < 40
     assert cell.arm.slave_mode == 0

@@ -12,8 +12,8 @@ from orinkit.bcap import packet, wire
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cao.provider import ClientInfo, Later
-from orinkit.cao.session import Host, Pending, Session
+from orinkit.cao.provider import ClientInfo, Deferred
+from orinkit.cao.session import Pending, ProviderRegistry, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant
@@ -34,10 +34,10 @@ PLACE = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 25.0)
 class Line:
     """A client at the other end of a line to a virtual VE026A, whose clock it moves while it waits."""
 
-    def __init__(self, kind: wire.Wire = wire.LINE, **options: Any) -> None:
+    def __init__(self, kind: wire.BcapProfile = wire.LINE, **options: Any) -> None:
         self.clock = ManualClock()
         self.arm = VirtualVE026A(clock=self.clock, **options)
-        self.host = Host(self.arm)
+        self.host = ProviderRegistry(self.arm)
         self.kind = kind
         self.conversation = ServerConversation(wire=kind, dialect=self.arm.dialect)
         self.session = Session(self.host, ClientInfo("/dev/ttyUSB0", "serial"))
@@ -68,8 +68,8 @@ class Line:
         if not isinstance(outcome, Pending):
             return outcome
         promise = outcome.work
-        assert isinstance(promise, Later)
-        while not promise.done:
+        assert isinstance(promise, Deferred)
+        while not promise.done():
             self.clock.advance(PERIOD)
             self.waited += PERIOD
             assert self.waited < 10.0

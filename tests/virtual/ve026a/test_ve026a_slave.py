@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orinkit.arms import load_model
-from orinkit.cao.provider import ClientInfo, Later
+from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.values.variant import Variant, variant
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.ve026a import VirtualVE026A
@@ -60,8 +60,8 @@ def test_synchronous_moves_are_answered_when_there_is_room(cell):
     assert isinstance(cell.send(poses[0]), Variant)
     for pose in poses[1:]:
         answer = cell.send(pose)
-        assert isinstance(answer, Later)
-        assert not answer.done
+        assert isinstance(answer, Deferred)
+        assert not answer.done()
         cell.cycle()
         assert answer.result().value[0] == pytest.approx(cell.arm.joints[0])
     cell.cycle()
@@ -75,7 +75,7 @@ def test_a_client_that_is_one_ahead_may_be_late_once(cell):
     cell.on(SYNC).send(HOME)
     answer = cell.send(HOME)
     cell.cycle()
-    assert answer.done
+    assert answer.done()
     cell.cycle()
     assert cell.arm.error == 0
     assert isinstance(cell.send(HOME), Variant)
@@ -87,10 +87,10 @@ def test_a_client_that_is_one_ahead_may_be_late_once(cell):
 
 def test_a_synchronous_move_that_nobody_waits_for_any_more_is_not_carried_out(cell):
     cell.on(SYNC).send(HOME)
-    cell.send(turned(1.0)).fail(TimeoutError())
+    cell.send(turned(1.0)).set_exception(TimeoutError())
     last = cell.send(turned(0.5))
     cell.cycle()
-    assert last.done
+    assert last.done()
     for _ in range(LAG + 1):
         cell.send(turned(0.5))
         cell.cycle()
@@ -329,7 +329,7 @@ def test_whatever_is_sent_the_arm_keeps_its_velocities_and_comes_to_rest(seed, m
             value + generator.choice((0.0, 0.3, 1.7, 3.0)) * generator.choice((-1, 0, 0, 0, 0, 0, 1)) for value in pose
         ]
         if cell.arm.slave_mode:
-            cell.code(lambda pose=pose: 0 if isinstance(answer := cell.send(pose), Later) else answer)
+            cell.code(lambda pose=pose: 0 if isinstance(answer := cell.send(pose), Deferred) else answer)
         cell.cycle()
     if cell.arm.slave_mode:
         cell.client("slvChangeMode", 0)
@@ -409,7 +409,7 @@ def test_a_stalled_server_is_not_held_against_a_client_that_waits_for_answers(st
         late.pass_by(PERIOD if turn % 10 else stall)
         late.wire.read()
         late.pass_by(0.0)
-        assert promise.done
+        assert promise.done()
         promise.result()
     assert (late.arm.error, late.arm.slave_mode) == (0, SYNC)
 

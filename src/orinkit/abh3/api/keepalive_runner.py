@@ -19,7 +19,7 @@ AsyncBeat: TypeAlias = Callable[[], Awaitable[float | None]]
 _JOINING = 2.0
 
 
-class Keeper:
+class PeriodicCall:
     """Calls a method again and again from a thread of its own.
 
     Args:
@@ -59,7 +59,7 @@ class Keeper:
                 _tell(self._ended)
 
 
-class AsyncKeeper:
+class AsyncPeriodicCall:
     """The same as a task of the event loop that is running."""
 
     def __init__(self, beat: AsyncBeat, ended: Callable[[], None], name: str) -> None:

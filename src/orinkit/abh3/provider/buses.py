@@ -6,7 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from orinkit.abh3.aio import AsyncMotorBus, open_bus
-from orinkit.abh3.provider.options import Place, Wanted
+from orinkit.abh3.provider.options import BusKey, DriverSelection
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -14,7 +14,7 @@ from orinkit.core.i18n import tr
 if TYPE_CHECKING:
     import can
 
-Key: TypeAlias = Place | None
+Key: TypeAlias = BusKey | None
 PATIENCE: Final = 10.0
 """Seconds that opening a bus may take."""
 
@@ -55,7 +55,7 @@ class Buses:
         self._buses: dict[Key, SharedBus] = {}
         self._closing: dict[Key, asyncio.Task[None]] = {}
 
-    async def enter(self, wanted: Wanted) -> SharedBus:
+    async def enter(self, wanted: DriverSelection) -> SharedBus:
         """Return the bus that a client wants, for :meth:`leave`.
 
         Raises:

@@ -10,9 +10,9 @@ from time import monotonic
 from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from orinkit.abh3.provider.buses import Key, SharedBus
-from orinkit.abh3.provider.errors import told
-from orinkit.abh3.provider.options import Wanted, invalid
-from orinkit.abh3.provider.variables import Item, Motor, as_variant, items_of
+from orinkit.abh3.provider.errors import map_errors
+from orinkit.abh3.provider.options import DriverSelection, invalid
+from orinkit.abh3.provider.variables import Motor, VariableEntry, as_variant, items_of
 from orinkit.abh3.table.records import Feedback, Flags, Record
 from orinkit.abh3.table.signals import dialect_of
 from orinkit.cao import coerce
@@ -30,7 +30,7 @@ _ALL_BITS: Final = 0xFFFFFFFF
 _SIGNED: Final = -0x80000000
 
 
-class Owner(Protocol):
+class DriverOwner(Protocol):
     """The provider, as far as a client's object needs it."""
 
     def take(self, controller: ABH3Controller) -> None:
@@ -64,10 +64,10 @@ class ABH3Controller(ControllerObject):
     def __init__(
         self,
         name: str,
-        owner: Owner,
+        owner: DriverOwner,
         shared: SharedBus,
         motor: Motor,
-        wanted: Wanted,
+        wanted: DriverSelection,
         reason: Callable[[int], str],
     ) -> None:
         super().__init__(name, help=tr("An ABH3 motor driver."))
@@ -145,7 +145,7 @@ class ABH3Controller(ControllerObject):
 
     async def read(self, get: Callable[[Motor], Awaitable[T]]) -> T:
         """Ask the driver."""
-        with told():
+        with map_errors():
             async with self._turn:
                 self._begin()
                 return await get(self.motor)
@@ -157,7 +157,7 @@ class ABH3Controller(ControllerObject):
             put: does it.
             calming: it moves nothing: it is done even after the motor was stopped.
         """
-        with told():
+        with map_errors():
             async with self._turn:
                 if not self._wanted.period and self._silent() and self.motor.host.moving:
                     self.motor.host.forget()
@@ -180,7 +180,7 @@ class ABH3Controller(ControllerObject):
         holder = self._owner.holder(self)
         if holder is None or holder is self:
             return await self.write(lambda motor: motor.stop(), calming=True)
-        with told():
+        with map_errors():
             self._begin()
             return await holder.stopped()
 
@@ -193,7 +193,7 @@ class ABH3Controller(ControllerObject):
 
     async def let_go(self) -> None:
         """Stop the motor, switch the servo off, and give the command back, if this client has it."""
-        with told():
+        with map_errors():
             async with self._turn:
                 self._begin()
                 if not self._owner.has(self):
@@ -240,7 +240,7 @@ class ABH3Controller(ControllerObject):
 class ABH3Variable(VariableObject):
     """One client's handle of a variable."""
 
-    def __init__(self, controller: ABH3Controller, item: Item) -> None:
+    def __init__(self, controller: ABH3Controller, item: VariableEntry) -> None:
         super().__init__(item.name, attribute=READABLE | (WRITABLE if item.put else 0), help=item.help)
         self._controller = controller
         self._item = item
@@ -273,7 +273,7 @@ class ABH3Variable(VariableObject):
 # --- values of clients ------------------------------------------------------------------------------------------------
 
 
-def _read(item: Item, value: Variant) -> Any:
+def _read(item: VariableEntry, value: Variant) -> Any:
     """Return a value that a client writes, as the variable wants it.
 
     Raises:

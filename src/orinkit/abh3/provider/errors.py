@@ -23,7 +23,7 @@ _CODES: Final[tuple[tuple[tuple[type[OrinError], ...], int], ...]] = (
 )
 
 
-class told:  # noqa: N801 - reads as a statement
+class map_errors:  # noqa: N801 - reads as a statement
     """What goes wrong with a driver in this block becomes a code, and its text the reason; E_FAIL if nothing else fits."""
 
     def __enter__(self) -> None:

@@ -35,7 +35,7 @@ _IDLE: Final = 1.0
 _LONGEST: Final = 3600
 
 
-class Place(NamedTuple):
+class BusKey(NamedTuple):
     """A bus, however it was spelled.
 
     Attributes:
@@ -49,7 +49,7 @@ class Place(NamedTuple):
     port: int
 
 
-class Wanted(NamedTuple):
+class DriverSelection(NamedTuple):
     """Which driver a client wants, and how.
 
     Attributes:
@@ -67,12 +67,12 @@ class Wanted(NamedTuple):
     idle: float
 
     @property
-    def place(self) -> Place | None:
+    def place(self) -> BusKey | None:
         """The bus, so that two spellings of it are one."""
         return None if self.bus is None else _place(self.bus)
 
 
-def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> Wanted:
+def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> DriverSelection:
     """Return what an option string says.
 
     Args:
@@ -96,7 +96,7 @@ def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> 
                 period=period,
             )
         )
-    return Wanted(
+    return DriverSelection(
         _bus(options, own_bus=own_bus),
         dialect_of(options.text_of("Dialect", str(defaults.get("dialect", "v1")))).name,
         _settings(options, defaults),
@@ -152,14 +152,14 @@ def _url(options: Options) -> str:
     return f"{url}?bitrate={_number(options, 'Bitrate')}" if "Bitrate" in options else url
 
 
-def _place(address: CanAddress) -> Place:
+def _place(address: CanAddress) -> BusKey:
     channel, port = address.channel, 0
     if address.interface == _MULTICAST:
         channel = _host(channel or _GROUP)
         port = int(dict(address.options).get("port", _PORT))
     elif channel.startswith(("/", ".")):
         channel = os.path.realpath(channel.partition("@")[0])
-    return Place(address.interface, channel, port)
+    return BusKey(address.interface, channel, port)
 
 
 def _host(text: str) -> str:

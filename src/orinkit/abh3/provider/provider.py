@@ -17,7 +17,7 @@ from orinkit.abh3.aio import AsyncDriver
 from orinkit.abh3.api.names import host_of
 from orinkit.abh3.provider.buses import Buses, Key
 from orinkit.abh3.provider.controller import ABH3Controller
-from orinkit.abh3.provider.errors import told
+from orinkit.abh3.provider.errors import map_errors
 from orinkit.abh3.provider.options import wanted
 from orinkit.abh3.provider.variables import Motor
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
@@ -63,7 +63,7 @@ class ABH3Provider(Provider):
                 driver does not answer.
         """
         self._bind()
-        with told():
+        with map_errors():
             known = wanted(option, self._defaults, own_bus=self._own_bus)
             host = host_of(known.dialect, known.settings)
             shared = await self._buses.enter(known)

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 from orinkit.abh3.aio import AsyncDriver
 from orinkit.abh3.table.records import Feedback, Flags, Record
-from orinkit.abh3.table.signals import Dialect, Field, Word
+from orinkit.abh3.table.signals import Dialect, SignalField, Word
 from orinkit.core.i18n import tr
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 
@@ -19,7 +19,7 @@ Put: TypeAlias = Callable[[Motor, Any], Awaitable[Feedback]]
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class VariableEntry:
     """A variable.
 
     Attributes:
@@ -44,7 +44,7 @@ class Item:
         return self.describe()
 
 
-def items_of(dialect: Dialect) -> Mapping[str, Item]:
+def items_of(dialect: Dialect) -> Mapping[str, VariableEntry]:
     """Return the variables of a driver by their names in upper case."""
     items = [*_commands(), *_inputs(dialect), *_feedback(dialect), *_broadcasts(dialect), *_SYSTEM]
     return {item.name: item for item in items}
@@ -53,13 +53,13 @@ def items_of(dialect: Dialect) -> Mapping[str, Item]:
 # --- what is commanded ------------------------------------------------------------------------------------------------
 
 
-def _commands() -> list[Item]:
+def _commands() -> list[VariableEntry]:
     return [
-        Item("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1, or in torque mode %"),
+        VariableEntry("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1, or in torque mode %"),
              _of_commands(0), lambda motor, value: motor.command(ay=value)),
-        Item("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1, or in torque mode %"),
+        VariableEntry("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1, or in torque mode %"),
              _of_commands(1), lambda motor, value: motor.command(bx=value)),
-        Item("COMMAND", VarType.R8 | ARRAY,
+        VariableEntry("COMMAND", VarType.R8 | ARRAY,
              lambda: tr("A/Y and B/X command, min^-1, or in torque mode %"),
              _both_commands, lambda motor, value: motor.command(*value), count=2),
     ]  # fmt: skip
@@ -76,10 +76,10 @@ async def _both_commands(motor: Motor) -> Value:
     return list(motor.commands)
 
 
-def _inputs(dialect: Dialect) -> list[Item]:
+def _inputs(dialect: Dialect) -> list[VariableEntry]:
     word = dialect.inputs
     items = [
-        Item(
+        VariableEntry(
             "INPUTS",
             VarType.UI4,
             lambda: tr(word.title),
@@ -89,7 +89,7 @@ def _inputs(dialect: Dialect) -> list[Item]:
     ]
     for name, mask in word.masks.items():
         describe = partial(_bits_text, word, mask)
-        items.append(Item(name.upper(), VarType.BOOL, describe, _input_bit(name), _put_input(name)))
+        items.append(VariableEntry(name.upper(), VarType.BOOL, describe, _input_bit(name), _put_input(name)))
     return items
 
 
@@ -115,7 +115,7 @@ def _put_input(name: str) -> Put:
 # --- what is measured -------------------------------------------------------------------------------------------------
 
 
-def _feedback(dialect: Dialect) -> list[Item]:
+def _feedback(dialect: Dialect) -> list[VariableEntry]:
     """The fields of the feedback (DP0R) that no broadcast has; it is requested, which commands nothing."""
     known = {field.name for layout in dialect.broadcasts.values() for field in layout.fields}
     fields = [field for field in dialect.layouts["DP0R"].fields if field.name not in known]
@@ -127,14 +127,16 @@ def _feedback(dialect: Dialect) -> list[Item]:
     every = dialect.layouts["DP0R"].fields
     return [
         *(
-            Item(field.name.upper(), _type_of(field), partial(_field_text, field), _of_single(field))
+            VariableEntry(field.name.upper(), _type_of(field), partial(_field_text, field), _of_single(field))
             for field in fields
         ),
-        Item("FEEDBACK", VarType.R8 | ARRAY, lambda: _listed(map(_field_text, every)), all_of_it, count=len(every)),
+        VariableEntry(
+            "FEEDBACK", VarType.R8 | ARRAY, lambda: _listed(map(_field_text, every)), all_of_it, count=len(every)
+        ),
     ]
 
 
-def _of_single(field: Field) -> Get:
+def _of_single(field: SignalField) -> Get:
     async def get(motor: Motor) -> Value:
         value: Value = _value(await motor.request_single(0), field)
         return value
@@ -142,19 +144,23 @@ def _of_single(field: Field) -> Get:
     return get
 
 
-def _broadcasts(dialect: Dialect) -> list[Item]:
+def _broadcasts(dialect: Dialect) -> list[VariableEntry]:
     items = []
     for number, layout in sorted(dialect.broadcasts.items()):
         items += [
-            Item(field.name.upper(), _type_of(field), partial(_field_text, field), _of_broadcast(number, field))
+            VariableEntry(
+                field.name.upper(), _type_of(field), partial(_field_text, field), _of_broadcast(number, field)
+            )
             for field in layout.fields
         ]
         if layout.name == "BR0":
-            items.append(Item("ERROR_TEXTS", VarType.BSTR, lambda: tr("errors and warnings in words"), _error_texts))
+            items.append(
+                VariableEntry("ERROR_TEXTS", VarType.BSTR, lambda: tr("errors and warnings in words"), _error_texts)
+            )
     return items
 
 
-def _of_broadcast(number: int, field: Field) -> Get:
+def _of_broadcast(number: int, field: SignalField) -> Get:
     async def get(motor: Motor) -> Value:
         value: Value = _value(await motor.request_broadcast(number), field)
         return value
@@ -167,18 +173,18 @@ async def _error_texts(motor: Motor) -> Value:
     return ", ".join(dict.fromkeys((*found.errors.texts, *found.warnings.texts)))
 
 
-def _value(record: Record, field: Field) -> Any:
+def _value(record: Record, field: SignalField) -> Any:
     value = getattr(record, field.name)
     return int(value) if isinstance(value, Flags) else value
 
 
-def _type_of(field: Field) -> int:
+def _type_of(field: SignalField) -> int:
     if field.word is not None:
         return VarType.UI4
     return VarType.I4 if field.quantity is not None and field.quantity.whole else VarType.R8
 
 
-def _field_text(field: Field) -> str:
+def _field_text(field: SignalField) -> str:
     unit = field.quantity.unit if field.quantity is not None else ""
     name = tr(field.title)
     return tr("{name}, {unit}", name=name, unit=unit) if unit else name
@@ -204,12 +210,12 @@ async def _version(motor: Motor) -> Value:
 
 
 _SYSTEM: Final = (
-    Item("@MAKER_NAME", VarType.BSTR, lambda: tr("maker"), _maker),
-    Item("@TYPE", VarType.BSTR, lambda: tr("type"), _kind),
-    Item("@VERSION", VarType.BSTR, lambda: tr("version, which many drivers do not tell over CAN"), _version),
+    VariableEntry("@MAKER_NAME", VarType.BSTR, lambda: tr("maker"), _maker),
+    VariableEntry("@TYPE", VarType.BSTR, lambda: tr("type"), _kind),
+    VariableEntry("@VERSION", VarType.BSTR, lambda: tr("version, which many drivers do not tell over CAN"), _version),
 )  # fmt: skip
 
 
-def as_variant(item: Item, value: Value) -> Variant:
+def as_variant(item: VariableEntry, value: Value) -> Variant:
     """Return a value as the variable's type."""
     return value if isinstance(value, Variant) else Variant(item.type, value)

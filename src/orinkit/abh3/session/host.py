@@ -14,10 +14,10 @@ from typing import Final, Generic, TypeVar, cast
 from orinkit.abh3.table import ids
 from orinkit.abh3.table.checks import checked, real, whole
 from orinkit.abh3.table.frames import Codec
-from orinkit.abh3.table.ids import Id
+from orinkit.abh3.table.ids import FrameId
 from orinkit.abh3.table.records import BR0, BUF, DP1R, AnyRecord, Feedback, Record
 from orinkit.abh3.table.signals import CURRENT, V1, VELOCITY, Dialect, Quantity
-from orinkit.can.frame import CanFrame, CanOperation, Turn
+from orinkit.can.frame import CanFrame, CanOperation, OperationStep
 from orinkit.core.errors import DriverFault, DriverTimeout, InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.values.pose_numbers import brief
@@ -225,7 +225,7 @@ class Host(Generic[F]):
         ps = ids.broadcast_number(number, self.group)
         destination = ids.EVERYONE if everyone else self.address
         sent = self._request_frame(destination, ids.pgn(ids.BROADCAST, ps))
-        wanted = int(Id(ids.BROADCAST, ps, self.address))
+        wanted = int(FrameId(ids.BROADCAST, ps, self.address))
         function = "abh3_can_reqBRDBRD" if everyone else "abh3_can_reqBRD"
         return cast(AnyRecord, (yield from self._ask(function, sent, self._name_of(ps), wanted)))
 
@@ -284,13 +284,13 @@ class Host(Generic[F]):
             seconds: to wait for it.
         """
         self._owed = True
-        received = yield Turn((self._command_frame(),), seconds, fresh=True)
+        received = yield OperationStep((self._command_frame(),), seconds, fresh=True)
         while received is not None:
             if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
                 self._owed = False
                 self._restless = self._asks()
                 return True
-            received = yield Turn()
+            received = yield OperationStep()
         return False
 
     def part(self, seconds: float) -> CanOperation[bool]:
@@ -304,20 +304,20 @@ class Host(Generic[F]):
 
     def _ask(self, function: str, sent: CanFrame, name: str, wanted: int) -> CanOperation[Record]:
         """Send a frame and return the record of the answer."""
-        received = yield Turn((sent,), self.timeout, True)
+        received = yield OperationStep((sent,), self.timeout, True)
         while received is not None:
             if received.id & _MEANT == wanted and len(received.data) == _LENGTH:
                 return self.codec.decode(name, received.data) if name else BUF(received.data)
-            received = yield Turn()
+            received = yield OperationStep()
         raise DriverTimeout(function, self.timeout, self.address)
 
     def _next_one(self, record: Record) -> CanOperation[Record]:
         """Return the feedback that follows at once, if one does: the first was the answer to a command before."""
-        received = yield Turn((), _BEHIND)
+        received = yield OperationStep((), _BEHIND)
         while received is not None:
             if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
                 return self.codec.decode("DP0R", received.data)
-            received = yield Turn()
+            received = yield OperationStep()
         return record
 
     def _command_frame(self) -> CanFrame:
@@ -372,15 +372,15 @@ def broadcasts_of_all(
     layout = codec.dialect.broadcasts.get(ps % ids.BROADCASTS)
     sent = CanFrame(ids.request(ids.EVERYONE, host, priority=priority), ids.pgn(ids.BROADCAST, ps))
     found: dict[int, AnyRecord] = {}
-    received = yield Turn((sent,), seconds, fresh=True)
+    received = yield OperationStep((sent,), seconds, fresh=True)
     while received is not None:
-        parts = Id.parse(received.id)
-        if parts._replace(priority=0, sa=0) == Id(ids.BROADCAST, ps, 0) and len(received.data) == _LENGTH:
+        parts = FrameId.parse(received.id)
+        if parts._replace(priority=0, sa=0) == FrameId(ids.BROADCAST, ps, 0) and len(received.data) == _LENGTH:
             record = codec.decode(layout.name, received.data) if layout else BUF(received.data)
             found[parts.sa] = cast(AnyRecord, record)
             if count is not None and len(found) >= count:
                 break
-        received = yield Turn()
+        received = yield OperationStep()
     return found
 
 
@@ -389,9 +389,9 @@ def _values(record: Feedback) -> list[object]:
 
 
 def _wait(seconds: float) -> CanOperation[None]:
-    received = yield Turn((), seconds)
+    received = yield OperationStep((), seconds)
     while received is not None:
-        received = yield Turn()
+        received = yield OperationStep()
 
 
 def _word(name: str, value: object) -> int:

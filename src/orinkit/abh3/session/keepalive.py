@@ -24,7 +24,7 @@ _LATE: Final = 1.5
 """Periods after which a command was too late, where these are longer than the patience."""
 
 
-class End(Enum):
+class KeepAliveEnd(Enum):
     """Why a keep-alive has ended."""
 
     SILENT = "silent"
@@ -34,7 +34,7 @@ class End(Enum):
 
 
 @dataclass(slots=True)
-class Heart:
+class KeepAliveTimer:
     """The times of a keep-alive; every ``now`` is in s of one clock.
 
     Args:
@@ -100,20 +100,22 @@ class Heart:
         if answered:
             self._answered = now
 
-    def too_late(self, now: float) -> End | None:
+    def too_late(self, now: float) -> KeepAliveEnd | None:
         """Return why it is to end before anything is sent: it was held up itself, by a program or a system that stood still."""
-        return End.SILENT if now - self._answered > max(self.patience, _LATE * self.period) else None
+        return KeepAliveEnd.SILENT if now - self._answered > max(self.patience, _LATE * self.period) else None
 
-    def end(self, now: float) -> End | None:
+    def end(self, now: float) -> KeepAliveEnd | None:
         """Return why it is to end now, ``None`` if it goes on."""
         if now - self._answered > self.patience:
-            return End.SILENT
+            return KeepAliveEnd.SILENT
         if self.idle is not None and now - self._called > self.idle:
-            return End.IDLE
+            return KeepAliveEnd.IDLE
         return None
 
 
-def watched(operation: CanOperation[R], heart: Heart, host: Host[Any], clock: Callable[[], float]) -> CanOperation[R]:
+def watched(
+    operation: CanOperation[R], heart: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
+) -> CanOperation[R]:
     """Carry out an operation, and tell a keep-alive of each command of it that was answered, however many there are.
 
     Args:

@@ -16,10 +16,17 @@ from typing import Final
 from orinkit.abh3.session.transfers import LONGEST as LONGEST
 from orinkit.abh3.session.transfers import SHORTEST as SHORTEST
 from orinkit.abh3.session.transfers import SYN as SYN
-from orinkit.abh3.session.transfers import Incoming, Outgoing, Packet, Route, Step, packet_of
+from orinkit.abh3.session.transfers import (
+    IncomingTransfer,
+    OutgoingTransfer,
+    TransferFrame,
+    TransferRoute,
+    TransferStep,
+    packet_of,
+)
 from orinkit.abh3.table.ids import EVERYONE, check_address, check_priority
 from orinkit.abh3.table.transfer_fields import ABORT, BUSY, LATE, RTS
-from orinkit.can.frame import CanFrame, CanOperation, Turn
+from orinkit.can.frame import CanFrame, CanOperation, OperationStep
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
@@ -47,7 +54,7 @@ def send_message(
         DriverTimeout: the driver was silent; it was told so (Abort 3).
         ProtocolError: the driver gave up, or answered something else; the text says why.
     """
-    return _send(Outgoing(message, _route(host, driver, priority), seconds, pause))
+    return _send(OutgoingTransfer(message, _route(host, driver, priority), seconds, pause))
 
 
 def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float = TIMEOUT) -> CanOperation[bytes]:
@@ -67,7 +74,7 @@ def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float
         DriverTimeout: the driver was silent; it was told so (Abort 3).
         ProtocolError: the driver gave up, or sent something else; the text says why.
     """
-    return _receive(Incoming(_route(host, driver, priority), seconds))
+    return _receive(IncomingTransfer(_route(host, driver, priority), seconds))
 
 
 def exchange(
@@ -100,8 +107,8 @@ def exchange(
         ProtocolError: the driver gave up, or sent something else; the text says why.
     """
     route = _route(host, driver, priority)
-    sending = Outgoing(message, route, seconds, pause, answered=True)
-    return _exchange(sending, Incoming(route, seconds), (route.control(ABORT, LATE),) if afresh else ())
+    sending = OutgoingTransfer(message, route, seconds, pause, answered=True)
+    return _exchange(sending, IncomingTransfer(route, seconds), (route.control(ABORT, LATE),) if afresh else ())
 
 
 class Responder:
@@ -136,7 +143,7 @@ class Responder:
         self._seconds = seconds
         self._pause = pause
         self._host = EVERYONE
-        self._transfer: Outgoing | Incoming | None = None
+        self._transfer: OutgoingTransfer | IncomingTransfer | None = None
         self._next_time: float | None = None
 
     @property
@@ -164,7 +171,7 @@ class Responder:
             if self._transfer is not None and packet.source != self._host:
                 return [self._route(packet.source).control(ABORT, BUSY)]
             self._host = packet.source  # one that begins anew has given up what was before
-            self._transfer = Incoming(self._route(packet.source), self._seconds)
+            self._transfer = IncomingTransfer(self._route(packet.source), self._seconds)
         if self._transfer is None:
             return []
         return self._after(self._transfer, self._transfer.take(frame), now)
@@ -175,14 +182,14 @@ class Responder:
             return []
         return self._after(self._transfer, self._transfer.silent(), now)
 
-    def _route(self, host: int) -> Route:
-        return Route(self._address, host, self._priority)
+    def _route(self, host: int) -> TransferRoute:
+        return TransferRoute(self._address, host, self._priority)
 
-    def _is_underway(self, packet: Packet) -> bool:
+    def _is_underway(self, packet: TransferFrame) -> bool:
         transfer = self._transfer
-        return isinstance(transfer, Incoming) and packet.source == self._host and transfer.is_opened_by(packet)
+        return isinstance(transfer, IncomingTransfer) and packet.source == self._host and transfer.is_opened_by(packet)
 
-    def _after(self, transfer: Outgoing | Incoming, step: Step, now: float) -> list[CanFrame]:
+    def _after(self, transfer: OutgoingTransfer | IncomingTransfer, step: TransferStep, now: float) -> list[CanFrame]:
         frames = list(step.frames)
         while step.seconds == 0 and not step.ended:  # packets that follow each other at once
             step = transfer.silent()
@@ -192,7 +199,7 @@ class Responder:
         if not step.ended:
             return frames
         self._transfer = self._next_time = None
-        if isinstance(transfer, Incoming) and step.error is None:
+        if isinstance(transfer, IncomingTransfer) and step.error is None:
             frames.extend(self._answered(transfer.message, now))
         return frames
 
@@ -200,26 +207,28 @@ class Responder:
         answer = self._handler(message, self._host)
         if not answer:
             return []
-        self._transfer = Outgoing(answer, self._route(self._host), self._seconds, self._pause)
+        self._transfer = OutgoingTransfer(answer, self._route(self._host), self._seconds, self._pause)
         return self._after(self._transfer, self._transfer.begin(), now)
 
 
-def _route(host: int, driver: int, priority: int) -> Route:
+def _route(host: int, driver: int, priority: int) -> TransferRoute:
     if host == driver:
         raise InvalidValue(tr("driver and host have the same address {host}", host=host))
-    return Route(check_address("host", host), check_address("driver", driver), check_priority(priority))
+    return TransferRoute(check_address("host", host), check_address("driver", driver), check_priority(priority))
 
 
-def _send(sending: Outgoing) -> CanOperation[None]:
+def _send(sending: OutgoingTransfer) -> CanOperation[None]:
     yield from _driven(sending, sending.begin(), fresh=True)
 
 
-def _receive(receiving: Incoming) -> CanOperation[bytes]:
+def _receive(receiving: IncomingTransfer) -> CanOperation[bytes]:
     yield from _driven(receiving, receiving.begin())
     return receiving.message
 
 
-def _exchange(sending: Outgoing, receiving: Incoming, before: tuple[CanFrame, ...]) -> CanOperation[bytes]:
+def _exchange(
+    sending: OutgoingTransfer, receiving: IncomingTransfer, before: tuple[CanFrame, ...]
+) -> CanOperation[bytes]:
     step = sending.begin()
     last = yield from _driven(sending, step._replace(frames=before + step.frames), fresh=True)
     opened = receiving.take(last)  # where the driver's END was lost, this is the RTS of its answer
@@ -227,15 +236,17 @@ def _exchange(sending: Outgoing, receiving: Incoming, before: tuple[CanFrame, ..
     return receiving.message
 
 
-def _driven(transfer: Outgoing | Incoming, step: Step, *, fresh: bool = False) -> CanOperation[CanFrame]:
+def _driven(
+    transfer: OutgoingTransfer | IncomingTransfer, step: TransferStep, *, fresh: bool = False
+) -> CanOperation[CanFrame]:
     """Carry a transfer through; returns the frame that ended it."""
     frame: CanFrame | None = None
     while not step.ended:
-        frame = yield Turn(step.frames, step.seconds, fresh)
+        frame = yield OperationStep(step.frames, step.seconds, fresh)
         fresh = False
         step = transfer.silent() if frame is None else transfer.take(frame)
     if step.frames:
-        yield Turn(step.frames, 0.0)
+        yield OperationStep(step.frames, 0.0)
     if step.error is not None:
         raise step.error
     assert frame is not None  # silence ends a transfer with an error

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS, Item
+from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS, TelItem
 from orinkit.abh3.table.checks import checked, whole
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.values.pose_numbers import brief
 
 
-class Reading(NamedTuple):
+class ParameterValue(NamedTuple):
     """What was read from a driver.
 
     Attributes:
@@ -22,7 +22,7 @@ class Reading(NamedTuple):
 
     address: int
     word: int
-    item: Item | None
+    item: TelItem | None
 
     @property
     def value(self) -> float:
@@ -41,14 +41,14 @@ class Reading(NamedTuple):
         return f"0x{self.address:04X}{name}: {digits} {self.unit}".rstrip()
 
 
-def parameter(address: int, word: int) -> Reading:
+def parameter(address: int, word: int) -> ParameterValue:
     """Return a parameter that was read."""
-    return Reading(address, word, PARAMETERS.get(address))
+    return ParameterValue(address, word, PARAMETERS.get(address))
 
 
-def monitor(address: int, word: int) -> Reading:
+def monitor(address: int, word: int) -> ParameterValue:
     """Return a monitor that was read."""
-    return Reading(address, word, MONITORS.get(address))
+    return ParameterValue(address, word, MONITORS.get(address))
 
 
 def word_of(address: int, value: float, *, raw: bool) -> int:

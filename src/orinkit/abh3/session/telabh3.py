@@ -70,7 +70,7 @@ _PRINTABLE: Final = re.compile(r"[ -~]*")
 # --- requests ---------------------------------------------------------------------------------------------------------
 
 
-class Request(NamedTuple):
+class TelRequest(NamedTuple):
     """What a host asks for.
 
     Attributes:
@@ -105,7 +105,7 @@ def read_parameter(address: int) -> bytes:
     Raises:
         InvalidValue: the address has more than 16 bits.
     """
-    return bytes(Request(PARAMETER, _in(_ADDRESSES, address)))
+    return bytes(TelRequest(PARAMETER, _in(_ADDRESSES, address)))
 
 
 def write_parameter(address: int, word: int) -> bytes:
@@ -114,7 +114,7 @@ def write_parameter(address: int, word: int) -> bytes:
     Raises:
         InvalidValue: the address has more than 16 bits, or the word more than 32.
     """
-    return bytes(Request(PARAMETER, _in(_ADDRESSES, address), _in(_WORDS, word)))
+    return bytes(TelRequest(PARAMETER, _in(_ADDRESSES, address), _in(_WORDS, word)))
 
 
 def read_monitor(address: int) -> bytes:
@@ -123,7 +123,7 @@ def read_monitor(address: int) -> bytes:
     Raises:
         InvalidValue: the address has more than 16 bits.
     """
-    return bytes(Request(MONITOR, _in(_ADDRESSES, address)))
+    return bytes(TelRequest(MONITOR, _in(_ADDRESSES, address)))
 
 
 def read_identification(number: int) -> bytes:
@@ -132,10 +132,10 @@ def read_identification(number: int) -> bytes:
     Raises:
         InvalidValue: the number has more than 16 bits.
     """
-    return bytes(Request(IDENTIFICATION, _in(_ADDRESSES, number)))
+    return bytes(TelRequest(IDENTIFICATION, _in(_ADDRESSES, number)))
 
 
-def parse_request(message: bytes) -> Request:
+def parse_request(message: bytes) -> TelRequest:
     """Return what a message asks for, in the form of CAN or that of serial lines.
 
     Raises:
@@ -146,13 +146,13 @@ def parse_request(message: bytes) -> Request:
     if found is None or (found[4] and found[2] != PARAMETER.encode()):
         raise _unreadable(message)
     _check(message, (b"" if found[1] else _HEADER) + body)
-    return Request(found[2].decode(), int(found[3], 16), int(found[4], 16) if found[4] else None)
+    return TelRequest(found[2].decode(), int(found[3], 16), int(found[4], 16) if found[4] else None)
 
 
 # --- answers ----------------------------------------------------------------------------------------------------------
 
 
-class Reply(NamedTuple):
+class TelReply(NamedTuple):
     """What a driver answers.
 
     Attributes:
@@ -218,7 +218,7 @@ def refusal() -> bytes:
     return _answer(NAK, "")
 
 
-def parse_reply(message: bytes, asked: str = "") -> Reply:
+def parse_reply(message: bytes, asked: str = "") -> TelReply:
     """Return what a driver answers.
 
     Args:
@@ -237,7 +237,7 @@ def parse_reply(message: bytes, asked: str = "") -> Reply:
     header = 4 if text and _has_header(text, framed) else 0
     if len(text) <= header:
         raise _unreadable(message)
-    return Reply(text[header] == NAK, text[header + 1 :].decode("latin-1"), asked)
+    return TelReply(text[header] == NAK, text[header + 1 :].decode("latin-1"), asked)
 
 
 def _has_header(text: bytes, framed: bool) -> bool:
@@ -284,7 +284,7 @@ def _in(allowed: range, number: object) -> int:
 # --- monitors and parameters ------------------------------------------------------------------------------------------
 
 
-class Item(NamedTuple):
+class TelItem(NamedTuple):
     """A monitor or a parameter.
 
     Attributes:
@@ -352,23 +352,23 @@ _SETS: Final = range(8)
 _SWITCH: Final = "0x0000/0x8000"
 
 
-def _monitors() -> Iterator[Item]:
-    yield Item(0x0000, "bits", N_("error flags"))
-    yield Item(0x0001, "bits", N_("warning flags"))
-    yield Item(0x0002, "bits", N_("digital inputs"))
-    yield Item(0x0003, "bits", N_("input control"))
-    yield Item(0x0004, "bits", N_("digital outputs, bits 24 to 31"))
-    yield Item(0x0005, "bits", N_("output control"))
-    yield Item(0x1004, "pack", N_("main voltage"), "V")
-    yield Item(0x1005, "pack", N_("control voltage"), "V")
-    yield Item(0x1012, "pack", N_("A/Y velocity"), "min^-1")
-    yield Item(0x1022, "pack", N_("B/X velocity"), "min^-1")
-    yield Item(0x1031, "pack", N_("A torque"), "%")
-    yield Item(0x103B, "pack", N_("A load"), "%")
-    yield Item(0x1041, "pack", N_("B torque"), "%")
-    yield Item(0x104B, "pack", N_("B load"), "%")
-    yield Item(0x1054, "int", N_("A pulse count"), "pulse")
-    yield Item(0x1064, "int", N_("B pulse count"), "pulse")
+def _monitors() -> Iterator[TelItem]:
+    yield TelItem(0x0000, "bits", N_("error flags"))
+    yield TelItem(0x0001, "bits", N_("warning flags"))
+    yield TelItem(0x0002, "bits", N_("digital inputs"))
+    yield TelItem(0x0003, "bits", N_("input control"))
+    yield TelItem(0x0004, "bits", N_("digital outputs, bits 24 to 31"))
+    yield TelItem(0x0005, "bits", N_("output control"))
+    yield TelItem(0x1004, "pack", N_("main voltage"), "V")
+    yield TelItem(0x1005, "pack", N_("control voltage"), "V")
+    yield TelItem(0x1012, "pack", N_("A/Y velocity"), "min^-1")
+    yield TelItem(0x1022, "pack", N_("B/X velocity"), "min^-1")
+    yield TelItem(0x1031, "pack", N_("A torque"), "%")
+    yield TelItem(0x103B, "pack", N_("A load"), "%")
+    yield TelItem(0x1041, "pack", N_("B torque"), "%")
+    yield TelItem(0x104B, "pack", N_("B load"), "%")
+    yield TelItem(0x1054, "int", N_("A pulse count"), "pulse")
+    yield TelItem(0x1064, "int", N_("B pulse count"), "pulse")
 
 
 _OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # first of A/Y, how much further is B/X
@@ -407,21 +407,23 @@ _CAN: Final = (
 )
 
 
-def _parameters() -> Iterator[Item]:
-    yield from (Item(address, "int", title, unit) for address, title, unit in _CAN)
-    yield from (Item(0x4108 + n, "int", N_("broadcast {number} mode"), "ms", (("number", n),)) for n in range(8))
-    yield from (Item(0x4110 + n, "int", N_("broadcast reception {number}"), "", (("number", n + 1),)) for n in range(4))
+def _parameters() -> Iterator[TelItem]:
+    yield from (TelItem(address, "int", title, unit) for address, title, unit in _CAN)
+    yield from (TelItem(0x4108 + n, "int", N_("broadcast {number} mode"), "ms", (("number", n),)) for n in range(8))
+    yield from (
+        TelItem(0x4110 + n, "int", N_("broadcast reception {number}"), "", (("number", n + 1),)) for n in range(4)
+    )
     for axis, name in enumerate(("A/Y", "B/X")):
         for first, further, kind, title, unit in _OF_A_SET:
             base = first + axis * further
-            yield from (Item(base + n, kind, title, unit, (("axis", name), ("number", n))) for n in _SETS)
+            yield from (TelItem(base + n, kind, title, unit, (("axis", name), ("number", n))) for n in _SETS)
         for first, title in _SWITCHES:
-            yield Item(first + axis * 0x20, "int", title, _SWITCH, (("axis", name),))
+            yield TelItem(first + axis * 0x20, "int", title, _SWITCH, (("axis", name),))
     for n in _SETS:
-        yield Item(0x5180 + n, "bits", N_("digital output #{number}"), "0x00000000/0xFFFFFFFF", (("number", n),))
+        yield TelItem(0x5180 + n, "bits", N_("digital output #{number}"), "0x00000000/0xFFFFFFFF", (("number", n),))
 
 
-def _table(items: Iterator[Item]) -> Mapping[int, Item]:
+def _table(items: Iterator[TelItem]) -> Mapping[int, TelItem]:
     return MappingProxyType({item.address: item for item in sorted(items)})
 
 

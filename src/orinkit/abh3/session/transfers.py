@@ -1,14 +1,14 @@
 """One multi-packet message on its way, sent or received, without I/O and without a clock (J1939-21, connection mode).
 
 Both directions are state machines with three inputs: :meth:`begin`, :meth:`take` (a frame has come) and :meth:`silent`
-(the wait is over). Each returns a :class:`Step`: what to send, and how long to wait. Hosts and drivers use the same.
+(the wait is over). Each returns a :class:`TransferStep`: what to send, and how long to wait. Hosts and drivers use the same.
 """
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from orinkit.abh3.table.ids import CONTROL, TRANSFER, Id
+from orinkit.abh3.table.ids import CONTROL, TRANSFER, FrameId
 from orinkit.abh3.table.transfer_fields import ABORT, BUSY, CTS, END, LATE, REASONS, RESENT, RESOURCES, RTS, SEQUENCE
 from orinkit.can.frame import CanFrame
 from orinkit.core.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
@@ -28,7 +28,7 @@ _SPARE_GRANTS: Final = 32
 _PATIENCE: Final = 0.6  # of the time-out; then missing packets are asked for again. 0.75 s of 1.25 s, as in J1939-21
 
 
-class Step(NamedTuple):
+class TransferStep(NamedTuple):
     """What a transfer wants next.
 
     Attributes:
@@ -44,7 +44,7 @@ class Step(NamedTuple):
     error: OrinError | None = None
 
 
-class Packet(NamedTuple):
+class TransferFrame(NamedTuple):
     """A frame of a multi-packet message.
 
     Attributes:
@@ -60,19 +60,19 @@ class Packet(NamedTuple):
     data: bytes
 
 
-def packet_of(frame: CanFrame) -> Packet | None:
+def packet_of(frame: CanFrame) -> TransferFrame | None:
     """Return what a frame says of a multi-packet message between hosts and drivers; ``None`` of any other frame."""
-    parts = Id.parse(frame.id)
+    parts = FrameId.parse(frame.id)
     if parts.reserved or parts.dp or len(frame.data) != _SIZE:
         return None
     if parts.pf == TRANSFER:
-        return Packet(None, parts.ps, parts.sa, frame.data)
+        return TransferFrame(None, parts.ps, parts.sa, frame.data)
     if parts.pf == CONTROL and frame.data[5:] == _PGN:
-        return Packet(frame.data[0], parts.ps, parts.sa, frame.data)
+        return TransferFrame(frame.data[0], parts.ps, parts.sa, frame.data)
     return None
 
 
-class Route(NamedTuple):
+class TransferRoute(NamedTuple):
     """Who a message goes to.
 
     Attributes:
@@ -88,33 +88,33 @@ class Route(NamedTuple):
     def control(self, *head: int) -> CanFrame:
         """Return a control frame that begins with these bytes."""
         data = bytes(head).ljust(5, b"\xff") + _PGN
-        return CanFrame(int(Id(CONTROL, self.peer, self.own, 0, self.priority)), data)
+        return CanFrame(int(FrameId(CONTROL, self.peer, self.own, 0, self.priority)), data)
 
     def transfer(self, number: int, data: bytes) -> CanFrame:
         """Return a data packet."""
         data = bytes((number,)) + data.ljust(_CARRIED, b"\xff")
-        return CanFrame(int(Id(TRANSFER, self.peer, self.own, 0, self.priority)), data)
+        return CanFrame(int(FrameId(TRANSFER, self.peer, self.own, 0, self.priority)), data)
 
-    def heard(self, frame: CanFrame) -> Packet | None:
+    def heard(self, frame: CanFrame) -> TransferFrame | None:
         """Return what a frame says, if the other side has sent it to this one."""
         packet = packet_of(frame)
         return packet if packet and (packet.destination, packet.source) == (self.own, self.peer) else None
 
-    def given_up(self, reason: int, error: OrinError) -> Step:
+    def given_up(self, reason: int, error: OrinError) -> TransferStep:
         """Return the step that tells the other side that the transfer has failed here."""
-        return Step((self.control(ABORT, reason),), ended=True, error=error)
+        return TransferStep((self.control(ABORT, reason),), ended=True, error=error)
 
-    def late(self, seconds: float) -> Step:
+    def late(self, seconds: float) -> TransferStep:
         """Return the step after which nobody waits any more."""
         return self.given_up(LATE, DriverTimeout("abh3_can_trans", seconds, self.peer))
 
-    def clash(self) -> Step:
+    def clash(self) -> TransferStep:
         """Return the step that refuses a message while another one is on its way."""
         text = tr("the other side began a message while another one was on its way. Try: again")
         return self.given_up(BUSY, ProtocolError(text))
 
 
-class Outgoing:
+class OutgoingTransfer:
     """A message that this side sends.
 
     Args:
@@ -129,7 +129,7 @@ class Outgoing:
     """
 
     def __init__(
-        self, message: bytes, route: Route, seconds: float, pause: float = 0.0, *, answered: bool = False
+        self, message: bytes, route: TransferRoute, seconds: float, pause: float = 0.0, *, answered: bool = False
     ) -> None:
         if not isinstance(message, bytes | bytearray):
             raise InvalidValue(tr("bytes are needed, not {message}", message=brief(message)))
@@ -148,12 +148,14 @@ class Outgoing:
         self._furthest = 0  # that was ever sent
         self._grants = 0
 
-    def begin(self) -> Step:
+    def begin(self) -> TransferStep:
         """Return the first step: the RTS."""
         size = len(self._message)
-        return Step((self._route.control(RTS, size & 0xFF, size >> 8, self._total, self._total),), self._seconds)
+        return TransferStep(
+            (self._route.control(RTS, size & 0xFF, size >> 8, self._total, self._total),), self._seconds
+        )
 
-    def take(self, frame: CanFrame) -> Step:
+    def take(self, frame: CanFrame) -> TransferStep:
         """Return the step that follows a frame."""
         packet = self._route.heard(frame)
         kind = packet.kind if packet else None
@@ -167,10 +169,10 @@ class Outgoing:
         if kind == RTS and not (complete and self._answered):
             return self._route.clash()
         if kind in (END, RTS) and complete:  # the byte count of an END is wrong in some libraries
-            return Step(ended=True)
+            return TransferStep(ended=True)
         return self._onwards()
 
-    def silent(self) -> Step:
+    def silent(self) -> TransferStep:
         """Return the step that follows when the wait is over: the next data packet, or the end."""
         number = self._next
         if number > self._last:
@@ -179,20 +181,20 @@ class Outgoing:
         self._furthest = max(self._furthest, number)
         data = self._message[(number - 1) * _CARRIED : number * _CARRIED]
         wait = self._pause if number < self._last else self._seconds
-        return Step((self._route.transfer(number, data),), wait)
+        return TransferStep((self._route.transfer(number, data),), wait)
 
-    def _onwards(self) -> Step:
+    def _onwards(self) -> TransferStep:
         """A frame that changes nothing must not hold up packets that are to follow each other at once."""
-        return self.silent() if self._next <= self._last and not self._pause else Step()
+        return self.silent() if self._next <= self._last and not self._pause else TransferStep()
 
-    def _granted(self, count: int, first: int) -> Step:
+    def _granted(self, count: int, first: int) -> TransferStep:
         self._grants += 1
         if self._grants > self._total + _SPARE_GRANTS:
             text = tr("the other side asked for the packets of one message too often")
             return self._route.given_up(RESENT, ProtocolError(text))
         if count == 0:  # it is not ready yet
             self._last = 0
-            return Step((), self._seconds)
+            return TransferStep((), self._seconds)
         if not 1 <= first <= self._total:
             text = tr("the other side asked for packet {first} of {total}", first=first, total=self._total)
             return self._route.given_up(SEQUENCE, ProtocolError(text))
@@ -201,7 +203,7 @@ class Outgoing:
         return self.silent()
 
 
-class Incoming:
+class IncomingTransfer:
     """A message that this side receives.
 
     Args:
@@ -212,7 +214,7 @@ class Incoming:
         message: once the transfer has ended without an error.
     """
 
-    def __init__(self, route: Route, seconds: float) -> None:
+    def __init__(self, route: TransferRoute, seconds: float) -> None:
         self.message = b""
         self._route = route
         self._seconds = seconds
@@ -226,25 +228,25 @@ class Incoming:
         self._repeats = 0
         self._reminded = False  # since the last new packet
 
-    def begin(self) -> Step:
+    def begin(self) -> TransferStep:
         """Return the first step: waiting for an RTS."""
-        return Step((), self._seconds)
+        return TransferStep((), self._seconds)
 
-    def is_opened_by(self, packet: Packet) -> bool:
+    def is_opened_by(self, packet: TransferFrame) -> bool:
         """Return whether this is the RTS that the message began with."""
         return packet.data == self._opening
 
-    def take(self, frame: CanFrame) -> Step:
+    def take(self, frame: CanFrame) -> TransferStep:
         """Return the step that follows a frame."""
         packet = self._route.heard(frame)
         if packet is None:
-            return Step()
+            return TransferStep()
         if packet.kind is None:
             return self._stored(packet.data)
         if packet.kind == ABORT:
             return _aborted(packet)
         if packet.kind != RTS:
-            return Step()
+            return TransferStep()
         if not self._opening:
             return self._opened(packet.data)
         if not self.is_opened_by(packet):
@@ -252,14 +254,14 @@ class Incoming:
         self._parts.clear()  # they may be of a message that was given up, and looked the same from outside
         return self._again()
 
-    def silent(self) -> Step:
+    def silent(self) -> TransferStep:
         """Return the step that follows when the wait is over: packets are asked for once more, or the end."""
         if not self._opening or self._reminded:
             return self._route.late(self._seconds)
         self._reminded = True
         return self._again()
 
-    def _opened(self, data: bytes) -> Step:
+    def _opened(self, data: bytes) -> TransferStep:
         size, total = data[1] | data[2] << 8, data[3]
         if not SHORTEST <= size <= LONGEST or total != _packets(size):
             text = tr(
@@ -278,10 +280,10 @@ class Incoming:
         self._burst = min(_BURST, data[4] or 1)
         return self._ask()
 
-    def _stored(self, data: bytes) -> Step:
+    def _stored(self, data: bytes) -> TransferStep:
         number = data[0]
         if not 1 <= number <= self._total:
-            return Step()
+            return TransferStep()
         new = number not in self._parts
         self._parts[number] = data[1:]
         self._reminded = self._reminded and not new
@@ -289,9 +291,9 @@ class Incoming:
             return self._ask()
         if number == self._last:  # the burst is over, and some of it is missing
             return self._again()
-        return Step((), self._wait()) if new else Step()
+        return TransferStep((), self._wait()) if new else TransferStep()
 
-    def _again(self) -> Step:
+    def _again(self) -> TransferStep:
         self._repeats += 1
         if self._repeats > _REPEATS:
             text = tr(
@@ -302,17 +304,19 @@ class Incoming:
             return self._route.given_up(RESENT, ProtocolError(text))
         return self._ask()
 
-    def _ask(self) -> Step:
+    def _ask(self) -> TransferStep:
         """Ask for the first packets that are missing; tell the other side if none are."""
         missing = [number for number in range(1, self._total + 1) if number not in self._parts]
         if not missing:
             self.message = b"".join(self._parts[number] for number in sorted(self._parts))[: self._size]
-            return Step((self._route.control(END, self._size & 0xFF, self._size >> 8, self._total),), ended=True)
+            return TransferStep(
+                (self._route.control(END, self._size & 0xFF, self._size >> 8, self._total),), ended=True
+            )
         self._first = self._last = missing[0]
         for number in missing[1 : self._burst]:  # none that is there already: it would come twice
             if number == self._last + 1:
                 self._last = number
-        return Step((self._route.control(CTS, self._last - self._first + 1, self._first),), self._wait())
+        return TransferStep((self._route.control(CTS, self._last - self._first + 1, self._first),), self._wait())
 
     def _wait(self) -> float:
         """The rest of the time-out, if packets were asked for again when the first part of it was over."""
@@ -323,10 +327,10 @@ def _packets(size: int) -> int:
     return -(-size // _CARRIED)
 
 
-def _aborted(packet: Packet) -> Step:
+def _aborted(packet: TransferFrame) -> TransferStep:
     reason = packet.data[1]
     text = tr(REASONS[reason]) if reason in REASONS else tr("unknown reason")
-    return Step(
+    return TransferStep(
         ended=True,
         error=ProtocolError(
             tr("the other side aborted the multi-packet message: {text} (reason {reason})", text=text, reason=reason)

@@ -8,7 +8,7 @@ from struct import Struct
 from typing import TYPE_CHECKING, Any, Final
 
 from orinkit.abh3.table import ids
-from orinkit.abh3.table.signals import CURRENT, Dialect, Field, Layout, Quantity, Word, dialect_of
+from orinkit.abh3.table.signals import CURRENT, Dialect, FrameLayout, Quantity, SignalField, Word, dialect_of
 from orinkit.abh3.table.transfer_fields import KINDS, PARTS, PGN_AT, REASONS
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -105,20 +105,20 @@ def _messages(dialect: Dialect, address: int, suffix: str, host: int, group: int
             yield _message(f"DP1S{suffix}", ids.single(address, host, dp=1), [], _HOST, length=0, comment=text)
     yield _request(f"REQUEST{suffix}", ids.request(address, host), group)
     for letter, sender, to, source in (("S", _HOST, address, host), ("R", driver, host, address)):
-        control, data = (int(ids.Id(pf, to, source)) for pf in (ids.CONTROL, ids.TRANSFER))
+        control, data = (int(ids.FrameId(pf, to, source)) for pf in (ids.CONTROL, ids.TRANSFER))
         text = f"frame of a multi-packet message. {_PRIORITY}"
         yield _message(f"TP_CM_{letter}{suffix}", control, _control_signals(), sender, comment=f"Control {text}")
         yield _message(f"TP_DT_{letter}{suffix}", data, _packet_signals(), sender, comment=f"Data {text}")
 
 
-def _id(layout: Layout, address: int, host: int, group: int) -> int:
+def _id(layout: FrameLayout, address: int, host: int, group: int) -> int:
     if layout.broadcast is not None:
         return ids.broadcast(group, layout.broadcast, address)
     to, source = (address, host) if layout.from_host else (host, address)
     return ids.single(to, source, dp=layout.dp)
 
 
-def _comment(layout: Layout) -> str:
+def _comment(layout: FrameLayout) -> str:
     withheld = " The document withholds it." if layout.withheld else ""
     return f"{_sentence(layout.title)} (section {layout.section}).{withheld} {_PRIORITY}"
 
@@ -126,7 +126,7 @@ def _comment(layout: Layout) -> str:
 # --- data -------------------------------------------------------------------------------------------------------------
 
 
-def _data_signals(layout: Layout) -> list[Signal]:
+def _data_signals(layout: FrameLayout) -> list[Signal]:
     """Return the signals of a frame of the table."""
     signals: list[Signal] = []
     switches = [field.torque for field in layout.fields if field.torque]
@@ -142,7 +142,7 @@ def _data_signals(layout: Layout) -> list[Signal]:
     return signals
 
 
-def _number_signal(field: Field, quantity: Quantity, start: int, switch: str = "", state: int = 0) -> Signal:
+def _number_signal(field: SignalField, quantity: Quantity, start: int, switch: str = "", state: int = 0) -> Signal:
     """Return a signal with a number; with a switch it is there only while that flag has the state."""
     is_float = field.code == _FLOAT
     steps = quantity.steps or 1
@@ -166,7 +166,7 @@ def _end(code: int, steps: int) -> float:
     return code if steps == 1 else code / steps
 
 
-def _flag_signals(field: Field, word: Word, start: int, switches: Collection[str]) -> Iterator[Signal]:
+def _flag_signals(field: SignalField, word: Word, start: int, switches: Collection[str]) -> Iterator[Signal]:
     for bit in sorted(word.bits, key=lambda bit: bit.number):
         yield _signal(
             f"{field.name}_{bit.name}",

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple, TypeAlias
 from orinkit.abh3.table import ids
 from orinkit.abh3.table.bits import Values
 from orinkit.abh3.table.frames import Codec
-from orinkit.abh3.table.ids import Id
+from orinkit.abh3.table.ids import FrameId
 from orinkit.abh3.table.records import BUF, Flags, Record
-from orinkit.abh3.table.signals import CURRENT, Dialect, Field, Layout, Quantity, dialect_of
+from orinkit.abh3.table.signals import CURRENT, Dialect, FrameLayout, Quantity, SignalField, dialect_of
 from orinkit.abh3.table.transfer_fields import KINDS, PARTS, PGN_AT, REASONS
 from orinkit.can.frame import MAX_ID, CanFrame
 from orinkit.core.i18n import N_, tr, translate
@@ -34,7 +34,7 @@ Content: TypeAlias = int | float | str | Flags
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
+class DecodedValue:
     """One thing that a frame says.
 
     Attributes:
@@ -70,7 +70,7 @@ class Value:
         return f"{tr(self.title)} = {self.shown}"
 
 
-class Fault(NamedTuple):
+class FrameFault(NamedTuple):
     """What is wrong or unknown about a frame.
 
     Attributes:
@@ -93,7 +93,7 @@ class Fault(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Decoded:
+class DecodedFrame:
     """What a frame says.
 
     Attributes:
@@ -112,8 +112,8 @@ class Decoded:
     source: int
     destination: int | None
     record: Record | None = None
-    values: tuple[Value, ...] = ()
-    fault: Fault | None = None
+    values: tuple[DecodedValue, ...] = ()
+    fault: FrameFault | None = None
 
     @property
     def heading(self) -> str:
@@ -161,9 +161,9 @@ class Decoder:
         self._codec = Codec(self.dialect)
         self._is_host = {ids.check_address("host", host): True for host in hosts}
 
-    def decode(self, frame: CanFrame) -> Decoded:
+    def decode(self, frame: CanFrame) -> DecodedFrame:
         """Return what a frame says, whatever is in it; its priority does not matter."""
-        parts = Id.parse(frame.id)
+        parts = FrameId.parse(frame.id)
         page = None if parts.reserved or not 0 <= frame.id <= MAX_ID else parts.dp
         match parts.pf, page:
             case ids.SINGLE, 0 | 1:
@@ -177,74 +177,76 @@ class Decoder:
             case ids.TRANSFER, 0:
                 return _transfer(frame, parts)
         bytes_ = f"{frame.id:08X}#{frame.data.hex().upper()}"
-        fault = Fault(N_("no frame of an ABH3: {frame}"), (("frame", bytes_),))
-        return Decoded(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
+        fault = FrameFault(N_("no frame of an ABH3: {frame}"), (("frame", bytes_),))
+        return DecodedFrame(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
 
     # --- single packets (sections 2.1 and 2.2) ------------------------------------------------------------------------
 
-    def _single(self, frame: CanFrame, parts: Id) -> Decoded:
+    def _single(self, frame: CanFrame, parts: FrameId) -> DecodedFrame:
         from_host = self._from_host(parts)
         if from_host is None:
             data = frame.data.hex(" ").upper() or "-"
-            fault = Fault(N_("single packet, not known which of the two is the host: {data}"), (("data", data),))
-            return Decoded(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
+            fault = FrameFault(N_("single packet, not known which of the two is the host: {data}"), (("data", data),))
+            return DecodedFrame(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
         if parts.dp and from_host:
-            values = (Value("wanted", _WANTED, DP1R),)
-            return Decoded(frame, DP1S, parts.sa, _destination(parts), values=values, fault=_odd(frame, 0))
+            values = (DecodedValue("wanted", _WANTED, DP1R),)
+            return DecodedFrame(frame, DP1S, parts.sa, _destination(parts), values=values, fault=_odd(frame, 0))
         return self._data(frame, parts, (DP0S if from_host else DP0R) if not parts.dp else DP1R)
 
-    def _from_host(self, parts: Id) -> bool | None:
+    def _from_host(self, parts: FrameId) -> bool | None:
         """Return whether a single packet is from a host; ``None`` where nothing tells, or all that tells contradicts."""
         source, destination = self._is_host.get(parts.sa), self._is_host.get(parts.ps)
         if source is None:
             return None if destination is None else not destination
         return None if destination == source else source
 
-    def _data(self, frame: CanFrame, parts: Id, name: str) -> Decoded:
+    def _data(self, frame: CanFrame, parts: FrameId, name: str) -> DecodedFrame:
         """Return what a frame of the table says."""
         destination = _destination(parts)
         if len(frame.data) != _FULL:
-            return Decoded(frame, name, parts.sa, destination, fault=_odd(frame, _FULL))
+            return DecodedFrame(frame, name, parts.sa, destination, fault=_odd(frame, _FULL))
         layout = self.dialect.layouts[name]
         record = self._codec.decode(name, frame.data)
         values = tuple(self._values(layout, record))
-        return Decoded(frame, name, parts.sa, destination, record, values)
+        return DecodedFrame(frame, name, parts.sa, destination, record, values)
 
-    def _values(self, layout: Layout, record: Record) -> Iterator[Value]:
+    def _values(self, layout: FrameLayout, record: Record) -> Iterator[DecodedValue]:
         for field in layout.fields:
             content = getattr(record, field.name)
             if field.quantity is None:
-                yield Value(field.name, field.title, content)
+                yield DecodedValue(field.name, field.title, content)
             else:
                 quantity = self._quantity(field, field.quantity, record)
                 digits = quantity.digits if quantity.steps else None
-                yield Value(field.name, field.title, content, quantity.unit, digits)
+                yield DecodedValue(field.name, field.title, content, quantity.unit, digits)
 
-    def _quantity(self, field: Field, quantity: Quantity, record: Record) -> Quantity:
+    def _quantity(self, field: SignalField, quantity: Quantity, record: Record) -> Quantity:
         """Return what a field holds: a command is a current where the inputs beside it say torque."""
         is_current = field.torque and int(record.raw.get("inputs", 0)) & self.dialect.inputs.masks[field.torque]
         return CURRENT if is_current else quantity
 
     # --- broadcasts (sections 2.3 to 2.9) and requests ----------------------------------------------------------------
 
-    def _broadcast(self, frame: CanFrame, parts: Id) -> Decoded:
+    def _broadcast(self, frame: CanFrame, parts: FrameId) -> DecodedFrame:
         group, number = divmod(parts.ps, ids.BROADCASTS)
         name = f"BR{number}"
         data = frame.data.hex(" ").upper() or "-"
         if self.group not in (None, group):
-            fault = Fault(N_("{name} of group {group}: {data}"), (("name", name), ("group", group), ("data", data)))
-            return Decoded(frame, UNKNOWN, parts.sa, None, fault=fault)
+            fault = FrameFault(
+                N_("{name} of group {group}: {data}"), (("name", name), ("group", group), ("data", data))
+            )
+            return DecodedFrame(frame, UNKNOWN, parts.sa, None, fault=fault)
         self._learn(parts.sa, is_host=False)
         if number not in self.dialect.broadcasts:
-            value = Value("data", N_("data"), data)
-            return Decoded(frame, name, parts.sa, None, BUF(data=bytes(frame.data)), (value,))
+            value = DecodedValue("data", N_("data"), data)
+            return DecodedFrame(frame, name, parts.sa, None, BUF(data=bytes(frame.data)), (value,))
         return self._data(frame, parts, name)
 
-    def _request(self, frame: CanFrame, parts: Id) -> Decoded:
+    def _request(self, frame: CanFrame, parts: FrameId) -> DecodedFrame:
         fault = _odd(frame, _REQUEST)
         destination = _destination(parts)
         if len(frame.data) < _REQUEST:
-            return Decoded(frame, REQUEST, parts.sa, destination, fault=fault)
+            return DecodedFrame(frame, REQUEST, parts.sa, destination, fault=fault)
         ps, pf, page = frame.data[:_REQUEST]
         wanted, group = f"0x{page:02X}{pf:02X}{ps:02X}", None
         if (pf, page) == (ids.BROADCAST, 0):
@@ -256,10 +258,10 @@ class Decoder:
             self._learn(parts.sa, is_host=True)
             if destination is not None:
                 self._learn(destination, is_host=False)
-        values = [Value("wanted", _WANTED, wanted)]
+        values = [DecodedValue("wanted", _WANTED, wanted)]
         if group is not None:
-            values.append(Value("group", N_("group"), group))
-        return Decoded(frame, REQUEST, parts.sa, destination, values=tuple(values), fault=fault)
+            values.append(DecodedValue("group", N_("group"), group))
+        return DecodedFrame(frame, REQUEST, parts.sa, destination, values=tuple(values), fault=fault)
 
     def _learn(self, address: int, *, is_host: bool) -> None:
         self._is_host[address] = is_host
@@ -268,50 +270,50 @@ class Decoder:
 # --- multi-packet messages --------------------------------------------------------------------------------------------
 
 
-def _control(frame: CanFrame, parts: Id) -> Decoded:
+def _control(frame: CanFrame, parts: FrameId) -> DecodedFrame:
     data, destination = frame.data, _destination(parts)
     if len(data) != _FULL:
-        return Decoded(frame, CONTROL, parts.sa, destination, fault=_odd(frame, _FULL))
+        return DecodedFrame(frame, CONTROL, parts.sa, destination, fault=_odd(frame, _FULL))
     kind = data[0]
-    values = [Value("kind", N_("control"), KINDS.get(kind, f"0x{kind:02X}"))]
+    values = [DecodedValue("kind", N_("control"), KINDS.get(kind, f"0x{kind:02X}"))]
     for part in PARTS:
         if kind in part.kinds:
             number = int.from_bytes(data[part.start : part.start + part.size], "little")
             note = REASONS.get(number) if part.name == "reason" else None
-            values.append(Value(part.name, part.title, number, part.unit, note=note))
+            values.append(DecodedValue(part.name, part.title, number, part.unit, note=note))
     pgn = int.from_bytes(data[PGN_AT:], "little")
-    values.append(Value("pgn", "PGN", f"0x{pgn:06X}"))
-    return Decoded(frame, CONTROL, parts.sa, destination, values=tuple(values))
+    values.append(DecodedValue("pgn", "PGN", f"0x{pgn:06X}"))
+    return DecodedFrame(frame, CONTROL, parts.sa, destination, values=tuple(values))
 
 
-def _transfer(frame: CanFrame, parts: Id) -> Decoded:
+def _transfer(frame: CanFrame, parts: FrameId) -> DecodedFrame:
     destination = _destination(parts)
     if len(frame.data) != _FULL:
-        return Decoded(frame, TRANSFER, parts.sa, destination, fault=_odd(frame, _FULL))
+        return DecodedFrame(frame, TRANSFER, parts.sa, destination, fault=_odd(frame, _FULL))
     values = (
-        Value("number", N_("packet"), frame.data[0]),
-        Value("data", N_("data"), frame.data[1:].hex(" ").upper()),
+        DecodedValue("number", N_("packet"), frame.data[0]),
+        DecodedValue("data", N_("data"), frame.data[1:].hex(" ").upper()),
     )
-    return Decoded(frame, TRANSFER, parts.sa, destination, values=values)
+    return DecodedFrame(frame, TRANSFER, parts.sa, destination, values=values)
 
 
 # --- what all of them need --------------------------------------------------------------------------------------------
 
 
-def _destination(parts: Id) -> int | None:
+def _destination(parts: FrameId) -> int | None:
     return None if parts.pf >= _FIRST_FOR_ALL or parts.ps == ids.EVERYONE else parts.ps
 
 
 _FIRST_FOR_ALL: Final = 0xF0  # PF from which on PS is no address
 
 
-def _odd(frame: CanFrame, length: int) -> Fault | None:
+def _odd(frame: CanFrame, length: int) -> FrameFault | None:
     """Return what is wrong with a frame's length."""
     if len(frame.data) == length:
         return None
     data = frame.data.hex(" ").upper() or "-"
     values = (("count", len(frame.data)), ("length", length), ("data", data))
-    return Fault(N_("{count} bytes instead of {length}: {data}"), values)
+    return FrameFault(N_("{count} bytes instead of {length}: {data}"), values)
 
 
 def _flag_texts(flags: Flags) -> Iterator[str]:

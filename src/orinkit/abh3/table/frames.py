@@ -9,7 +9,7 @@ from operator import truediv
 from typing import Any, Final, NamedTuple, TypeVar
 
 from orinkit.abh3.table.records import BUF, RECORDS, Flags, Record
-from orinkit.abh3.table.signals import CURRENT, V1, Dialect, Field, Layout, Quantity, Word
+from orinkit.abh3.table.signals import CURRENT, V1, Dialect, FrameLayout, Quantity, SignalField, Word
 from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.values.pose_numbers import brief
@@ -29,7 +29,7 @@ class Codec:
     def __init__(self, dialect: Dialect = V1) -> None:
         self.dialect = dialect
         self._records = RECORDS[dialect.name]
-        self._readers = {name: _Reader.of(self._records[name], layout) for name, layout in dialect.layouts.items()}
+        self._readers = {name: _FrameReader.of(self._records[name], layout) for name, layout in dialect.layouts.items()}
 
     def decode(self, name: str, data: bytes) -> Record:
         """Return the record of a frame.
@@ -97,7 +97,7 @@ class Codec:
             )
         )
 
-    def _code(self, layout: Layout, field: Field, record: Record) -> int | float:
+    def _code(self, layout: FrameLayout, field: SignalField, record: Record) -> int | float:
         value = getattr(record, field.name)
         if field.word is not None:
             return _word(field.title, value)
@@ -107,7 +107,7 @@ class Codec:
         inputs = _word(self.dialect.inputs.title, getattr(record, "inputs", 0))
         return self._quantity(layout, field, inputs).encode(value)
 
-    def _quantity(self, layout: Layout, field: Field, inputs: int) -> Quantity:
+    def _quantity(self, layout: FrameLayout, field: SignalField, inputs: int) -> Quantity:
         """Return the quantity of a field: a command is a current where the inputs beside it say torque."""
         assert field.quantity is not None
         if field.torque and layout.name == "DP0S" and inputs & self.dialect.inputs.masks[field.torque]:
@@ -124,7 +124,7 @@ class Codec:
         ]
 
 
-class _Reader(NamedTuple):
+class _FrameReader(NamedTuple):
     """How a frame is read.
 
     Attributes:
@@ -140,7 +140,7 @@ class _Reader(NamedTuple):
     steps: tuple[int, ...]
 
     @classmethod
-    def of(cls, kind: type[Record], layout: Layout) -> _Reader:
+    def of(cls, kind: type[Record], layout: FrameLayout) -> _FrameReader:
         """Return how a frame is read."""
         quantities = [field.quantity for field in layout.fields]
         steps = tuple(q.steps for q in quantities if q is not None and q.steps and not q.whole)
@@ -148,7 +148,7 @@ class _Reader(NamedTuple):
         return cls(kind, layout.struct.unpack, reads, steps if len(steps) == len(quantities) else ())
 
 
-def _reader(field: Field) -> Callable[[Any], Any]:
+def _reader(field: SignalField) -> Callable[[Any], Any]:
     word = field.word
     if word is not None:
         return lambda code: Flags(code, word)
@@ -172,7 +172,7 @@ def _word(title: str, value: object) -> int:
     raise InvalidValue(tr("{name}: a word of 32 bits is needed, not {number}", name=tr(title), number=brief(number)))
 
 
-def _single(field: Field, value: float) -> float:
+def _single(field: SignalField, value: float) -> float:
     """Return a number as the single float that the wire has.
 
     Raises:

@@ -29,7 +29,7 @@ GROUPS: Final = 32
 BROADCASTS: Final = 8
 
 
-class Id(NamedTuple):
+class FrameId(NamedTuple):
     """The parts of an identifier.
 
     Attributes:
@@ -49,7 +49,7 @@ class Id(NamedTuple):
     reserved: int = 0
 
     @classmethod
-    def parse(cls, number: int) -> Id:
+    def parse(cls, number: int) -> FrameId:
         """Return the parts of an identifier."""
         return cls(
             number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF, number >> 24 & 1, number >> 26 & 7, number >> 25 & 1
@@ -67,17 +67,17 @@ class Id(NamedTuple):
 
 def single(destination: int, source: int, *, dp: int = 0, priority: int = 0) -> int:
     """Return the identifier of a single packet (sections 2.1, 2.2)."""
-    return int(Id(SINGLE, destination, source, dp, priority))
+    return int(FrameId(SINGLE, destination, source, dp, priority))
 
 
 def request(destination: int, source: int, *, priority: int = 0) -> int:
     """Return the identifier of a request; to all drivers with :data:`EVERYONE`."""
-    return int(Id(REQUEST, destination, source, 0, priority))
+    return int(FrameId(REQUEST, destination, source, 0, priority))
 
 
 def broadcast(group: int, number: int, source: int, *, priority: int = 0) -> int:
     """Return the identifier of a broadcast (sections 2.3 to 2.9)."""
-    return int(Id(BROADCAST, group * BROADCASTS + number, source, 0, priority))
+    return int(FrameId(BROADCAST, group * BROADCASTS + number, source, 0, priority))
 
 
 def pgn(pf: int, ps: int, *, dp: int = 0) -> bytes:

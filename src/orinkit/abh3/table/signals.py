@@ -185,7 +185,7 @@ _LAST_BIT: Final = 31
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class SignalField:
     """A field of a frame's data.
 
     Attributes:
@@ -206,7 +206,7 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Layout:
+class FrameLayout:
     """A frame with data.
 
     Attributes:
@@ -223,7 +223,7 @@ class Layout:
     name: str
     title: str
     section: str
-    fields: tuple[Field, ...]
+    fields: tuple[SignalField, ...]
     dp: int = 0
     broadcast: int | None = None
     from_host: bool = False
@@ -235,7 +235,7 @@ class Layout:
         return Struct("<" + "".join(field.code for field in self.fields))
 
     @property
-    def starts(self) -> Iterator[tuple[Field, int]]:
+    def starts(self) -> Iterator[tuple[SignalField, int]]:
         """Each field and the number of its first bit."""
         start = 0
         for field in self.fields:
@@ -243,39 +243,39 @@ class Layout:
             start += 8 * Struct(field.code).size
 
 
-def _of(quantity: Quantity, code: str, *fields: tuple[str, str]) -> tuple[Field, ...]:
-    return tuple(Field(name, title, code, quantity) for name, title in fields)
+def _of(quantity: Quantity, code: str, *fields: tuple[str, str]) -> tuple[SignalField, ...]:
+    return tuple(SignalField(name, title, code, quantity) for name, title in fields)
 
 
-def _flags(name: str, word: Word) -> Field:
-    return Field(name, word.title, "I", word=word)
+def _flags(name: str, word: Word) -> SignalField:
+    return SignalField(name, word.title, "I", word=word)
 
 
 _COMMANDS: Final = (
-    Field("ay_command", N_("A/Y command"), "h", VELOCITY, torque="ay_torque"),
-    Field("bx_command", N_("B/X command"), "h", VELOCITY, torque="bx_torque"),
+    SignalField("ay_command", N_("A/Y command"), "h", VELOCITY, torque="ay_torque"),
+    SignalField("bx_command", N_("B/X command"), "h", VELOCITY, torque="bx_torque"),
 )
 _ALIKE: Final = (
-    Layout("DP1R", N_("pulse counts"), "2.2",
+    FrameLayout("DP1R", N_("pulse counts"), "2.2",
         _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
         dp=1, withheld=True),
-    Layout("BR2", N_("velocities"), "2.5", _of(VELOCITY, "h",
+    FrameLayout("BR2", N_("velocities"), "2.5", _of(VELOCITY, "h",
         ("ay_velocity_command", N_("A/Y velocity command")),
         ("bx_velocity_command", N_("B/X velocity command")),
         ("ay_velocity", N_("A/Y velocity feedback")),
         ("bx_velocity", N_("B/X velocity feedback"))), broadcast=2),
-    Layout("BR3", N_("currents and loads"), "2.6", (
+    FrameLayout("BR3", N_("currents and loads"), "2.6", (
         *_of(CURRENT, "h", ("ay_current_command", N_("A/Y current command")),
              ("bx_current_command", N_("B/X current command"))),
         *_of(LOAD, "H", ("a_load", N_("A load")), ("b_load", N_("B load")))), broadcast=3),
-    Layout("BR4", N_("pulse counts"), "2.7",
+    FrameLayout("BR4", N_("pulse counts"), "2.7",
         _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
         broadcast=4),
-    Layout("BR5", N_("analog inputs and supplies"), "2.8", (
+    FrameLayout("BR5", N_("analog inputs and supplies"), "2.8", (
         *_of(ANALOG, "h", ("analog_0", N_("analog input 0")), ("analog_1", N_("analog input 1"))),
         *_of(VOLTAGE, "H", ("main_voltage", N_("main supply voltage")),
              ("control_voltage", N_("control supply voltage")))), broadcast=5),
-    Layout("BR6", N_("monitors"), "2.9",
+    FrameLayout("BR6", N_("monitors"), "2.9",
         _of(MONITOR, "f", ("monitor_0", N_("monitor 0")), ("monitor_1", N_("monitor 1"))),
         broadcast=6),
 )  # fmt: skip
@@ -304,10 +304,10 @@ class Dialect:
     errors: Word
     warnings: Word
     io: Word
-    layouts: Mapping[str, Layout]
+    layouts: Mapping[str, FrameLayout]
 
     @cached_property
-    def broadcasts(self) -> Mapping[int, Layout]:
+    def broadcasts(self) -> Mapping[int, FrameLayout]:
         """The broadcasts by their numbers."""
         return {layout.broadcast: layout for layout in self.layouts.values() if layout.broadcast is not None}
 
@@ -329,16 +329,16 @@ _LOADS: Final = {1.0: LOAD, 0.1: LOAD_TENTHS}
 
 
 def _dialect(
-    name: str, title: str, words: tuple[Word, ...], feedback: tuple[Field, ...], states: tuple[Field, ...]
+    name: str, title: str, words: tuple[Word, ...], feedback: tuple[SignalField, ...], states: tuple[SignalField, ...]
 ) -> Dialect:
     inputs, control, errors, warnings, io = words
     layouts = (
-        Layout("DP0S", N_("command"), "2.1", (*_COMMANDS, _flags("inputs", inputs)), from_host=True),
-        Layout("DP0R", N_("feedback"), "2.1", feedback),
+        FrameLayout("DP0S", N_("command"), "2.1", (*_COMMANDS, _flags("inputs", inputs)), from_host=True),
+        FrameLayout("DP0R", N_("feedback"), "2.1", feedback),
         _ALIKE[0],
-        Layout("BR0", N_("errors and warnings"), "2.3",
+        FrameLayout("BR0", N_("errors and warnings"), "2.3",
                (_flags("errors", errors), _flags("warnings", warnings)), broadcast=0),
-        Layout("BR1", N_("states"), "2.4", states, broadcast=1),
+        FrameLayout("BR1", N_("states"), "2.4", states, broadcast=1),
         *_ALIKE[1:],
     )  # fmt: skip
     return Dialect(name, title, inputs, control, errors, warnings, io, {layout.name: layout for layout in layouts})

@@ -35,7 +35,7 @@ PGN_AT: Final = 5
 """Where the PGN begins, in bytes: it has the last three."""
 
 
-class Part(NamedTuple):
+class ControlField(NamedTuple):
     """A number in a control frame, little endian.
 
     Attributes:
@@ -56,10 +56,10 @@ class Part(NamedTuple):
 
 
 PARTS: Final = (
-    Part("size", N_("message"), "byte", 1, 2, (RTS, END, BAM)),
-    Part("packets", N_("packets"), "", 3, 1, (RTS, END, BAM)),
-    Part("most_at_once", N_("most packets for one CTS"), "", 4, 1, (RTS,)),
-    Part("allowed", N_("packets that may be sent"), "", 1, 1, (CTS,)),
-    Part("next", N_("next packet"), "", 2, 1, (CTS,)),
-    Part("reason", N_("reason"), "", 1, 1, (ABORT,)),
+    ControlField("size", N_("message"), "byte", 1, 2, (RTS, END, BAM)),
+    ControlField("packets", N_("packets"), "", 3, 1, (RTS, END, BAM)),
+    ControlField("most_at_once", N_("most packets for one CTS"), "", 4, 1, (RTS,)),
+    ControlField("allowed", N_("packets that may be sent"), "", 1, 1, (CTS,)),
+    ControlField("next", N_("next packet"), "", 2, 1, (CTS,)),
+    ControlField("reason", N_("reason"), "", 1, 1, (ABORT,)),
 )

@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -41,7 +41,7 @@ class Chain:
         reach: no point of the flange is farther from ``base``, mm.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: ArmModel) -> None:
         self.base, self.shoulder, self.upper, self.fore, wrist, flange = model.origins
         self.wrist = (wrist[0], 0.0, wrist[2])
         self.flange = (flange[0], flange[1] + wrist[1], flange[2])

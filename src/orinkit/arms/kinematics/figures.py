@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from orinkit.arms import Axis, Model
+from orinkit.arms import ArmModel, AxisModel
 from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
 
 LEFTY: Final = 1
@@ -93,7 +93,7 @@ def around(angles: Array, centre: Array) -> Array:
     return angles - 360.0 * np.ceil((angles - centre - 180.0 - _ANGLE_NOISE) / 360.0)
 
 
-def turn_centres(model: Model) -> Array:
+def turn_centres(model: ArmModel) -> Array:
     """Return the angles (6,), deg, around which solutions are given, before any DOUBLE.
 
     Joints 1, 4 and 6 are SINGLE, so 0; a joint without a bit is where its limits are.
@@ -108,7 +108,7 @@ def turn_centres(model: Model) -> Array:
 
 
 def with_turns(
-    joints: Sequence[float], figure: int, axes: Sequence[Axis], near: Sequence[float] | None
+    joints: Sequence[float], figure: int, axes: Sequence[AxisModel], near: Sequence[float] | None
 ) -> list[float] | None:
     """Return joints with the DOUBLE bits of a figure.
 
@@ -132,7 +132,7 @@ def with_turns(
     return turned
 
 
-def all_turns(joints: Sequence[float], axes: Sequence[Axis]) -> Iterable[list[float]]:
+def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[list[float]]:
     """Return joints, whose joints 1, 4 and 6 are SINGLE, and with each DOUBLE that is within the limits."""
     choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
     for index, _ in DOUBLE_BITS:
@@ -140,10 +140,10 @@ def all_turns(joints: Sequence[float], axes: Sequence[Axis]) -> Iterable[list[fl
     return map(list, product(*choices))
 
 
-def within(value: float, axis: Axis) -> bool:
+def within(value: float, axis: AxisModel) -> bool:
     """Return whether a joint is within the soft limits of its axis."""
     return axis.lower - LIMIT_TOLERANCE <= value <= axis.upper + LIMIT_TOLERANCE
 
 
-def _doubles(angle: float, axis: Axis) -> list[float]:
+def _doubles(angle: float, axis: AxisModel) -> list[float]:
     return [turned for turned in (angle + 360.0, angle - 360.0) if within(turned, axis)]

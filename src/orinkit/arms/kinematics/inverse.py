@@ -1,6 +1,6 @@
 """From the flange to the joints, in closed form.
 
-:class:`Arm` is joints 1 to 3 up to the wrist centre, :class:`SphericalWrist` all of an arm whose last three axes cross in
+:class:`ArmGeometry` is joints 1 to 3 up to the wrist centre, :class:`SphericalWrist` all of an arm whose last three axes cross in
 one point. All functions take any number of flanges at once. Angles are radians inside this module and degrees in what it returns.
 """
 
@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.arms.kinematics.chain import RADIAN, Array, Chain
 from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, around, figure_of, turn_centres
 
@@ -28,7 +28,7 @@ _STEP_NOISE: Final = 1e-6  # deg
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
+class ArmGeometry:
     """Lengths and angles of the arm up to the wrist centre: joints 1 to 3 from a point.
 
     Attributes:
@@ -48,7 +48,7 @@ class Arm:
     fore_angle: float
 
     @classmethod
-    def of(cls, chain: Chain) -> Arm:
+    def of(cls, chain: Chain) -> ArmGeometry:
         """Return the arm of a chain."""
         x, z = chain.fore[0], chain.fore[2] + chain.wrist[2]
         return cls(
@@ -114,9 +114,9 @@ class SphericalWrist:
         chain: its frames.
     """
 
-    def __init__(self, model: Model, chain: Chain) -> None:
+    def __init__(self, model: ArmModel, chain: Chain) -> None:
         self._chain = chain
-        self._arm = Arm.of(chain)
+        self._arm = ArmGeometry.of(chain)
         self._centres = turn_centres(model)
         self._base = np.array(chain.base)
 

@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
 from orinkit.arms.kinematics.figures import around, turn_centres
-from orinkit.arms.kinematics.inverse import Arm, Mask, seen_from_forearm
+from orinkit.arms.kinematics.inverse import ArmGeometry, Mask, seen_from_forearm
 from orinkit.arms.kinematics.roots import Samples, all_roots
 
 _SAMPLES: Final = 96  # of one turn of joint 6
@@ -39,9 +39,9 @@ class Search:
         chain: its frames.
     """
 
-    def __init__(self, model: Model, chain: Chain) -> None:
+    def __init__(self, model: ArmModel, chain: Chain) -> None:
         self._chain = chain
-        self._arm = Arm.of(chain)
+        self._arm = ArmGeometry.of(chain)
         self._centres = turn_centres(model)
         self._base = np.array(chain.base)
         self._scale = 1.0 / (RADIAN * chain.reach)  # a mm at the flange, as deg of the arm

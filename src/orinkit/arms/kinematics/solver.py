@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.arms.kinematics import figures
 from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain, joints_of
 from orinkit.arms.kinematics.inverse import Mask, SphericalWrist
@@ -50,7 +50,7 @@ class Kinematics:
         model: the arm.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: ArmModel) -> None:
         self.model = model
         self._chain = Chain(model)
         self._wrist = SphericalWrist(model, self._chain) if SphericalWrist.fits(self._chain) else None

@@ -16,7 +16,7 @@ from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
 from orinkit.cli._shared.errors import unusable
 from orinkit.cli._shared.files import read_token
-from orinkit.cli._shared.transcript import Packet, Transcript
+from orinkit.cli._shared.transcript import TracedPacket, Transcript
 from orinkit.client._shared.common import RC8, dialect_of
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.hresult import signed
@@ -41,7 +41,7 @@ Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document; by
 
 @Parameter(name="*", group=CONNECTION)
 @dataclass(frozen=True)
-class Connection:
+class ConnectionOptions:
     """How to connect."""
 
     provider: Annotated[
@@ -159,14 +159,14 @@ def _words(controller: orinkit.Controller, error: CallError) -> str:
     return printable(" ".join(words.split()), _MOST_WORDS)
 
 
-def _to_stderr(packet: Packet) -> None:
+def _to_stderr(packet: TracedPacket) -> None:
     for line in packet.lines():
         print(line, file=sys.stderr)
 
 
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
-class Owning:
+class OwnerOptions:
     """Whose variable it is; the controller's if nothing is named."""
 
     robot: Annotated[str | None, Parameter(help=tr("A robot, by name."))] = None

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from orinkit.cao.shared_secret import check_secret
-from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.files import is_private, read
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -34,14 +34,14 @@ def read_secret(path: str) -> str:
     """
     text = read(OPTION, path)[:_LONGEST].decode("utf-8", "replace").strip()
     if not is_private(path):
-        raise Failure(
+        raise CommandError(
             tr("{option} {path}: others can read or change the file. Try: chmod 600 {path}", option=OPTION, path=path),
             2,
         )
     try:
         return check_secret(text)
     except InvalidValue as error:
-        raise Failure(f"{OPTION} {path}: {error}", 2) from None
+        raise CommandError(f"{OPTION} {path}: {error}", 2) from None
 
 
 def find_secret(address: Address) -> str:
@@ -117,8 +117,8 @@ def _runtime_directory() -> Path:
     return directory
 
 
-def _cannot(path: str, reason: str) -> Failure:
-    return Failure(
+def _cannot(path: str, reason: str) -> CommandError:
+    return CommandError(
         tr(
             "the secret of the control port cannot be kept in {path}: {reason}. Try: {option} FILE, "
             "in a directory of yours",

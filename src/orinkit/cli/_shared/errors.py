@@ -10,7 +10,7 @@ import cyclopts
 from orinkit.core.i18n import tr
 
 
-class Failure(Exception):
+class CommandError(Exception):
     """Ends a command with a line on stderr.
 
     Args:
@@ -23,9 +23,9 @@ class Failure(Exception):
         self.code = code
 
 
-def unusable(text: str) -> Failure:
+def unusable(text: str) -> CommandError:
     """Return the exception for a command line that cannot be used; the text is in the current language."""
-    return Failure(text, 2)
+    return CommandError(text, 2)
 
 
 def usage_text(error: cyclopts.CycloptsError) -> str:

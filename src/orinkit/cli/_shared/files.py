@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.i18n import tr
 
 _LONGEST: Final = 65536  # bytes of a token's file
@@ -21,7 +21,7 @@ def read(option: str, path: str) -> bytes:
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
-        raise Failure(f"{option} {path}: {error}", 2) from None
+        raise CommandError(f"{option} {path}: {error}", 2) from None
 
 
 def is_private(path: str | Path) -> bool:

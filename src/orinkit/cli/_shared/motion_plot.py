@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from orinkit.cli._shared.motion_record import Recording
-from orinkit.cli._shared.picture import DASHES, Label
+from orinkit.cli._shared.motion_record import MotionRecording
+from orinkit.cli._shared.picture import DASHES, Translate
 from orinkit.core.i18n import N_, tr
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def draw(recording: Recording, figure: Figure, label: Label = tr) -> None:
+def draw(recording: MotionRecording, figure: Figure, label: Translate = tr) -> None:
     """Draw a recording: three diagrams below each other, a line for each joint, dashed in ever other ways from the second.
 
     Args:
@@ -57,7 +57,7 @@ def draw(recording: Recording, figure: Figure, label: Label = tr) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=9)
 
 
-def _title(recording: Recording, label: Label) -> str:
+def _title(recording: MotionRecording, label: Translate) -> str:
     if all(row == recording.command[0] for row in recording.command):
         return label(N_("the arm did not move"))
     seconds = recording.times[-1] - recording.times[0]

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import orinkit
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.errors import InvalidValue, TransportError
 from orinkit.core.i18n import tr
-from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME, Row, Table, numbers, wrong
+from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME, CsvRow, CsvTable, numbers, wrong
 
 PERIOD: Final = 0.008
 """Seconds between two records (RC8 4.1)."""
@@ -28,7 +28,7 @@ _COLUMNS: Final = 4  # of a joint in a record: command, encoder, current, load
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class MotionRecording:
     """Joints over time.
 
     Attributes:
@@ -44,7 +44,7 @@ class Recording:
     encoder: Sequence[Sequence[float]]
 
 
-class Recorder:
+class MotionRecorder:
     """Has the controller record a motion, and writes it to a file when the block ends, however it ends.
 
     Args:
@@ -86,7 +86,7 @@ class Recorder:
             self._running = False
             self._robot.execute("StopLog")
 
-    def _fetch(self) -> Recording:
+    def _fetch(self) -> MotionRecording:
         count = _whole(self._robot.execute("GetLogCount"))
         records = []
         for index in range(count):
@@ -105,14 +105,14 @@ def check_directory(path: Path) -> None:
         raise unusable(tr("there is no directory {path}", path=path.parent))
 
 
-def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> Recording:
+def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> MotionRecording:
     """Return records of command and encoder, 8 joints each, as a recording; joints 7 and 8 only if they are used."""
     used = [
         axis
         for axis in range(_AXES)
         if axis < _ALWAYS or any(command[axis] or encoder[axis] for command, encoder in records)
     ]
-    return Recording(
+    return MotionRecording(
         [index * PERIOD for index in range(len(records))],
         [axis + 1 for axis in used],
         [[command[axis] for axis in used] for command, _ in records],
@@ -120,7 +120,7 @@ def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> 
     )
 
 
-def write_csv(path: Path, recording: Recording) -> None:
+def write_csv(path: Path, recording: MotionRecording) -> None:
     """Write a recording.
 
     Raises:
@@ -134,10 +134,10 @@ def write_csv(path: Path, recording: Recording) -> None:
             for time, command, encoder in zip(recording.times, recording.command, recording.encoder, strict=True):
                 writer.writerow([f"{time:.3f}", *(f"{value:.6f}" for value in (*command, *encoder))])
     except OSError as error:
-        raise Failure(tr("cannot write {path}: {reason}", path=path, reason=error.strerror)) from None
+        raise CommandError(tr("cannot write {path}: {reason}", path=path, reason=error.strerror)) from None
 
 
-def read_csv(path: Path) -> Recording:
+def read_csv(path: Path) -> MotionRecording:
     """Read a recording.
 
     Raises:
@@ -146,12 +146,12 @@ def read_csv(path: Path) -> Recording:
     try:
         return _read(path)
     except InvalidValue as error:
-        raise Failure(str(error), 2) from None
+        raise CommandError(str(error), 2) from None
 
 
-def _read(path: Path) -> Recording:
-    rows = Table(path).rows()
-    header = next(rows, Row(1, []))
+def _read(path: Path) -> MotionRecording:
+    rows = CsvTable(path).rows()
+    header = next(rows, CsvRow(1, []))
     names = header.cells
     commands, encoders = _columns(names, COMMAND), _columns(names, ENCODER)
     if TIME not in names or not commands or len(set(names)) < len(names):
@@ -175,7 +175,7 @@ def _read(path: Path) -> Recording:
     if any(after <= before for before, after in pairwise(times)):
         raise wrong(path, 0, tr("rising times are wanted"))
     joints = list(commands)
-    return Recording(
+    return MotionRecording(
         times,
         joints,
         [row[1 : len(joints) + 1] for row in values],
@@ -202,5 +202,5 @@ def _whole(answer: Any) -> int:
     return answer
 
 
-def _not_understood(command: str, answer: Any) -> Failure:
-    return Failure(tr("{command} was answered with {answer!r:.80}", command=command, answer=answer))
+def _not_understood(command: str, answer: Any) -> CommandError:
+    return CommandError(tr("{command} was answered with {answer!r:.80}", command=command, answer=answer))

@@ -18,7 +18,7 @@ from orinkit.values.poses import J, P
 _SETTLING: Final = 2.0  # s that the encoders may be behind the command
 
 
-def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: Bar) -> None:
+def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: ProgressBar) -> None:
     """Look on until a motion is over and the arm stands.
 
     Args:
@@ -74,7 +74,7 @@ def notes_shown() -> Iterator[None]:
         raise
 
 
-class Bar:
+class ProgressBar:
     """A bar for each thing that takes its time; nothing where nobody sees it.
 
     Args:
@@ -120,7 +120,7 @@ class Bar:
         self._progress.update(self._tasks[what], completed=fraction, beside=beside)
 
 
-def reading(bar: Bar) -> Callable[[int, int], None]:
+def reading(bar: ProgressBar) -> Callable[[int, int], None]:
     """Return what shows how much of a record has been read."""
     return lambda count, of: bar.show(tr("reading the record"), count / of)
 

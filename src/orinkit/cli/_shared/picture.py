@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core import i18n
 from orinkit.core.i18n import tr, translate
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Label(Protocol):
+class Translate(Protocol):
     """Returns a message in the language of the picture, like :func:`orinkit.core.i18n.tr`."""
 
     def __call__(self, message: str, /, **values: object) -> str:
         """Return the message."""
 
 
-Drawing: TypeAlias = "Callable[[Figure, Label], None]"
+Drawing: TypeAlias = "Callable[[Figure, Translate], None]"
 """Draws on an empty figure."""
 
 FORMATS: Final = ("png", "svg", "pdf")
@@ -76,7 +76,7 @@ def save(drawing: Drawing, path: Path) -> None:
     try:
         figure.savefig(path, dpi=_DPI)
     except OSError as error:
-        raise Failure(tr("cannot write {path}: {reason}", path=path, reason=error.strerror)) from None
+        raise CommandError(tr("cannot write {path}: {reason}", path=path, reason=error.strerror)) from None
 
 
 def show(drawing: Drawing) -> None:
@@ -90,13 +90,13 @@ def show(drawing: Drawing) -> None:
     from matplotlib import pyplot as plt
 
     if mpl.get_backend().lower() in ("agg", "pdf", "svg", "ps", "cairo", "template"):
-        raise Failure(tr("there is no screen to show a picture on; leave --show out to write a file"))
+        raise CommandError(tr("there is no screen to show a picture on; leave --show out to write a file"))
     figure = plt.figure(figsize=_SIZE, layout="constrained")
     _with_font(lambda label: drawing(figure, label))
     plt.show()
 
 
-def _with_font(paint: Callable[[Label], None]) -> None:
+def _with_font(paint: Callable[[Translate], None]) -> None:
     """Paint in the current language; in English where no font has Japanese."""
     import matplotlib as mpl
     from matplotlib.font_manager import fontManager
@@ -117,4 +117,4 @@ def _library() -> None:
     try:
         import matplotlib as mpl  # noqa: F401 - is it there?
     except ImportError:
-        raise Failure(tr("plotting needs matplotlib: pip install 'orinkit[plot]'")) from None
+        raise CommandError(tr("plotting needs matplotlib: pip install 'orinkit[plot]'")) from None

@@ -13,12 +13,12 @@ from orinkit.cli._shared.web import HTTP
 from orinkit.core.i18n import tr
 from orinkit.server.aio_server import DEFAULT_URL
 from orinkit.transport.address import parse_address
-from orinkit.transport.registry import Option, aliases, entries, rows
+from orinkit.transport.registry import ServeOption, aliases, entries, rows
 
 LISTENING: Final = Group(tr("Network"), sort_key=8)
 
 
-class Offer(NamedTuple):
+class ListenTransport(NamedTuple):
     """A transport that a server can listen with.
 
     Attributes:
@@ -30,7 +30,7 @@ class Offer(NamedTuple):
 
     scheme: str
     help: str
-    option: Option
+    option: ServeOption
     http: bool = False
 
     @property
@@ -68,39 +68,39 @@ class Offer(NamedTuple):
         return url
 
 
-def _offers() -> Iterator[Offer]:
+def _offers() -> Iterator[ListenTransport]:
     for row in rows():
         if row.option is not None:
-            yield Offer(row.scheme, tr(row.option.help), row.option, row.http)
+            yield ListenTransport(row.scheme, tr(row.option.help), row.option, row.http)
     taken = {row.scheme for row in rows()}
     for scheme, entry in entries().items():
         if scheme not in taken and scheme.replace("-", "_").isidentifier():
             text = tr("Address to listen on with {scheme}, of {place}; may be given again.", scheme=scheme, place=entry.value)  # fmt: skip
-            yield Offer(scheme, text, Option(text))  # its package is imported when it is used
+            yield ListenTransport(scheme, text, ServeOption(text))  # its package is imported when it is used
 
 
 OFFERS: Final = tuple(_offers())
 
 
 @dataclass(frozen=True)
-class Places:
+class ListenAddresses:
     """What the options were given; each has a field, which :func:`places_class` adds."""
 
-    def of(self, offer: Offer) -> tuple[str, ...]:
+    def of(self, offer: ListenTransport) -> tuple[str, ...]:
         """Return what an option was given; for a flag that is set one place without a name."""
         given: tuple[str, ...] | bool = getattr(self, offer.name)
         if isinstance(given, bool):
             return ("",) if given else ()
         return given
 
-    def given(self) -> Iterator[tuple[Offer, str]]:
+    def given(self) -> Iterator[tuple[ListenTransport, str]]:
         """Yield each place, and the transport that it was given for."""
         for offer in OFFERS:
             for place in self.of(offer):
                 yield offer, place
 
 
-def places_class(first_help: str | None = None) -> type[Places]:
+def places_class(first_help: str | None = None) -> type[ListenAddresses]:
     """Return the class with a field for each transport.
 
     Args:
@@ -120,7 +120,7 @@ def places_class(first_help: str | None = None) -> type[Places]:
         fields.append((offer.name, Annotated[kind, parameter], field(default=default)))
     # Python 3.11 gives the class the module "types", and cyclopts looks at no class of the interpreter's own
     namespace = {"__module__": __name__}
-    made = make_dataclass("PlacesHere", fields, bases=(Places,), frozen=True, namespace=namespace)
+    made = make_dataclass("PlacesHere", fields, bases=(ListenAddresses,), frozen=True, namespace=namespace)
     return Parameter(name="*", group=LISTENING)(made)
 
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Annotated, Final
 from cyclopts import Parameter
 
 from orinkit.cao.provider import Provider
-from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.files import is_open_to_others
 from orinkit.cli._shared.interrupts import ending
-from orinkit.cli._shared.places import LISTENING, Places, places_class
-from orinkit.cli._shared.web import Web
+from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
+from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.core import logs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -32,22 +32,22 @@ from orinkit.transport.address import Address, is_loopback, parse_address
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 
 if TYPE_CHECKING:
-    PlacesHere = Places
+    PlacesHere = ListenAddresses
 else:
     PlacesHere = places_class()
 
 _CONTROL_CLIENTS: Final = 16
 _NOWHERE: Final = PlacesHere()
-_WEB: Final = Web()
+_WEB: Final = HttpServerOptions()
 
 
 @Parameter(name="*", group=LISTENING)
 @dataclass(frozen=True)
-class Listening:
+class ServerOptions:
     """Where to listen, and how much to take."""
 
     at: PlacesHere = _NOWHERE
-    web: Web = _WEB
+    web: HttpServerOptions = _WEB
     clients: Annotated[int, Parameter(converter=whole_number, help=tr("Most clients at a time."))] = DEFAULT_CLIENTS
     clients_per_address: Annotated[
         int | None,
@@ -76,7 +76,7 @@ class Listening:
     verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=tr("Log more."))] = False
 
 
-def check(listening: Listening) -> None:
+def check(listening: ServerOptions) -> None:
     """Refuse numbers and addresses that cannot be, before anything is opened.
 
     Raises:
@@ -95,13 +95,13 @@ def check(listening: Listening) -> None:
         check_dead_after(listening.dead_after)
         check_alive(listening.alive)
     except InvalidValue as error:
-        raise Failure(str(error).replace("dead_after", "--dead-after").replace("alive", "--alive"), 2) from None
+        raise CommandError(str(error).replace("dead_after", "--dead-after").replace("alive", "--alive"), 2) from None
     _urls(listening)
     _http_options(listening)
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
+class PendantListener:
     """A second listener, for this machine only.
 
     Attributes:
@@ -132,7 +132,7 @@ def check_control(url: str) -> None:
         )
 
 
-def begin_log(listening: Listening) -> None:
+def begin_log(listening: ServerOptions) -> None:
     """Have the log written to stderr; :func:`run` does so too, this is for commands that log something before."""
     if not listening.verbose:  # it tells of every request that a gateway makes
         logging.getLogger("httpx2").setLevel(logging.WARNING)
@@ -140,7 +140,11 @@ def begin_log(listening: Listening) -> None:
 
 
 def run(
-    providers: Sequence[Provider], listening: Listening, control: Control | None = None, *, before: Sequence[str] = ()
+    providers: Sequence[Provider],
+    listening: ServerOptions,
+    control: PendantListener | None = None,
+    *,
+    before: Sequence[str] = (),
 ) -> int:
     """Serve devices until SIGINT, SIGTERM or SIGHUP; says ``ready URL`` on stdout, a line for each listener.
 
@@ -157,8 +161,8 @@ def run(
 async def _serve(
     providers: Sequence[Provider],
     urls: Sequence[str],
-    listening: Listening,
-    control: Control | None,
+    listening: ServerOptions,
+    control: PendantListener | None,
     before: Sequence[str],
 ) -> None:
     stop = asyncio.Event()
@@ -209,7 +213,7 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _urls(listening: Listening) -> list[str]:
+def _urls(listening: ServerOptions) -> list[str]:
     """Return where to listen.
 
     Raises:
@@ -220,7 +224,7 @@ def _urls(listening: Listening) -> list[str]:
     return [offer.url(place, secure=secure) for offer, place in listening.at.given()] or [DEFAULT_URL]
 
 
-def _http_options(listening: Listening) -> HttpOptions:
+def _http_options(listening: ServerOptions) -> HttpOptions:
     return listening.web.options(served=any(offer.http for offer, _ in listening.at.given()))
 
 
@@ -229,7 +233,7 @@ def _port(url: str) -> int:
     return address.port if isinstance(address, Address) else 0
 
 
-def _warnings(listening: Listening) -> Iterator[str]:
+def _warnings(listening: ServerOptions) -> Iterator[str]:
     """Yield what should be known of who can use the device."""
     web = listening.web
     for offer, place in listening.at.given():

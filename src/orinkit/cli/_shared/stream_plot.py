@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from orinkit.cli._shared.picture import DASHES, Label
-from orinkit.cli._shared.stream_trace import Trace
+from orinkit.cli._shared.picture import DASHES, Translate
+from orinkit.cli._shared.stream_trace import StreamTrace
 from orinkit.core.i18n import N_, tr
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ _HEIGHT: Final = 2.2  # inch, of a diagram
 _MARGIN: Final = 1.2  # inch, above and below them
 
 
-def draw(trace: Trace, figure: Figure, label: Label = tr) -> None:
+def draw(trace: StreamTrace, figure: Figure, label: Translate = tr) -> None:
     """Draw a stream: a diagram for each value that changes, and one of how far the arm was off.
 
     Args:
@@ -50,7 +50,7 @@ def draw(trace: Trace, figure: Figure, label: Label = tr) -> None:
     figure.legend(handles=axes[0].get_lines(), loc="outside lower center", ncols=2)
 
 
-def _draw_value(trace: Trace, place: int, axes: Axes, label: Label) -> None:
+def _draw_value(trace: StreamTrace, place: int, axes: Axes, label: Translate) -> None:
     command = [row[place] for row in trace.command]
     axes.plot(trace.times, command, linewidth=1.4, color="C0", label=label(N_("command")))
     if trace.actual:

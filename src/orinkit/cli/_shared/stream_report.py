@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit import StreamResult, Timing
-from orinkit.cli._shared.stream_trace import Trace
+from orinkit.cli._shared.stream_trace import StreamTrace
 from orinkit.core.i18n import tr
 from orinkit.streaming.process.realtime import RealTime
 
@@ -16,7 +16,7 @@ _WIDTH: Final = 0.001  # s of a class of the histogram
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class StreamReport:
     """What became of a stream.
 
     Attributes:
@@ -28,7 +28,7 @@ class Report:
 
     result: StreamResult
     real_time: RealTime
-    trace: Trace
+    trace: StreamTrace
     record: str | None = None
 
     @property

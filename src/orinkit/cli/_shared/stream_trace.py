@@ -33,7 +33,7 @@ _MOST_ROWS: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class StreamTrace:
     """What was commanded and what the arm did.
 
     Attributes:
@@ -72,7 +72,7 @@ class Trace:
         return [place for place, column in enumerate(columns) if max(column) - min(column) > _STILL]
 
 
-def trace_of(samples: Iterable[Sample], kind: PoseKind, period: float) -> Trace:
+def trace_of(samples: Iterable[Sample], kind: PoseKind, period: float) -> StreamTrace:
     """Return the trace of what a stream answered with.
 
     Args:
@@ -81,11 +81,11 @@ def trace_of(samples: Iterable[Sample], kind: PoseKind, period: float) -> Trace:
         period: seconds between two of them.
     """
     name = _FEEDBACK[kind]
-    rows = [_Row(sample.number, sample.command, getattr(sample, name)) for sample in samples]
+    rows = [_TraceRow(sample.number, sample.command, getattr(sample, name)) for sample in samples]
     return _trace_of(rows, kind, period)
 
 
-class _Row(NamedTuple):
+class _TraceRow(NamedTuple):
     """A set-point, its number, and what came back."""
 
     number: int
@@ -93,11 +93,11 @@ class _Row(NamedTuple):
     actual: Sequence[float] | None
 
 
-def _trace_of(rows: Sequence[_Row], kind: PoseKind, period: float) -> Trace:
+def _trace_of(rows: Sequence[_TraceRow], kind: PoseKind, period: float) -> StreamTrace:
     names = [name.upper() for name in FIELDS[kind] if name != _FIGURE.lower()]
     size = min([len(names), *(len(row.command) for row in rows)])
     actual = [tuple(row.actual)[:size] for row in rows if row.actual is not None and len(row.actual) >= size]
-    return Trace(
+    return StreamTrace(
         [(row.number - rows[0].number) * period for row in rows],
         names[:size],
         [row.command[:size] for row in rows],
@@ -119,7 +119,7 @@ def is_recording(path: Path) -> bool:
         return False
 
 
-def read_trace(path: Path) -> Trace:
+def read_trace(path: Path) -> StreamTrace:
     """Read what a stream has recorded.
 
     Raises:
@@ -134,10 +134,10 @@ def read_trace(path: Path) -> Trace:
     return trace
 
 
-def _from_csv(path: Path) -> Trace:
-    from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME, Table, numbers, wrong
+def _from_csv(path: Path) -> StreamTrace:
+    from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME, CsvTable, numbers, wrong
 
-    rows = Table(path).rows()
+    rows = CsvTable(path).rows()
     header = next(rows).cells
     names = [name.removesuffix(COMMAND) for name in header if name.endswith(COMMAND) and name != _FIGURE + COMMAND]
     if not names or TIME not in header:
@@ -149,13 +149,13 @@ def _from_csv(path: Path) -> Trace:
     values = [numbers(path, row, len(header), wanted) for row in rows]
     count = len(names) + 1
     has_all = len(returned) == len(names)
-    return Trace(
+    return StreamTrace(
         [row[0] for row in values], names, [row[1:count] for row in values],
         [row[count:] for row in values] if has_all else [],
     )  # fmt: skip
 
 
-def _from_mcap(path: Path) -> Trace:
+def _from_mcap(path: Path) -> StreamTrace:
     from orinkit.streaming.trajectory.csv_file import wrong
 
     try:
@@ -169,12 +169,12 @@ def _from_mcap(path: Path) -> Trace:
         raise wrong(path, 0, tr("it is no recording of a stream ({error})", error=error)) from None
 
 
-def _messages(file: IO[bytes]) -> tuple[list[_Row], PoseKind, float]:
+def _messages(file: IO[bytes]) -> tuple[list[_TraceRow], PoseKind, float]:
     from orinkit.streaming.recording.recorder import INFO_TOPIC
 
     kind: PoseKind | None = None
     period = 0.0
-    rows: list[_Row] = []
+    rows: list[_TraceRow] = []
     for topic, data in _until_cut(file):
         found = json.loads(data)
         if topic == INFO_TOPIC:
@@ -182,7 +182,7 @@ def _messages(file: IO[bytes]) -> tuple[list[_Row], PoseKind, float]:
         elif kind is not None and len(rows) < _MOST_ROWS:
             actual = found.get(_FEEDBACK[kind])
             command = _finite(found["command"])
-            rows.append(_Row(int(found["number"]), command, None if actual is None else _finite(actual)))
+            rows.append(_TraceRow(int(found["number"]), command, None if actual is None else _finite(actual)))
     if kind is None:
         raise ValueError(INFO_TOPIC)
     return rows, kind, period

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from orinkit.bcap.dissect import Field, explain, one_line
+from orinkit.bcap.dissect import PacketField, explain, one_line
 from orinkit.cli._shared.output import padded, width
 
 _PER_LINE: Final = 24
@@ -18,7 +18,7 @@ _WIDEST_TEXT: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Packet:
+class TracedPacket:
     """One packet of a conversation, or one body of e-CAP.
 
     Attributes:
@@ -69,8 +69,8 @@ def _meaning(direction: str, data: bytes, request: bytes | None) -> str:
 class Transcript:
     """Is told every packet (``trace=`` of a client), keeps them, and hands each to ``show``."""
 
-    def __init__(self, show: Callable[[Packet], None] | None = None) -> None:
-        self.packets: list[Packet] = []
+    def __init__(self, show: Callable[[TracedPacket], None] | None = None) -> None:
+        self.packets: list[TracedPacket] = []
         self._show = show
         self._request: bytes | None = None
 
@@ -79,7 +79,7 @@ class Transcript:
         if direction == ">":
             self._request = data
         answered = self._request if direction == "<" else None
-        packet = Packet(direction, data, _meaning(direction, data, answered), answered)
+        packet = TracedPacket(direction, data, _meaning(direction, data, answered), answered)
         self.packets.append(packet)
         if self._show is not None:
             self._show(packet)
@@ -90,7 +90,7 @@ def hex_lines(data: bytes, per_line: int = _PER_LINE) -> list[str]:
     return [data[at : at + per_line].hex(" ") for at in range(0, len(data), per_line)]
 
 
-def field_lines(fields: list[Field]) -> list[str]:
+def field_lines(fields: list[PacketField]) -> list[str]:
     """Return an explanation as a table; an error is marked with an exclamation mark."""
     names = ["  " * field.level + field.name for field in fields]
     widest = max(map(width, names), default=0)

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.cli._shared.files import read, read_token
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -18,7 +18,7 @@ HTTP: Final = Group(tr("HTTP"), sort_key=9)
 
 @Parameter(name="*", group=HTTP)
 @dataclass(frozen=True)
-class Web:
+class HttpServerOptions:
     """Who is let in over HTTP, and the server's certificate."""
 
     token_file: Annotated[
@@ -71,7 +71,7 @@ class Web:
         try:
             return HttpOptions(token, self.cert or "", self.key or "", self.http_host, self.http_idle)
         except InvalidValue as error:
-            raise Failure(str(error), 2) from None
+            raise CommandError(str(error), 2) from None
 
     def _refuse_what_does_nothing(self, *, served: bool) -> None:
         if self.key is not None and self.cert is None:

@@ -13,7 +13,7 @@ from orinkit.cli.abh3.bus import FRAMES, BusOptions, FrameOptions, JsonLines, Ur
 from orinkit.core.i18n import tr
 
 if TYPE_CHECKING:
-    from orinkit.abh3.table.decoder import Decoded, Decoder
+    from orinkit.abh3.table.decoder import DecodedFrame, Decoder
     from orinkit.can.bus import Bus
 
 _BUS: Final = BusOptions()
@@ -98,7 +98,7 @@ def _left(end: float | None) -> float:
     return _SLICE if end is None else end - monotonic()
 
 
-def _print(decoded: Decoded, *, as_json: bool) -> None:
+def _print(decoded: DecodedFrame, *, as_json: bool) -> None:
     from orinkit.cli.abh3.show import json_line, line
 
     print((json_line if as_json else line)(decoded), flush=True)
@@ -120,10 +120,10 @@ def decode(
     frames: FrameOptions = _FRAMES,
 ) -> int:  # fmt: skip
     """Tell what the frames of a log say, a line for each; exit code 1 if there are lines that are no frames."""
-    from orinkit.cli.abh3.logs import Log
+    from orinkit.cli.abh3.logs import FrameLog
 
     decoder = frames.decoder()
-    log = Log(file)
+    log = FrameLog(file)
     for frame in log:
         _print(decoder.decode(frame), as_json=json)
     if log.passed_over:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from cyclopts import Group, Parameter
 
 from orinkit.abh3.table.signals import CURRENT, VELOCITY, Quantity
-from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli.abh3.bus import BusOptions, Url
-from orinkit.cli.abh3.feedback import Feedback, Shown, velocities_of, words
+from orinkit.cli.abh3.feedback import DriverFeedback, FeedbackDisplay, velocities_of, words
 from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 
@@ -63,7 +63,7 @@ class DriverOptions:
 
 @Parameter(name="*", group=_VEHICLE)
 @dataclass(frozen=True)
-class Vehicle:
+class VehicleOptions:
     """How a vehicle is to move, and its measures."""
 
     velocity: Annotated[float | None, Parameter(help=tr("Forwards, in m/s."))] = None
@@ -104,7 +104,7 @@ class Vehicle:
 
 
 @dataclass(frozen=True)
-class Plan:
+class DrivePlan:
     """What is to be done.
 
     Attributes:
@@ -121,7 +121,7 @@ class Plan:
     ay: float
     bx: float
     torque: bool
-    vehicle: Vehicle | None
+    vehicle: VehicleOptions | None
     seconds: float
     period: float
     reset: bool
@@ -181,7 +181,7 @@ class Plan:
 
 _BUS: Final = BusOptions()
 _OPTIONS: Final = DriverOptions()
-_STANDING: Final = Vehicle()
+_STANDING: Final = VehicleOptions()
 
 
 def drive(
@@ -212,7 +212,7 @@ def drive(
     json: Annotated[
         bool, Parameter(name="--json", help=tr("Print one JSON object for each line."))
     ] = False,
-    vehicle: Vehicle = _STANDING,
+    vehicle: VehicleOptions = _STANDING,
     options: DriverOptions = _OPTIONS,
     bus: BusOptions = _BUS,
 ) -> int:  # fmt: skip
@@ -221,7 +221,7 @@ def drive(
     Ctrl-C and SIGTERM end it early. A line for each command tells what the driver says.
     """
     _check_together(ay, bx, vehicle, torque=torque)
-    plan = Plan(
+    plan = DrivePlan(
         ay or 0.0, bx or 0.0, torque, vehicle if vehicle.given else None, seconds, period, not no_reset, keep_servo
     )
     plan.check()
@@ -230,7 +230,7 @@ def drive(
     from orinkit.abh3.api.names import connect
 
     with (
-        Shown(as_json=json) as shown,  # the last to end: signals end its waiting then, the motors are at rest
+        FeedbackDisplay(as_json=json) as shown,  # the last to end: signals end its waiting then, the motors are at rest
         Interrupts() as interrupts,
         connect(
             str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,
@@ -240,7 +240,7 @@ def drive(
         return _drive(driver, plan, interrupts, shown)
 
 
-def _check_together(ay: float | None, bx: float | None, vehicle: Vehicle, *, torque: bool) -> None:
+def _check_together(ay: float | None, bx: float | None, vehicle: VehicleOptions, *, torque: bool) -> None:
     axes = [name for name, value in (("--ay", ay), ("--bx", bx), ("--torque", torque or None)) if value is not None]
     if axes and vehicle.given:
         raise unusable(tr("{axes} cannot be given beside {options}", axes=', '.join(axes), options=', '.join(vehicle.given)))  # fmt: skip
@@ -248,7 +248,7 @@ def _check_together(ay: float | None, bx: float | None, vehicle: Vehicle, *, tor
         raise unusable(tr("nothing is to turn: --ay or --bx is missing (or --velocity or --turn)"))  # fmt: skip
 
 
-def _drive(driver: Driver[Any, Any], plan: Plan, interrupts: Interrupts, shown: Shown) -> int:
+def _drive(driver: Driver[Any, Any], plan: DrivePlan, interrupts: Interrupts, shown: FeedbackDisplay) -> int:
     """Do it; returns the exit code."""
     interrupts.check()
     _clear(driver, plan)
@@ -270,7 +270,7 @@ def _drive(driver: Driver[Any, Any], plan: Plan, interrupts: Interrupts, shown: 
     return 0
 
 
-def _clear(driver: Driver[Any, Any], plan: Plan) -> None:
+def _clear(driver: Driver[Any, Any], plan: DrivePlan) -> None:
     """Reset errors, or make sure that there are none.
 
     Raises:
@@ -282,7 +282,7 @@ def _clear(driver: Driver[Any, Any], plan: Plan) -> None:
     found = driver.errors()
     if found.errors:
         told = words(found.errors)
-        raise Failure(tr("the driver has errors: {errors}. Try: without --no-reset", errors=told))  # fmt: skip
+        raise CommandError(tr("the driver has errors: {errors}. Try: without --no-reset", errors=told))  # fmt: skip
 
 
 def _travels(driver: Driver[Any, Any]) -> bool:
@@ -292,7 +292,7 @@ def _travels(driver: Driver[Any, Any]) -> bool:
     return "travel_model" in control
 
 
-def _start(driver: Driver[Any, Any], plan: Plan) -> None:
+def _start(driver: Driver[Any, Any], plan: DrivePlan) -> None:
     if plan.torque:
         driver.set_input("torque", 1)
     driver.set_input("servo_on", 1)
@@ -301,10 +301,10 @@ def _start(driver: Driver[Any, Any], plan: Plan) -> None:
 
 def _keep_on(
     driver: Driver[Any, Any],
-    plan: Plan,
+    plan: DrivePlan,
     commands: tuple[float, float],
     interrupts: Interrupts,
-    shown: Shown,
+    shown: FeedbackDisplay,
     began: float,
 ) -> None:
     """Command every period until the time is up.
@@ -316,7 +316,7 @@ def _keep_on(
     end, due, sent = began + plan.seconds, began, began
     while (now := monotonic()) < end:
         if now - sent > _HELD_UP:
-            raise Failure(tr(
+            raise CommandError(tr(
 "no command was sent for {seconds:.1f} s, so the driver may have stopped; it is not started "
 "again", seconds=now - sent))  # fmt: skip
         feedback = _read(driver, lambda: driver.command(*commands), now - began)
@@ -330,12 +330,12 @@ def _keep_on(
 def _complain(found: BR0) -> None:
     if found.errors:
         told = words(found.errors)
-        raise Failure(tr("the driver has stopped with errors: {errors}", errors=told))
+        raise CommandError(tr("the driver has stopped with errors: {errors}", errors=told))
 
 
-def _read(driver: Driver[Any, Any], command: Callable[[], Any], time: float) -> Feedback:
+def _read(driver: Driver[Any, Any], command: Callable[[], Any], time: float) -> DriverFeedback:
     """Send a command, and ask for all that is shown."""
-    return Feedback(time, command(), driver.pulses(), driver.currents(), driver.errors())
+    return DriverFeedback(time, command(), driver.pulses(), driver.currents(), driver.errors())
 
 
 def _rest(driver: Driver[Any, Any], *, keep_servo: bool) -> list[str]:

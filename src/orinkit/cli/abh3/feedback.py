@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, Final, Self, cast
 
-from orinkit.core.background_writer import Outlet
+from orinkit.core.background_writer import BackgroundWriter
 from orinkit.core.i18n import tr, visible
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def words(flags: Flags) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Feedback:
+class DriverFeedback:
     """What a driver says at a moment.
 
     Attributes:
@@ -84,7 +84,7 @@ class Feedback:
         return json.dumps(document, allow_nan=False)
 
 
-class Shown:
+class FeedbackDisplay:
     """Shows what a driver says on stdout, and notes on stderr, while the ``with`` statement lasts.
 
     Nothing of it waits for a reader but the end of the ``with`` statement, and that for a second without progress at most.
@@ -97,8 +97,8 @@ class Shown:
         self._json = as_json
         self._live: Any = None
         self._warnings = 0
-        self._out = Outlet(sys.stdout)
-        self._notes = Outlet(sys.stderr)
+        self._out = BackgroundWriter(sys.stdout)
+        self._notes = BackgroundWriter(sys.stderr)
         if not as_json and self._out.isatty():
             from rich.console import Console
             from rich.live import Live
@@ -122,7 +122,7 @@ class Shown:
         if kind is None:
             self._out.check()
 
-    def show(self, feedback: Feedback) -> None:
+    def show(self, feedback: DriverFeedback) -> None:
         """Show it.
 
         Raises:

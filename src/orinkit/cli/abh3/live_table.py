@@ -8,7 +8,7 @@ from time import monotonic
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
-from orinkit.abh3.table.decoder import Decoded
+from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.core.i18n import tr
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _STALE: Final = 2.0  # s after which a rate is over
 
 
 @dataclass(slots=True)
-class Row:
+class FrameRow:
     """What is known of one kind of frame.
 
     Attributes:
@@ -33,14 +33,14 @@ class Row:
         counted: how many they are.
     """
 
-    last: Decoded
+    last: DecodedFrame
     at: float
     count: int
     rate: float | None
     since: float
     counted: int
 
-    def add(self, decoded: Decoded, now: float) -> None:
+    def add(self, decoded: DecodedFrame, now: float) -> None:
         """Note another frame."""
         self.last, self.at = decoded, now
         self.count += 1
@@ -50,7 +50,7 @@ class Row:
             self.since, self.counted = now, 0
 
 
-class Rows:
+class FrameRows:
     """All rows; beyond 200 the one that has been silent longest makes room.
 
     Args:
@@ -59,9 +59,9 @@ class Rows:
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
-        self._rows: dict[tuple[str, int, int | None], Row] = {}
+        self._rows: dict[tuple[str, int, int | None], FrameRow] = {}
 
-    def add(self, decoded: Decoded) -> None:
+    def add(self, decoded: DecodedFrame) -> None:
         """Note a frame."""
         now = self._clock()
         name = decoded.name or f"{decoded.frame.id:08X}"
@@ -72,7 +72,7 @@ class Rows:
             return
         if len(self._rows) >= _MOST_ROWS:
             del self._rows[min(self._rows, key=lambda key: self._rows[key].at)]
-        self._rows[key] = Row(decoded, now, 1, None, now, 0)
+        self._rows[key] = FrameRow(decoded, now, 1, None, now, 0)
 
     def lines(self) -> list[tuple[str, str, str, str, str]]:
         """Return frame, rate in 1/s, age in s, count and what the last one says, by sender and name."""
@@ -94,11 +94,11 @@ class LiveTable:
     def __init__(self) -> None:
         from rich.live import Live
 
-        self._rows = Rows()
+        self._rows = FrameRows()
         self._live = Live(self._table(), auto_refresh=False, vertical_overflow="crop")
         self._shown = monotonic()
 
-    def add(self, decoded: Decoded) -> None:
+    def add(self, decoded: DecodedFrame) -> None:
         """Note a frame."""
         self._rows.add(decoded)
 

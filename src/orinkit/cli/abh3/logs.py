@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO
 
 from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 
@@ -41,7 +41,7 @@ _OF_LOGGER: Final = re.compile(
 _HEAD: Final = ("Connected to ", "Can Logger (Started on ")  # what can.logger prints first
 
 
-class Log:
+class FrameLog:
     """The frames of a log, one by one.
 
     Args:
@@ -76,7 +76,7 @@ class Log:
         """
         if self.wrong:
             number, text = self.first_wrong
-            raise Failure(
+            raise CommandError(
                 tr(
                     "{count} lines are no frames as candump or can.logger print them; the first is line "
                     "{number}: {text!r}",
@@ -154,7 +154,7 @@ class Log:
             raise _unreadable(self._name, error) from None
 
 
-def _unreadable(name: str, error: Exception) -> Failure:
+def _unreadable(name: str, error: Exception) -> CommandError:
     """Return the exception for a file that the system does not let us read, or that is no log."""
     if isinstance(error, FileNotFoundError):
         return unusable(tr("{name}: there is no such file", name=name))

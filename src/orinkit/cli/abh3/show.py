@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from orinkit.abh3.table.decoder import Decoded
+from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import Flags
 from orinkit.cli._shared.output import plain
 
 
-def line(decoded: Decoded) -> str:
+def line(decoded: DecodedFrame) -> str:
     """Return time, frame and meaning, as ``candump -L`` begins its lines."""
     frame = decoded.frame
     return f"({frame.time:.6f}) {frame}  {decoded.text}"
 
 
-def json_line(decoded: Decoded) -> str:
+def json_line(decoded: DecodedFrame) -> str:
     """Return a JSON object without line feeds."""
     frame = decoded.frame
     document: dict[str, Any] = {

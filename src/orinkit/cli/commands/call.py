@@ -17,24 +17,24 @@ import orinkit
 from orinkit import functions
 from orinkit.cao.replies import Reply
 from orinkit.cao.table import Argument, Function
-from orinkit.cli._shared.connection import OBJECT, Connection, Json, Owning, Url
-from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.connection import OBJECT, ConnectionOptions, Json, OwnerOptions, Url
+from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.signature import signature, type_text
-from orinkit.client._sync.objects import Node
+from orinkit.client._sync.objects import ObjectBase
 from orinkit.core.errors import NotationError, ObjectNotFound
 from orinkit.core.hresult import lookup, signed
 from orinkit.core.i18n import N_, tr
 from orinkit.values.notation import parse_lenient
 from orinkit.values.variant import Variant, VarType
 
-_CONNECTION: Final = Connection()
-_OWNING: Final = Owning()
+_CONNECTION: Final = ConnectionOptions()
+_OWNING: Final = OwnerOptions()
 _CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # a return code, as everyone writes them; VT_I4 below zero
 
 
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
-class Other:
+class ObjectOptions:
     """The object that a function works on, where it is none that has variables."""
 
     variable: Annotated[
@@ -48,7 +48,7 @@ class Other:
     ] = None
 
 
-_OTHER: Final = Other()
+_OTHER: Final = ObjectOptions()
 
 
 def call(
@@ -62,9 +62,9 @@ def call(
         str,
         Parameter(help=tr("Arguments behind the handle: text, 100, 1.5, true, or VARIANT notation 8197,1.5,2.5.")),
     ],
-    owning: Owning = _OWNING,
-    other: Other = _OTHER,
-    connection: Connection = _CONNECTION,
+    owning: OwnerOptions = _OWNING,
+    other: ObjectOptions = _OTHER,
+    connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
     """Call a function of the table and print its result."""
@@ -96,7 +96,7 @@ _APPLY: Final[dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 
 
-def _check_options(entry: Function[..., Any], owning: Owning, other: Other) -> None:
+def _check_options(entry: Function[..., Any], owning: OwnerOptions, other: ObjectOptions) -> None:
     """Refuse an option that names an object which the function does not work on: it would be passed over unsaid."""
     apply = _APPLY.get(entry.interface, ())
     for options in (owning, other):
@@ -121,19 +121,19 @@ def _request(controller: orinkit.Controller, entry: Function[..., Any], argument
         raise
 
 
-def _no_message() -> Failure:
-    return Failure(tr("no message waits on the controller"))
+def _no_message() -> CommandError:
+    return CommandError(tr("no message waits on the controller"))
 
 
 def _find(name: str) -> Function[..., Any]:
     try:
         return functions.find(name)
     except KeyError as error:
-        raise Failure(str(error.args[0]), 2) from None
+        raise CommandError(str(error.args[0]), 2) from None
 
 
 def _call_service(
-    entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: Connection
+    entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: ConnectionOptions
 ) -> tuple[tuple[Any, ...], Any]:
     if entry is functions.controller_connect and not texts:
         texts = ("", connection.provider, connection.machine, connection.option or "")
@@ -147,7 +147,9 @@ def _call_service(
     return arguments, reply
 
 
-def _target(entry: Function[..., Any], controller: orinkit.Controller, owning: Owning, other: Other) -> Node:
+def _target(
+    entry: Function[..., Any], controller: orinkit.Controller, owning: OwnerOptions, other: ObjectOptions
+) -> ObjectBase:
     """Return the object that the function works on."""
     match entry.interface:
         case "Controller":

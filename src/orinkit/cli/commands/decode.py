@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import Json
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.i18n import tr
 
 # What tools print around the bytes: an offset before them (xxd, hexdump -C, Wireshark), the same bytes as text behind.
@@ -51,7 +51,7 @@ def decode(
     if wrong:
         first = first_error(wrong[0]["fields"])
         assert first is not None
-        raise Failure(
+        raise CommandError(
             tr(
                 "{wrong} of {count} packets wrong; at offset {offset}: {meaning}",
                 wrong=len(wrong),
@@ -92,7 +92,7 @@ def _read_word(word: str) -> bytes:
         raise _not_hex(word) from None
 
 
-def _not_hex(word: str) -> Failure:
+def _not_hex(word: str) -> CommandError:
     shown = f"{word[:20]}..." if len(word) > 20 else word
     if re.fullmatch("[0-9A-Fa-f]+", word):
         return unusable(

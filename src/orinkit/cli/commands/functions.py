@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from orinkit.cao.functions import FUNCTIONS, find
 from orinkit.cao.table import Function
 from orinkit.cli._shared.connection import Json
-from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.errors import CommandError
 from orinkit.core.i18n import tr
 
 
@@ -30,7 +30,7 @@ def functions(
     exact = _exact(filter)
     found = [exact] if exact else [entry for entry in FUNCTIONS.values() if _contains(entry, filter or "")]
     if not found:
-        raise Failure(tr("no function contains {text!r}", text=filter))
+        raise CommandError(tr("no function contains {text!r}", text=filter))
     if json:
         print_json([document(entry) for entry in found])
     elif exact:

@@ -9,18 +9,18 @@ from cyclopts import Group, Parameter
 
 from orinkit.bcap.wire import DEFAULT_TRIES
 from orinkit.cao.provider import Provider
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.cli._shared.files import read, read_token
-from orinkit.cli._shared.serving import Listening, begin_log, check, run
+from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
-from orinkit.gateway import RemoteProvider, Restricted, Rules, Upstream
+from orinkit.gateway import AccessRules, RemoteProvider, RestrictedProvider, Upstream
 from orinkit.transport.address import parse_address
 from orinkit.transport.registry import examples, row_of
 
 _UPSTREAM: Final = Group(tr("Controllers"), sort_key=6)
 _RULES: Final = Group(tr("What is allowed"), sort_key=7)
-_LISTENING: Final = Listening()
+_LISTENING: Final = ServerOptions()
 _NAMED: Final = re.compile(r"([^=:/?&]+)=(.*)", re.DOTALL)
 
 
@@ -104,7 +104,7 @@ def gateway(
             help=tr("Commands of Execute that are allowed: \"Get*\"; may be given again."),
         ),
     ] = (),
-    listening: Listening = _LISTENING,
+    listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
     """Pass calls on to other controllers; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
@@ -125,10 +125,10 @@ def gateway(
         }
         remote: Provider = RemoteProvider(found, names=provider)
     except (OrinError, InvalidValue, ValueError) as error:
-        raise Failure(str(error), 2) from None
-    rules = Rules(read_only, allow_function, allow_variable, allow_command)
+        raise CommandError(str(error), 2) from None
+    rules = AccessRules(read_only, allow_function, allow_variable, allow_command)
     begin_log(listening)
-    return run([remote if rules == Rules() else Restricted(remote, rules)], listening)
+    return run([remote if rules == AccessRules() else RestrictedProvider(remote, rules)], listening)
 
 
 def _named(given: tuple[str, ...]) -> list[tuple[str, str]]:

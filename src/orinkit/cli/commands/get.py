@@ -6,17 +6,23 @@ from typing import Annotated, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.connection import Connection, Json, Owning, Url
+from orinkit.cli._shared.connection import ConnectionOptions, Json, OwnerOptions, Url
 from orinkit.core.i18n import tr
 
-_CONNECTION: Final = Connection()
-_OWNING: Final = Owning()
+_CONNECTION: Final = ConnectionOptions()
+_OWNING: Final = OwnerOptions()
 
 Name = Annotated[str, Parameter(help=tr("Variable: I1, IO150, P10, @MODE."))]
 
 
 def get(
-    url: Url, name: Name, /, *, owning: Owning = _OWNING, connection: Connection = _CONNECTION, json: Json = False
+    url: Url,
+    name: Name,
+    /,
+    *,
+    owning: OwnerOptions = _OWNING,
+    connection: ConnectionOptions = _CONNECTION,
+    json: Json = False,
 ) -> None:
     """Read a variable and print its value."""
     from orinkit import functions

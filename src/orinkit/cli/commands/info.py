@@ -7,17 +7,17 @@ from datetime import datetime
 from typing import Any, Final
 
 import orinkit
-from orinkit.cli._shared.connection import Connection, Json, Url
+from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
 from orinkit.cli._shared.terminal import one_line
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.core.i18n import N_, tr
 
-_CONNECTION: Final = Connection()
+_CONNECTION: Final = ConnectionOptions()
 _CLASSES: Final = ("I", "F", "D", "V", "P", "J", "T", "S", "IO")
 _SHOWN_NAMES: Final = 12
 
 
-def info(url: Url, /, *, connection: Connection = _CONNECTION, json: Json = False) -> None:
+def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json = False) -> None:
     """Print type, version, mode, errors, counts and names; what a controller does not tell is left out."""
     from orinkit.cli._shared.output import plain, print_json
 

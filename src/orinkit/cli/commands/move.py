@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Final
 from cyclopts import Parameter
 
 import orinkit
-from orinkit.cli._shared.connection import Connection, Json, Url
-from orinkit.cli._shared.errors import Failure
+from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
+from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import Bar, errors_told, follow, notes_shown, reading, rounded, shown
+from orinkit.cli._shared.moving import ProgressBar, errors_told, follow, notes_shown, reading, rounded, shown
 from orinkit.client._shared.robot import MoveOptions, option_text
 from orinkit.core.i18n import tr
 from orinkit.values.poses import parse_target, to_text
 
 if TYPE_CHECKING:
-    from orinkit.cli._shared.motion_record import Recorder
+    from orinkit.cli._shared.motion_record import MotionRecorder
 
-_CONNECTION: Final = Connection()
+_CONNECTION: Final = ConnectionOptions()
 
 
 def move(
@@ -51,14 +51,14 @@ def move(
 "Seconds without a sign of life of this command after which the server stops the arm; 0 "
 "does not ask for it: controllers of other makers may refuse Alive in Service_Start.")),
     ] = 1.0,
-    connection: Connection = _CONNECTION,
+    connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
     """Take the arm, switch the motor on if it is off, move, and give everything back.
 
     Ctrl-C halts the arm, then gives everything back as well. Prints where the arm is at the end.
     """
-    from orinkit.cli._shared.motion_record import Recorder
+    from orinkit.cli._shared.motion_record import MotionRecorder
 
     options: MoveOptions = {"wait": False}
     if speed is not None:
@@ -73,10 +73,10 @@ def move(
         ExitStack() as stack,
     ):
         _require_motions(robot)
-        bar = stack.enter_context(Bar())
+        bar = stack.enter_context(ProgressBar())
         recorder = None
         if record is not None:
-            recorder = stack.enter_context(Recorder(robot, Path(record), reading(bar)))
+            recorder = stack.enter_context(MotionRecorder(robot, Path(record), reading(bar)))
         with Interrupts() as interrupts, errors_told(controller, url):
             _move(robot, pose, mark, options, interrupts, bar, recorder, line=line, motor=not no_motor)
         joints, position = shown(robot.joints), robot.position
@@ -92,7 +92,7 @@ def _require_motions(robot: orinkit.Robot) -> None:
     """Refuse an arm that has no motions of its own before anything is done."""
     if robot.client.dialect.takes_arm:
         return
-    raise Failure(tr("a VE026A moves in slave mode only. Try: orinkit stream with --move"))
+    raise CommandError(tr("a VE026A moves in slave mode only. Try: orinkit stream with --move"))
 
 
 def _move(
@@ -101,8 +101,8 @@ def _move(
     mark: str,
     options: MoveOptions,
     interrupts: Interrupts,
-    bar: Bar,
-    recorder: Recorder | None,
+    bar: ProgressBar,
+    recorder: MotionRecorder | None,
     *,
     line: bool,
     motor: bool,

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.connection import CONNECTION, Connection
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.connection import CONNECTION, ConnectionOptions
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
 from orinkit.core.hresult import E_CAO_PROV_INVALID
@@ -37,7 +37,7 @@ def read_mode(word: str) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Action:
+class PendantAction:
     """What the command line can have done.
 
     Attributes:
@@ -50,13 +50,13 @@ class Action:
 
     command: str
     values: str
-    read: Callable[[Words], Any]
+    read: Callable[[PendantArguments], Any]
     shows: tuple[str, ...] = ()
     waits: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class PendantArguments:
     """The words behind an action.
 
     Attributes:
@@ -97,12 +97,12 @@ class Words:
             raise self.wrong()
         return self.given
 
-    def wrong(self) -> Failure:
+    def wrong(self) -> CommandError:
         """Return the exception for words that cannot be."""
         return unusable(tr("the form is: {usage}", usage=self.usage))
 
 
-def _jog(words: Words) -> list[float]:
+def _jog(words: PendantArguments) -> list[float]:
     words.count(2)
     axis, distance = words.number(0), words.number(1)
     if not axis.is_integer():
@@ -110,7 +110,7 @@ def _jog(words: Words) -> list[float]:
     return [int(axis), distance, int(words.wait)]
 
 
-def _whole(words: Words) -> int:
+def _whole(words: PendantArguments) -> int:
     words.count(1)
     number = words.number(0)
     if not number.is_integer():
@@ -118,28 +118,28 @@ def _whole(words: Words) -> int:
     return int(number)
 
 
-def _workpiece(words: Words) -> list[float] | None:
+def _workpiece(words: PendantArguments) -> list[float] | None:
     word = words.one()
     return None if word.lower() == "none" else [words.number(0)]
 
 
 _STOPS: Final = ("motor", "error")
-ACTIONS: Final[dict[str, Action]] = {
-    "mode": Action("Mode", "manual|teach|auto", lambda words: read_mode(words.one()), ("mode",)),
-    "token": Action("Token", "any|tp|io|ethernet[:ADDRESS]", Words.one, ("token",)),
-    "estop": Action("EmergencyStop", "on|off", Words.flag, ("emergency_stop", *_STOPS)),
-    "protective": Action("ProtectiveStop", "on|off", Words.flag, ("protective_stop", *_STOPS)),
-    "auto-enable": Action("AutoEnable", "on|off", Words.flag, ("auto_enable", *_STOPS)),
-    "deadman": Action("Deadman", "on|off", Words.flag, ("deadman",)),
-    "motor": Action("Motor", "on|off", lambda words: [words.flag(), words.wait], ("motor",), waits=True),
-    "jog": Action("Jog", "AXIS DISTANCE", _jog, ("moving", "joints"), waits=True),
-    "lock": Action("MachineLock", "on|off", Words.flag, ("machine_lock",)),
-    "slave-limit": Action("SlaveLimit", "0|1|2|3", _whole, ("slave_limit",)),
-    "error": Action("RaiseError", "NAME|0xCODE [MESSAGE]", lambda words: list(words.count(1, 2)), ("error",)),
-    "clear": Action("ClearErrors", "", Words.none, ("error",)),
-    "restart": Action("Restart", "", Words.none, _STOPS),
-    "workpiece": Action("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
-    "status": Action("Status", "", Words.none),
+ACTIONS: Final[dict[str, PendantAction]] = {
+    "mode": PendantAction("Mode", "manual|teach|auto", lambda words: read_mode(words.one()), ("mode",)),
+    "token": PendantAction("Token", "any|tp|io|ethernet[:ADDRESS]", PendantArguments.one, ("token",)),
+    "estop": PendantAction("EmergencyStop", "on|off", PendantArguments.flag, ("emergency_stop", *_STOPS)),
+    "protective": PendantAction("ProtectiveStop", "on|off", PendantArguments.flag, ("protective_stop", *_STOPS)),
+    "auto-enable": PendantAction("AutoEnable", "on|off", PendantArguments.flag, ("auto_enable", *_STOPS)),
+    "deadman": PendantAction("Deadman", "on|off", PendantArguments.flag, ("deadman",)),
+    "motor": PendantAction("Motor", "on|off", lambda words: [words.flag(), words.wait], ("motor",), waits=True),
+    "jog": PendantAction("Jog", "AXIS DISTANCE", _jog, ("moving", "joints"), waits=True),
+    "lock": PendantAction("MachineLock", "on|off", PendantArguments.flag, ("machine_lock",)),
+    "slave-limit": PendantAction("SlaveLimit", "0|1|2|3", _whole, ("slave_limit",)),
+    "error": PendantAction("RaiseError", "NAME|0xCODE [MESSAGE]", lambda words: list(words.count(1, 2)), ("error",)),
+    "clear": PendantAction("ClearErrors", "", PendantArguments.none, ("error",)),
+    "restart": PendantAction("Restart", "", PendantArguments.none, _STOPS),
+    "workpiece": PendantAction("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
+    "status": PendantAction("Status", "", PendantArguments.none),
 }
 """The actions, by name."""
 
@@ -194,8 +194,8 @@ def pendant(
     if wait and not wanted.waits:
         raise unusable(tr("--wait is of no use with {action}", action=action))
     secret = _secret(url, control_secret_file)
-    connection = Connection(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
-    status = _press(url, connection, wanted, Words(value, wait, usage))
+    connection = ConnectionOptions(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
+    status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
     if json:
         print_json(status)
     else:
@@ -203,7 +203,7 @@ def pendant(
             print(one_line(line))
 
 
-def _find(name: str) -> Action:
+def _find(name: str) -> PendantAction:
     found = ACTIONS.get(name.lower())
     if found is None:
         raise unusable(
@@ -227,15 +227,15 @@ def _secret(url: str, path: str | None) -> str:
     return find_secret(address) if isinstance(address, Address) and is_loopback(address.host) else ""
 
 
-def _denied(url: str, *, known: bool) -> Failure:
+def _denied(url: str, *, known: bool) -> CommandError:
     if known:
-        return Failure(
+        return CommandError(
             tr(
                 "{url} refuses the secret. Try: --control-secret-file FILE with the one that its server has printed",
                 url=url,
             )
         )
-    return Failure(
+    return CommandError(
         tr(
             "{url} needs its secret, and no server of this account has left one for this port. Try: "
             "--control-secret-file FILE with the one that its server has printed",
@@ -244,7 +244,7 @@ def _denied(url: str, *, known: bool) -> Failure:
     )
 
 
-def _press(url: str, connection: Connection, action: Action, words: Words) -> dict[str, Any]:
+def _press(url: str, connection: ConnectionOptions, action: PendantAction, words: PendantArguments) -> dict[str, Any]:
     """Press a button; returns the status behind it."""
     parameter = action.read(words)
     try:
@@ -254,7 +254,7 @@ def _press(url: str, connection: Connection, action: Action, words: Words) -> di
     except CallError as error:
         if error.code != E_CAO_PROV_INVALID:
             raise
-        raise Failure(
+        raise CommandError(
             tr("{url} is no control port; orinkit serve rc8 --control 127.0.0.1:5008 opens one", url=url)
         ) from None
     with controller:
@@ -262,7 +262,7 @@ def _press(url: str, connection: Connection, action: Action, words: Words) -> di
             try:
                 controller.execute(action.command, parameter)
             except InvalidArgument as error:  # only the code comes over the wire, not what is wrong
-                raise Failure(f"{error} {words.wrong()}") from None
+                raise CommandError(f"{error} {words.wrong()}") from None
         return _status(controller.execute("Status"))
 
 

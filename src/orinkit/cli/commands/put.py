@@ -8,8 +8,8 @@ from typing import Annotated, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.connection import Connection, Json, Owning, Url
-from orinkit.cli._shared.errors import Failure, unusable
+from orinkit.cli._shared.connection import ConnectionOptions, Json, OwnerOptions, Url
+from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.cli.commands.get import Name
 from orinkit.core.errors import InvalidArgument, InvalidValue, NotationError
 from orinkit.core.hresult import DISP_E_TYPEMISMATCH
@@ -17,8 +17,8 @@ from orinkit.core.i18n import tr
 from orinkit.values.notation import parse_lenient
 from orinkit.values.variant import R8_ARRAY, Variant, VarType, type_name, variant
 
-_CONNECTION: Final = Connection()
-_OWNING: Final = Owning()
+_CONNECTION: Final = ConnectionOptions()
+_OWNING: Final = OwnerOptions()
 
 Text = Annotated[
     str,
@@ -33,7 +33,7 @@ Text = Annotated[
 
 
 def put(
-    url: Url, name: Name, /, *value: Text, owning: Owning = _OWNING, connection: Connection = _CONNECTION, json: Json = False
+    url: Url, name: Name, /, *value: Text, owning: OwnerOptions = _OWNING, connection: ConnectionOptions = _CONNECTION, json: Json = False
 ) -> None:  # fmt: skip
     """Write a variable; the controller converts the value to the variable's type where it can."""
     from orinkit import functions
@@ -50,7 +50,7 @@ def put(
     except InvalidArgument as error:
         if error.code != DISP_E_TYPEMISMATCH or error.function != functions.variable_put_value.name:
             raise
-        raise Failure(f"{error} {_cure()}") from None
+        raise CommandError(f"{error} {_cure()}") from None
     if json:
         print_json({"name": name, **typed(new)})
     else:

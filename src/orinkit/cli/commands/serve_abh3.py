@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.interrupts import ending
-from orinkit.cli._shared.places import LISTENING, Places, places_class
-from orinkit.cli._shared.serving import Listening, begin_log, check, run
-from orinkit.cli._shared.web import Web
+from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
+from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
+from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.cli.abh3.bus import BusOptions, Url, joined, whole_numbers
 from orinkit.core.i18n import tr
 from orinkit.transport.address import CanAddress
@@ -32,7 +32,7 @@ _LOOK: Final = 0.1  # s between two looks whether there was a signal
 
 
 if TYPE_CHECKING:
-    AdmittingPlaces = Places
+    AdmittingPlaces = ListenAddresses
 else:
     AdmittingPlaces = places_class(
         tr(
@@ -42,20 +42,20 @@ else:
     )
 
 _NOWHERE: Final = AdmittingPlaces()
-_WEB: Final = Web()
+_WEB: Final = HttpServerOptions()
 
 
 @Parameter(name="*", group=LISTENING)
 @dataclass(frozen=True)
-class Admitting(Listening):
+class ProviderOptions(ServerOptions):
     """Where CAO clients are let in, if anywhere."""
 
     at: AdmittingPlaces = _NOWHERE
-    web: Web = _WEB  # said again: the annotation is looked up in this module
+    web: HttpServerOptions = _WEB  # said again: the annotation is looked up in this module
 
 
 _BUS: Final = BusOptions()
-_ADMITTING: Final = Admitting()
+_ADMITTING: Final = ProviderOptions()
 
 
 def serve_abh3(
@@ -136,7 +136,7 @@ def serve_abh3(
         ),
     ] = 1.0,
     bus: BusOptions = _BUS,
-    listening: Admitting = _ADMITTING,
+    listening: ProviderOptions = _ADMITTING,
 ) -> int:  # fmt: skip
     """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP.
 
@@ -157,7 +157,7 @@ def serve_abh3(
     return _serve(drivers, at, (listening, defaults) if served else None)
 
 
-def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[Listening, dict[str, Any]] | None) -> int:
+def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[ServerOptions, dict[str, Any]] | None) -> int:
     """Serve drivers until a signal comes.
 
     Args:
@@ -220,7 +220,7 @@ def _drivers(addresses: tuple[int, ...], settings: dict[str, Any], time_scale: f
     try:
         clock = Clock(time_scale)
     except ValueError as error:
-        raise Failure(str(error), 2) from None
+        raise CommandError(str(error), 2) from None
     return [VirtualABH3(Parameters(address=address, **settings), clock=clock) for address in addresses]
 
 

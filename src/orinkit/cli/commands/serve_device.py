@@ -8,13 +8,13 @@ from typing import Annotated, Final
 from cyclopts import Parameter
 
 from orinkit.cao.provider import Provider
-from orinkit.cao.session import Host
-from orinkit.cli._shared.errors import Failure
-from orinkit.cli._shared.serving import Listening, begin_log, check, run
+from orinkit.cao.session import ProviderRegistry
+from orinkit.cli._shared.errors import CommandError
+from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.core.i18n import tr
 from orinkit.device.discovery import LoadFailed, load, log_served, settle_names, warn_of_clashes
 
-_LISTENING: Final = Listening()
+_LISTENING: Final = ServerOptions()
 
 
 def serve_device(
@@ -27,7 +27,7 @@ def serve_device(
 "left out where there is one."),
         ),
     ],
-    listening: Listening = _LISTENING,
+    listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve devices of your own; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
@@ -48,12 +48,12 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
         try:
             provider = load(target)
             if not any(provider is other for other in providers):
-                Host([*providers, provider])
+                ProviderRegistry([*providers, provider])
                 providers.append(provider)
         except LoadFailed as error:
-            raise Failure(str(error), 2) from error
+            raise CommandError(str(error), 2) from error
         except ValueError as error:  # it speaks another dialect
-            raise Failure(f"{target}: {error}", 2) from error
+            raise CommandError(f"{target}: {error}", 2) from error
     return providers
 
 

@@ -11,9 +11,9 @@ from cyclopts import Group, Parameter
 
 from orinkit.arms import MODEL_NAMES
 from orinkit.cli._shared.control_secret import OPTION, left_for, read_secret
-from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.places import LISTENING
-from orinkit.cli._shared.serving import Control, Listening, begin_log, check, check_control, run
+from orinkit.cli._shared.serving import PendantListener, ServerOptions, begin_log, check, check_control, run
 from orinkit.cli.commands.pendant import read_mode
 from orinkit.cli.commands.serve_device import announce, load_targets
 from orinkit.core.errors import InvalidValue, NotationError
@@ -28,7 +28,7 @@ from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
 _CONTROLLER: Final = Group(tr("Controller"), sort_key=7)
 _ROBOT: Final = Group(tr("Robot"), sort_key=7)
 _PROVIDERS: Final = Group(tr("Devices beside it"), sort_key=7)
-_LISTENING: Final = Listening()
+_LISTENING: Final = ServerOptions()
 
 
 def serve_rc8(
@@ -172,7 +172,7 @@ def serve_rc8(
 "the end. By default a file that orinkit pendant finds."),
         ),
     ] = None,
-    listening: Listening = _LISTENING,
+    listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
@@ -196,7 +196,7 @@ def serve_rc8(
             clock=Clock(time_scale),
         )
     except ValueError as error:
-        raise Failure(str(error), 2) from None
+        raise CommandError(str(error), 2) from None
     try:
         begin_log(listening)
         served = load_targets(provider, [rc8])
@@ -223,7 +223,7 @@ def _read_control(url: str | None, path: str | None) -> str:
     return ""
 
 
-def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) -> Control | None:
+def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) -> PendantListener | None:
     if url is None:
         return None
     provider = ControlProvider(rc8, secret=secret)
@@ -236,7 +236,7 @@ def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) ->
             with left_for(provider.secret, port, path):
                 yield (f"control secret {provider.secret}",)
 
-    return Control(provider, url, offered)
+    return PendantListener(provider, url, offered)
 
 
 def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
@@ -273,7 +273,7 @@ def read_joints(text: str) -> tuple[float, ...]:
     return target.value
 
 
-def _no_joints(text: str, reason: str = "") -> Failure:
+def _no_joints(text: str, reason: str = "") -> CommandError:
     return unusable(
         tr(
             '--joints {text:.60}: "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0 is the form{reason}',

@@ -6,15 +6,15 @@ from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import Failure
-from orinkit.cli._shared.serving import Listening, check, run
+from orinkit.cli._shared.errors import CommandError
+from orinkit.cli._shared.serving import ServerOptions, check, run
 from orinkit.cli.commands.serve_rc8 import read_joints
 from orinkit.core.i18n import tr
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.ve026a import VirtualVE026A
 
 _ROBOT: Final = Group(tr("Robot"), sort_key=7)
-_LISTENING: Final = Listening()
+_LISTENING: Final = ServerOptions()
 
 
 def serve_ve026a(
@@ -48,7 +48,7 @@ def serve_ve026a(
             help=tr("How many seconds of the arm pass in one real second; 20 makes it 20 times as fast."),
         ),
     ] = 1.0,
-    listening: Listening = _LISTENING,
+    listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve a virtual VE026A; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
     check(listening)
@@ -60,7 +60,7 @@ def serve_ve026a(
             strict_time=strict_time,
         )
     except ValueError as error:
-        raise Failure(str(error), 2) from None
+        raise CommandError(str(error), 2) from None
     try:
         return run([arm], listening)
     finally:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 from cyclopts import Parameter
 
 import orinkit
-from orinkit.cli._shared.connection import Connection, Json, Url
-from orinkit.cli._shared.errors import Failure, unusable, whole_number
+from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
+from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import Bar, errors_told, follow, notes_shown, rounded, shown
+from orinkit.cli._shared.moving import ProgressBar, errors_told, follow, notes_shown, rounded, shown
 from orinkit.client._shared.motion import POLL
 from orinkit.core.i18n import tr
 from orinkit.transport.runner import pause
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from orinkit import Progress
     from orinkit.cao.dialect import Dialect
-    from orinkit.cli._shared.stream_report import Report
-    from orinkit.client._shared.stream_options import Options, Wanted
+    from orinkit.cli._shared.stream_report import StreamReport
+    from orinkit.client._shared.stream_options import StreamOptions, Wanted
     from orinkit.client._sync.stream import Stream
     from orinkit.rc8.slave_formats import PoseKind
     from orinkit.streaming.planning.limits import Limits, PathLimits
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Points: TypeAlias = "list[tuple[float, ...]]"
 
-_CONNECTION: Final = Connection()
+_CONNECTION: Final = ConnectionOptions()
 _SUFFIXES: Final = (".csv", ".mcap")
 _RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
     "J": ("time", "joints"),
@@ -90,7 +90,7 @@ def stream(
     no_motor: Annotated[
         bool, Parameter(help=tr("Do not switch the motor on; it has to be."))
     ] = False,
-    connection: Connection = _CONNECTION,
+    connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
     """Take arm and motor, check the trajectory, stream it, and tell how it went.
@@ -101,7 +101,7 @@ def stream(
         connection.known_dialect, trajectory, mode, pose, record, speed, model,
         retime=retime, move=move, motor=not no_motor,
     )  # fmt: skip
-    with notes_shown(), connection.open(url) as controller, controller.robot() as robot, Bar() as bar:
+    with notes_shown(), connection.open(url) as controller, controller.robot() as robot, ProgressBar() as bar:
         job.options = job.read(robot.client.dialect)
         try:
             with Interrupts() as interrupts, errors_told(controller, url):
@@ -119,7 +119,7 @@ def stream(
 
 
 @dataclass(slots=True)
-class _Job:
+class _StreamRequest:
     """What is to be done.
 
     Attributes:
@@ -135,8 +135,8 @@ class _Job:
 
     path: Path
     kind: PoseKind
-    read: Callable[[Dialect], Options]
-    options: Options
+    read: Callable[[Dialect], StreamOptions]
+    options: StreamOptions
     speed: float
     retime: bool
     move: bool
@@ -148,7 +148,7 @@ class _Job:
 def _job(
     dialect: Dialect, trajectory: str, mode: int | None, pose: str | None, record: str | None, speed: float,
     model: str | None, *, retime: bool, move: bool, motor: bool,
-) -> _Job:  # fmt: skip
+) -> _StreamRequest:  # fmt: skip
     """Return what the command line wants; all that can be wrong with it is said before anything is connected."""
     from orinkit.client._shared.stream_options import PERIOD, read_options
     from orinkit.streaming.trajectory.csv_file import load_csv
@@ -159,13 +159,13 @@ def _job(
         _check_record(Path(record))
     limits = None if model is None else _limits_of(model, kind)
 
-    def read(dialect: Dialect) -> Options:
+    def read(dialect: Dialect) -> StreamOptions:
         return read_options(
             dialect, dialect.slave_mode if mode is None else mode, kind, _RECEIVED[kind],
             limits=limits, speed=speed, period=PERIOD, queue=100, idle=None, on_range="clamp", record=record,
         )  # fmt: skip
 
-    return _Job(path, kind, read, read(dialect), speed, retime, move, motor)
+    return _StreamRequest(path, kind, read, read(dialect), speed, retime, move, motor)
 
 
 def _kind(pose: str) -> PoseKind:
@@ -197,14 +197,14 @@ def _limits_of(model: str, kind: PoseKind) -> Limits | PathLimits:
     try:
         found = load_model(model)
     except ValueError as error:
-        raise Failure(str(error), 2) from None
+        raise CommandError(str(error), 2) from None
     return Limits.of_model(found) if kind == "J" else PathLimits.of_model(found)
 
 
 # --- with a controller ------------------------------------------------------------------------------------------------
 
 
-def _carry_out(robot: orinkit.Robot, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
+def _carry_out(robot: orinkit.Robot, job: _StreamRequest, interrupts: Interrupts, bar: ProgressBar) -> StreamReport:
     from orinkit.client._shared.stream import POSE_TYPES
 
     with ExitStack() as held:
@@ -232,7 +232,7 @@ def _carry_out(robot: orinkit.Robot, job: _Job, interrupts: Interrupts, bar: Bar
                 raise
 
 
-def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Points]:
+def _prepared(robot: orinkit.Robot, job: _StreamRequest) -> tuple[Limits | PathLimits, Points]:
     """Return limits, and set-points within them.
 
     Raises:
@@ -266,7 +266,7 @@ def _prepared(robot: orinkit.Robot, job: _Job) -> tuple[Limits | PathLimits, Poi
     return limits, points
 
 
-def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...] | None, job: _Job) -> None:
+def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...] | None, job: _StreamRequest) -> None:
     from orinkit.streaming.planning.limits import PathLimits
     from orinkit.streaming.trajectory.trajectory import check_path, check_trajectory
 
@@ -276,7 +276,7 @@ def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...]
         check_trajectory(points, limits, start, job.options.period)
 
 
-def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: Bar) -> None:
+def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: ProgressBar) -> None:
     """Have an arm that only slave mode moves go to the first set-point, within the limits of the stream."""
     entered.target = first
     whole = _distance(entered, first)
@@ -294,12 +294,14 @@ def _distance(entered: Stream, goal: J | P | T) -> float:
     return math.inf if sample is None else max(abs(a - b) for a, b in zip(sample.command, goal, strict=False))
 
 
-def _streamed(entered: Stream, points: Points, job: _Job, interrupts: Interrupts, bar: Bar) -> Report:
+def _streamed(
+    entered: Stream, points: Points, job: _StreamRequest, interrupts: Interrupts, bar: ProgressBar
+) -> StreamReport:
     from orinkit import Progress
-    from orinkit.cli._shared.stream_report import Report
+    from orinkit.cli._shared.stream_report import StreamReport
     from orinkit.cli._shared.stream_trace import trace_of
 
-    watch = Watch(entered, bar)
+    watch = StreamDisplay(entered, bar)
 
     job.progress = Progress(0, len(points))
 
@@ -311,10 +313,10 @@ def _streamed(entered: Stream, points: Points, job: _Job, interrupts: Interrupts
     interrupts.check()
     result = entered.run(points, progress=look)
     record = None if job.options.record is None else str(job.options.record)
-    return Report(result, entered.real_time, trace_of(result.samples, job.kind, job.options.period), record)
+    return StreamReport(result, entered.real_time, trace_of(result.samples, job.kind, job.options.period), record)
 
 
-class Watch:
+class StreamDisplay:
     """Shows in a bar how far a stream is, with what came back last.
 
     Args:
@@ -322,7 +324,7 @@ class Watch:
         bar: where.
     """
 
-    def __init__(self, entered: Stream, bar: Bar) -> None:
+    def __init__(self, entered: Stream, bar: ProgressBar) -> None:
         self._entered = entered
         self._bar = bar
         self._next = 0
@@ -341,11 +343,11 @@ def place(entered: Stream) -> str:
     return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
 
 
-def _interrupted(job: _Job) -> Failure:
+def _interrupted(job: _StreamRequest) -> CommandError:
     from orinkit.cli.app import INTERRUPTED
 
     sent, total = job.progress or (0, 0)
-    return Failure(
+    return CommandError(
         tr(
             "interrupted after {sent} of {total} set-points: the arm was brought to rest, slave mode is off",
             sent=sent,

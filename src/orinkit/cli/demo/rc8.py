@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import Json
-from orinkit.cli._shared.errors import Failure, unusable
-from orinkit.cli._shared.transcript import Packet, Transcript
+from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.transcript import TracedPacket, Transcript
 from orinkit.core.i18n import tr
 
 if TYPE_CHECKING:
     import orinkit
-    from orinkit.cli._shared.stream_report import Report
-    from orinkit.cli._shared.stream_trace import Trace
-    from orinkit.cli.demo.steps import Program, Step, Stream
+    from orinkit.cli._shared.stream_report import StreamReport
+    from orinkit.cli._shared.stream_trace import StreamTrace
+    from orinkit.cli.demo.steps import DemoProgram, DemoStep, StreamStep
     from orinkit.virtual.rc8 import VirtualRC8
 
 _URL: Final = "tcp://127.0.0.1:0"
@@ -85,7 +85,7 @@ def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) 
     from orinkit.cli.demo.steps import LISTS
 
     documents: list[dict[str, Any]] = []
-    recording = Recording()
+    recording = DemoRecording()
     for name, program in LISTS.items():
         run_program(name, program, documents, say, fields=fields, recording=recording)
     motion, slave = (None, None) if picture is None else recording.draw(Path(picture))
@@ -102,12 +102,12 @@ def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) 
     return {"steps": documents, "as_documented": True, "picture": motion, "slave_picture": slave}
 
 
-class Recording:
+class DemoRecording:
     """What is drawn: the control log of the motion that was watched, and command and feedback of slave mode."""
 
     def __init__(self) -> None:
         self.records: list[list[float]] = []
-        self.trace: Trace | None = None
+        self.trace: StreamTrace | None = None
 
     def draw(self, path: Path) -> tuple[str, str]:
         """Draw both, the second one beside the first; returns the names of the pictures.
@@ -128,8 +128,8 @@ class Recording:
 
 
 def run_program(
-    name: str, program: Program, documents: list[dict[str, Any]], say: Callable[[str], None], *, fields: bool,
-    recording: Recording | None = None,
+    name: str, program: DemoProgram, documents: list[dict[str, Any]], say: Callable[[str], None], *, fields: bool,
+    recording: DemoRecording | None = None,
 ) -> None:  # fmt: skip
     """Run a program of the document against a virtual RC8 of its own.
 
@@ -155,21 +155,21 @@ def run_program(
         say(tr("A virtual RC8 listens at {url}.", url=server.url))
         transcript = Transcript()
         with orinkit.open_client(server.url, timeout=_PATIENCE, trace=transcript) as client:
-            run = Run(client, rc8, transcript, Watch(server.url, say, recording), fields=fields)
+            run = DemoRun(client, rc8, transcript, MotionDisplay(server.url, say, recording), fields=fields)
             for number, step in enumerate(program.steps, 1):
                 say(f"\n{bold(f'{number:2}. {step.title}')}  [{step.section}]")
                 outcome = run.carry_out(step)
                 for line in outcome.lines:
                     say(line)
                 if outcome.problem:
-                    raise Failure(f"{name}, {number}. {step.title}: {outcome.problem}")
+                    raise CommandError(f"{name}, {number}. {step.title}: {outcome.problem}")
                 documents.append(
                     {"list": name, "number": number, "title": step.title, "section": step.section, **outcome.document()}
                 )
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class StepOutcome:
     """What became of a step.
 
     Attributes:
@@ -179,10 +179,10 @@ class Outcome:
         report: of a stream.
     """
 
-    packets: list[Packet]
+    packets: list[TracedPacket]
     lines: list[str]
     problem: str
-    report: Report | None = None
+    report: StreamReport | None = None
 
     def document(self) -> dict[str, Any]:
         """Return it for JSON."""
@@ -193,10 +193,10 @@ class Outcome:
         return told
 
 
-class Watch:
+class MotionDisplay:
     """Shows over a second connection where the arm is while a call of the first is at work, and records it."""
 
-    def __init__(self, url: str, say: Callable[[str], None], recording: Recording | None) -> None:
+    def __init__(self, url: str, say: Callable[[str], None], recording: DemoRecording | None) -> None:
         self._url = url
         self.say = say
         self.recording = recording
@@ -229,11 +229,11 @@ class Watch:
             return at_work.result()
 
 
-class Run:
+class DemoRun:
     """Carries out steps on one connection and compares the packets that come back with the document."""
 
     def __init__(
-        self, client: orinkit.Client, rc8: VirtualRC8, transcript: Transcript, watch: Watch, *, fields: bool
+        self, client: orinkit.Client, rc8: VirtualRC8, transcript: Transcript, watch: MotionDisplay, *, fields: bool
     ) -> None:
         self._fields = fields
         self._watch = watch
@@ -242,22 +242,22 @@ class Run:
         self._transcript = transcript
         self._kept: dict[str, Any] = {}
 
-    def carry_out(self, step: Step | Stream) -> Outcome:
+    def carry_out(self, step: DemoStep | StreamStep) -> StepOutcome:
         """Make the call, or stream."""
-        from orinkit.cli.demo.steps import Stream
+        from orinkit.cli.demo.steps import StreamStep
         from orinkit.core.errors import OrinError
 
         first = len(self._transcript.packets)
         try:
-            if isinstance(step, Stream):
+            if isinstance(step, StreamStep):
                 return self._stream(step, first)
             self._call(step)
             problem = compare(self._transcript.packets[first:], step)
         except OrinError as error:
             problem = str(error)
-        return Outcome(self._transcript.packets[first:], self._packets_since(first), problem)
+        return StepOutcome(self._transcript.packets[first:], self._packets_since(first), problem)
 
-    def _call(self, step: Step) -> None:
+    def _call(self, step: DemoStep) -> None:
         if step.before is not None:
             step.before(self._rc8)
         arguments = [self._given(argument) for argument in step.arguments]
@@ -269,7 +269,7 @@ class Run:
         if step.keep:
             self._kept[step.keep] = value
 
-    def _stream(self, step: Stream, first: int) -> Outcome:
+    def _stream(self, step: StreamStep, first: int) -> StepOutcome:
         from orinkit.cli.demo import stream
 
         watch, points = self._watch, step.points(self._given(step.start))
@@ -287,7 +287,7 @@ class Run:
         if watch.recording is not None:
             watch.recording.trace = report.trace
         lines = [f"      {line}" for line in report.lines()]
-        return Outcome(self._transcript.packets[first:], lines, problem, report)
+        return StepOutcome(self._transcript.packets[first:], lines, problem, report)
 
     def _packets_since(self, first: int) -> list[str]:
         """Return packets for people, each with all its lines."""
@@ -295,12 +295,12 @@ class Run:
 
     def _given(self, argument: Any) -> Any:
         """Return an argument; what an earlier step was answered with for a Handle."""
-        from orinkit.cli.demo.steps import Handle
+        from orinkit.cli.demo.steps import HandleOf
 
-        return self._kept[argument.name] if isinstance(argument, Handle) else argument
+        return self._kept[argument.name] if isinstance(argument, HandleOf) else argument
 
 
-def compare(packets: list[Packet], step: Step) -> str:
+def compare(packets: list[TracedPacket], step: DemoStep) -> str:
     """Return what differs from the document, ``""`` if nothing does; S_EXECUTING may come before the reply (RC8 3.1.1)."""
     from orinkit.bcap import packet
     from orinkit.core import hresult

@@ -23,7 +23,7 @@ DEMO_ERROR: Final = hresult.MOTOR_NOT_ON
 
 
 @dataclass(frozen=True, slots=True)
-class Handle:
+class HandleOf:
     """Stands for what an earlier step was answered with: a handle, mostly."""
 
     name: str
@@ -34,14 +34,14 @@ Check = Callable[[list[Variant]], str]
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class DemoStep:
     """One call, and what it must be answered with.
 
     Attributes:
         text: what is done, in English, of the catalogue.
         section: where the document has it.
         function: what is called.
-        arguments: of the call; a :class:`Handle` for a handle.
+        arguments: of the call; a :class:`HandleOf` for a handle.
         check: tells whether the answer is right.
         keep: name under which what is answered is kept, a handle mostly.
         before: what happens in the controller before the call, nothing by default.
@@ -66,7 +66,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class StreamStep:
     """Set-points that go out in slave mode, one in each cycle of the controller.
 
     Attributes:
@@ -80,9 +80,9 @@ class Stream:
 
     text: str
     section: str
-    controller: Handle
-    robot: Handle
-    start: Handle
+    controller: HandleOf
+    robot: HandleOf
+    start: HandleOf
     mode: int
     points: Callable[[Sequence[float]], list[tuple[float, ...]]]
 
@@ -142,46 +142,46 @@ def _raise_error(rc8: VirtualRC8) -> None:
     rc8.raise_error(DEMO_ERROR)
 
 
-_CONTROLLER: Final = Handle("controller")
-_IO150: Final = Handle("IO150")
-_MODE: Final = Handle("@MODE")
+_CONTROLLER: Final = HandleOf("controller")
+_IO150: Final = HandleOf("IO150")
+_MODE: Final = HandleOf("@MODE")
 _AUTOMATIC: Final = 3
 
 # fmt: off
-LIST_3_1: Final[tuple[Step, ...]] = (
-    Step(N_("Start the service of this connection"), "RC8 3.1.1",
+LIST_3_1: Final[tuple[DemoStep, ...]] = (
+    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
          f.service_start, (), nothing),
-    Step(N_("Connect to the controller"), "RC8 3.1.2",
+    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
          f.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
-    Step(N_("Connect to the variable IO150"), "RC8 3.1.2",
+    DemoStep(N_("Connect to the variable IO150"), "RC8 3.1.2",
          f.controller_get_variable, (_CONTROLLER, "IO150", ""), a_handle, keep=_IO150.name),
-    Step(N_("Read it: the point is off"), "RC8 3.1.3",
+    DemoStep(N_("Read it: the point is off"), "RC8 3.1.3",
          f.variable_get_value, (_IO150,), exactly(VarType.BOOL, False)),
-    Step(N_("Write it, as the sample does: VT_I4 -1"), "RC8 3.1.7",
+    DemoStep(N_("Write it, as the sample does: VT_I4 -1"), "RC8 3.1.7",
          f.variable_put_value, (_IO150, Variant(VarType.I4, -1)), nothing),
-    Step(N_("Read it back: the point is on"), "RC8 3.1.3",
+    DemoStep(N_("Read it back: the point is on"), "RC8 3.1.3",
          f.variable_get_value, (_IO150,), exactly(VarType.BOOL, True)),
-    Step(N_("Connect to the system variable @MODE"), "RC8 3.1.6",
+    DemoStep(N_("Connect to the system variable @MODE"), "RC8 3.1.6",
          f.controller_get_variable, (_CONTROLLER, "@MODE", ""), a_handle, keep=_MODE.name),
-    Step(N_("Read it: 3, automatic"), "RC8 2.2",
+    DemoStep(N_("Read it: 3, automatic"), "RC8 2.2",
          f.variable_get_value, (_MODE,), exactly(VarType.I4, _AUTOMATIC)),
-    Step(N_("An error has happened: how many are there?"), "RC8 3.3.6",
+    DemoStep(N_("An error has happened: how many are there?"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetCurErrorCount", None), exactly(VarType.I4, 1), before=_raise_error),
-    Step(N_("Which one is it?"), "RC8 3.3.6",
+    DemoStep(N_("Which one is it?"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetCurErrorInfo", 0), an_error(DEMO_ERROR)),
-    Step(N_("What does that code mean?"), "RC8 3.3.6",
+    DemoStep(N_("What does that code mean?"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetErrorDescription", hresult.signed(DEMO_ERROR)), a_text),
-    Step(N_("Clear it"), "RC8 3.3.6",
+    DemoStep(N_("Clear it"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
-    Step(N_("No error is left"), "RC8 3.3.6",
+    DemoStep(N_("No error is left"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetCurErrorCount", None), exactly(VarType.I4, 0)),
-    Step(N_("Release @MODE"), "RC8 3.1.4",
+    DemoStep(N_("Release @MODE"), "RC8 3.1.4",
          f.variable_release, (_MODE,), nothing),
-    Step(N_("Release IO150"), "RC8 3.1.4",
+    DemoStep(N_("Release IO150"), "RC8 3.1.4",
          f.variable_release, (_IO150,), nothing),
-    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
          f.controller_disconnect, (_CONTROLLER,), nothing),
-    Step(N_("Stop the service"), "RC8 3.1.5",
+    DemoStep(N_("Stop the service"), "RC8 3.1.5",
          f.service_stop, (), nothing),
 )
 # fmt: on
@@ -197,37 +197,37 @@ def _motor_on(rc8: VirtualRC8) -> None:
 
 
 _LOOK: Final = 0.02
-_TASK: Final = Handle("Pro1")
+_TASK: Final = HandleOf("Pro1")
 _CONTINUOUS: Final = 2
 _CYCLE_STOP: Final = 3
 _CONNECT: Final = ("", "CaoProv.DENSO.VRC", "localhost", "")
 
 # fmt: off
-LIST_3_2: Final[tuple[Step, ...]] = (
-    Step(N_("Start the service of this connection"), "RC8 3.1.1",
+LIST_3_2: Final[tuple[DemoStep, ...]] = (
+    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
          f.service_start, (), nothing),
-    Step(N_("Connect to the controller"), "RC8 3.1.2",
+    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
          f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
-    Step(N_("Connect to the task Pro1"), "RC8 3.2.1",
+    DemoStep(N_("Connect to the task Pro1"), "RC8 3.2.1",
          f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, keep=_TASK.name),
-    Step(N_("Start it, continuous; the motor has been switched on at the pendant"), "RC8 3.2.2",
+    DemoStep(N_("Start it, continuous; the motor has been switched on at the pendant"), "RC8 3.2.2",
          f.task_start, (_TASK, _CONTINUOUS, ""), nothing, before=_motor_on),
-    Step(N_("It runs"), "RC8 3.2",
+    DemoStep(N_("It runs"), "RC8 3.2",
          f.task_execute, (_TASK, "GetStatus", None), exactly(VarType.I4, 3)),
-    Step(N_("Stop it at the end of its cycle"), "RC8 3.2.2",
+    DemoStep(N_("Stop it at the end of its cycle"), "RC8 3.2.2",
          f.task_stop, (_TASK, _CYCLE_STOP, ""), nothing),
-    Step(N_("Release the task"), "RC8 3.2.3",
+    DemoStep(N_("Release the task"), "RC8 3.2.3",
          f.task_release, (_TASK,), nothing),
-    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
          f.controller_disconnect, (_CONTROLLER,), nothing),
-    Step(N_("Stop the service"), "RC8 3.1.5",
+    DemoStep(N_("Stop the service"), "RC8 3.1.5",
          f.service_stop, (), nothing),
 )
 # fmt: on
 
 # --- List 3-3 ---------------------------------------------------------------------------------------------------------
 
-_ROBOT: Final = Handle("Arm")
+_ROBOT: Final = HandleOf("Arm")
 _P1: Final = (330.0, 180.0, 320.0, 180.0, 0.0, 180.0, 5.0)
 _SLOW: Final = 20.0
 
@@ -246,37 +246,37 @@ def near_p1(answer: list[Variant]) -> str:
 
 
 # fmt: off
-LIST_3_3: Final[tuple[Step, ...]] = (
-    Step(N_("Start the service of this connection"), "RC8 3.1.1",
+LIST_3_3: Final[tuple[DemoStep, ...]] = (
+    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
          f.service_start, (), nothing),
-    Step(N_("Connect to the controller"), "RC8 3.1.2",
+    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
          f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
-    Step(N_("Connect to the robot"), "RC8 3.3.1",
+    DemoStep(N_("Connect to the robot"), "RC8 3.3.1",
          f.controller_get_robot, (_CONTROLLER, "Arm", ""), a_handle, keep=_ROBOT.name),
-    Step(N_("Take the arm, as the sample does: an empty text"), "RC8 3.3.2",
+    DemoStep(N_("Take the arm, as the sample does: an empty text"), "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Takearm", ""), exactly(VarType.EMPTY)),
-    Step(N_("Switch the motor on, as the sample does: the text 1"), "RC8 3.3.3",
+    DemoStep(N_("Switch the motor on, as the sample does: the text 1"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", "1"), exactly(VarType.EMPTY)),
-    Step(N_("Move to P1; the joints are read over a second connection meanwhile"), "RC8 3.3.4",
+    DemoStep(N_("Move to P1; the joints are read over a second connection meanwhile"), "RC8 3.3.4",
          f.robot_move, (_ROBOT, 1, "P1", ""), nothing, before=_teach, watch=True, log=True),
-    Step(N_("It is there"), "RC8 3.3.6",
+    DemoStep(N_("It is there"), "RC8 3.3.6",
          f.robot_execute, (_ROBOT, "DestPos", None), near_p1),
-    Step(N_("Switch the motor off"), "RC8 3.3.3",
+    DemoStep(N_("Switch the motor off"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", "0"), exactly(VarType.EMPTY)),
-    Step(N_("Give the arm back"), "RC8 3.3.2",
+    DemoStep(N_("Give the arm back"), "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Givearm", ""), exactly(VarType.EMPTY)),
-    Step(N_("Release the robot"), "RC8 3.3.5",
+    DemoStep(N_("Release the robot"), "RC8 3.3.5",
          f.robot_release, (_ROBOT,), nothing),
-    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
          f.controller_disconnect, (_CONTROLLER,), nothing),
-    Step(N_("Stop the service"), "RC8 3.1.5",
+    DemoStep(N_("Stop the service"), "RC8 3.1.5",
          f.service_stop, (), nothing),
 )
 # fmt: on
 
 # --- List 4-1 ---------------------------------------------------------------------------------------------------------
 
-_JOINTS: Final = Handle("joints")
+_JOINTS: Final = HandleOf("joints")
 _FIRST: Final = (45.0, 30.0, 120.0, 0.0, -60.0, 0.0)
 _PERIOD: Final = 100  # set-points
 _AMPLITUDE: Final = 10.0  # deg
@@ -300,48 +300,48 @@ def near_first(answer: list[Variant]) -> str:
 
 
 # fmt: off
-LIST_4_1: Final[tuple[Step | Stream, ...]] = (
-    Step(N_("Start the service of this connection, with a watchdog"), "RC8 3.1.1",
+LIST_4_1: Final[tuple[DemoStep | StreamStep, ...]] = (
+    DemoStep(N_("Start the service of this connection, with a watchdog"), "RC8 3.1.1",
          f.service_start, ("WDT=400",), nothing),
-    Step(N_("Connect to the controller"), "RC8 3.1.2",
+    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
          f.controller_connect, ("b-CAP", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
-    Step(N_("Clear errors"), "RC8 4.7.1",
+    DemoStep(N_("Clear errors"), "RC8 4.7.1",
          f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
-    Step(N_("Connect to the robot"), "RC8 3.3.1",
+    DemoStep(N_("Connect to the robot"), "RC8 3.3.1",
          f.controller_get_robot, (_CONTROLLER, "Robot", ""), a_handle, keep=_ROBOT.name),
-    Step(N_("Take the arm, and keep speeds, tool and work as they are"),
+    DemoStep(N_("Take the arm, and keep speeds, tool and work as they are"),
          "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Takearm", [0, 1]), exactly(VarType.EMPTY)),
-    Step(N_("Set the external speed to 20 %"), "RC8 4.9",
+    DemoStep(N_("Set the external speed to 20 %"), "RC8 4.9",
          f.robot_execute, (_ROBOT, "ExtSpeed", [20.0]), exactly(VarType.EMPTY)),
-    Step(N_("Switch the motor on"), "RC8 3.3.3",
+    DemoStep(N_("Switch the motor on"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", 1), exactly(VarType.EMPTY)),
-    Step(N_("Move to the first pose; the joints are read over a second connection meanwhile"), "RC8 4.6.1",
+    DemoStep(N_("Move to the first pose; the joints are read over a second connection meanwhile"), "RC8 4.6.1",
          f.robot_move, (_ROBOT, 1, "@E J(45, 30, 120, 0, -60, 0)", ""), nothing, watch=True),
-    Step(N_("Where is it?"), "RC8 4.9",
+    DemoStep(N_("Where is it?"), "RC8 4.9",
          f.robot_execute, (_ROBOT, "CurJnt", None), near_first, keep=_JOINTS.name),
-    Stream(N_(
+    StreamStep(N_(
 "Slave mode 0, J type: three periods of the sine, a set-point every 8 ms, and the last "
 "pose once more; then off"), "RC8 4.9",
            _CONTROLLER, _ROBOT, _JOINTS, 0, sine),
-    Step(N_("Slave mode is off"), "RC8 4.2",
+    DemoStep(N_("Slave mode is off"), "RC8 4.2",
          f.robot_execute, (_ROBOT, "slvGetMode", None), exactly(VarType.I4, 0)),
-    Step(N_("Switch the motor off"), "RC8 3.3.3",
+    DemoStep(N_("Switch the motor off"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", 0), exactly(VarType.EMPTY)),
-    Step(N_("Give the arm back"), "RC8 3.3.2",
+    DemoStep(N_("Give the arm back"), "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Givearm", None), exactly(VarType.EMPTY)),
-    Step(N_("Release the robot"), "RC8 3.3.5",
+    DemoStep(N_("Release the robot"), "RC8 3.3.5",
          f.robot_release, (_ROBOT,), nothing),
-    Step(N_("Disconnect from the controller"), "RC8 3.1.4",
+    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
          f.controller_disconnect, (_CONTROLLER,), nothing),
-    Step(N_("Stop the service"), "RC8 3.1.5",
+    DemoStep(N_("Stop the service"), "RC8 3.1.5",
          f.service_stop, (), nothing),
 )
 # fmt: on
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class DemoProgram:
     """One program of the document.
 
     Attributes:
@@ -350,7 +350,7 @@ class Program:
     """
 
     text: str
-    steps: tuple[Step | Stream, ...]
+    steps: tuple[DemoStep | StreamStep, ...]
 
     @property
     def title(self) -> str:
@@ -358,10 +358,10 @@ class Program:
         return tr(self.text)
 
 
-LISTS: Final[dict[str, Program]] = {
-    "List 3-1": Program(N_("variables, and a look at @MODE and at errors"), LIST_3_1),
-    "List 3-2": Program(N_("a task"), LIST_3_2),
-    "List 3-3": Program(N_("the robot"), LIST_3_3),
-    "List 4-1": Program(N_("slave mode"), LIST_4_1),
+LISTS: Final[dict[str, DemoProgram]] = {
+    "List 3-1": DemoProgram(N_("variables, and a look at @MODE and at errors"), LIST_3_1),
+    "List 3-2": DemoProgram(N_("a task"), LIST_3_2),
+    "List 3-3": DemoProgram(N_("the robot"), LIST_3_3),
+    "List 4-1": DemoProgram(N_("slave mode"), LIST_4_1),
 }
 """The programs of the RC8 document that the demo runs, by their names there."""

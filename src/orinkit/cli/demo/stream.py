@@ -8,10 +8,10 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Final
 
 import orinkit
-from orinkit.cli._shared.moving import Bar
-from orinkit.cli._shared.stream_report import Report
+from orinkit.cli._shared.moving import ProgressBar
+from orinkit.cli._shared.stream_report import StreamReport
 from orinkit.cli._shared.stream_trace import trace_of
-from orinkit.cli.commands.stream import Watch
+from orinkit.cli.commands.stream import StreamDisplay
 from orinkit.client._shared.stream_options import PERIOD
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
@@ -36,7 +36,7 @@ def carry_out(
     mode: int,
     say: Callable[[str], None],
     entered: Callable[[], None],
-) -> tuple[Report, str]:
+) -> tuple[StreamReport, str]:
     """Stream joints.
 
     Args:
@@ -62,7 +62,9 @@ def carry_out(
             with robot.slave_mode(mode, "J", ("time", "joints"), idle=None) as stream:
                 entered()
                 result = _run(stream, points, say)
-            return Report(result, stream.real_time, trace_of(result.samples, "J", PERIOD)), compare(result, points)
+            return StreamReport(result, stream.real_time, trace_of(result.samples, "J", PERIOD)), compare(
+                result, points
+            )
         except CallError as error:
             if error.code != hresult.COMMAND_DELAY or tries == _TRIES:
                 raise
@@ -93,8 +95,8 @@ def _motor_on(robot: orinkit.Robot) -> None:
 
 
 def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str], None]) -> StreamResult:
-    with Bar() as bar:
-        return stream.run(points, progress=Watch(stream, bar) if bar.seen else _Lines(stream, say))
+    with ProgressBar() as bar:
+        return stream.run(points, progress=StreamDisplay(stream, bar) if bar.seen else _Lines(stream, say))
 
 
 def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:

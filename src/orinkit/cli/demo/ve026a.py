@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from orinkit.cli._shared.errors import Failure
-from orinkit.cli._shared.transcript import Packet, Transcript
+from orinkit.cli._shared.errors import CommandError
+from orinkit.cli._shared.transcript import TracedPacket, Transcript
 from orinkit.core.i18n import tr
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _NEAR: Final = 0.5  # deg, between what was commanded and where the encoders are
 
 
 @dataclass(slots=True)
-class Demo:
+class VE026ADemo:
     """One run.
 
     Attributes:
@@ -75,7 +75,7 @@ class Demo:
         self.say(f"      {', '.join(f'{angle:g}' for angle in angles)}")
         off_by = self._slave_mode(controller, robot, angles)
         if off_by > _NEAR:
-            raise Failure(tr("the arm is {deviation:.3f} deg from where it was", deviation=off_by))
+            raise CommandError(tr("the arm is {deviation:.3f} deg from where it was", deviation=off_by))
         self._step("9", tr("motor off"), lambda: robot.execute("Motor", off))
 
     def _slave_mode(self, controller: orinkit.Controller, robot: orinkit.Robot, angles: list[float]) -> float:
@@ -88,7 +88,7 @@ class Demo:
         for _ in range(_TRIES - 1):
             try:
                 return self._there_and_back(robot, angles)
-            except Failure:
+            except CommandError:
                 self.say(
                     tr(
                         "      This computer was too busy for a set-point every 8 ms: the error is cleared, "
@@ -131,7 +131,7 @@ class Demo:
             result = call()
         except OrinError as error:
             self._show(self._transcript.packets[first:])
-            raise Failure(f"{number}. {title}: {error}") from None
+            raise CommandError(f"{number}. {title}: {error}") from None
         packets = self._transcript.packets[first:]
         self._show(packets)
         self.answers += self._check(packets, title)
@@ -140,7 +140,7 @@ class Demo:
         )  # fmt: skip
         return result
 
-    def _show(self, packets: list[Packet]) -> None:
+    def _show(self, packets: list[TracedPacket]) -> None:
         """Show packets; of very many the first and the last ones."""
         for place, packet in enumerate(packets):
             if place == 2 * _SHOWN and len(packets) > 4 * _SHOWN:
@@ -149,7 +149,7 @@ class Demo:
                 for line in packet.lines(fields=self.fields):
                     self.say(line)
 
-    def _check(self, packets: list[Packet], title: str) -> int:
+    def _check(self, packets: list[TracedPacket], title: str) -> int:
         """Check checksum, serial, reserved field and code of every answer; returns how many there are."""
         from orinkit.bcap import packet
         from orinkit.core import hresult
@@ -163,7 +163,7 @@ class Demo:
                 continue
             good = (0, hresult.S_EXECUTING)
             if asked.get(read.serial) != read.reserved or read.code not in good:
-                raise Failure(f"{title}: {each.meaning}")
+                raise CommandError(f"{title}: {each.meaning}")
             answers += read.code == 0
         return answers
 
@@ -174,7 +174,7 @@ def run(say: Callable[[str], None], *, fields: bool) -> dict[str, Any]:
     Raises:
         Failure: an answer is not as the document says.
     """
-    demo = Demo(say, fields)
+    demo = VE026ADemo(say, fields)
     demo.run()
     say(tr("\nAll {count} answers are as the document says.", count=demo.answers))
     return {"steps": demo.steps, "as_documented": True}

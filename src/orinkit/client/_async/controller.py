@@ -16,13 +16,13 @@ from orinkit.cao.dialect import VE026A
 from orinkit.cao.replies import Trace
 from orinkit.cao.table import Function
 from orinkit.client._async.client import AsyncClient
-from orinkit.client._async.objects import AsyncNamed, AsyncNode, AsyncOwner
+from orinkit.client._async.objects import AsyncNamedObject, AsyncObjectBase, AsyncObjectContainer
 from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._async.task import AsyncTask
 from orinkit.client._shared.common import (
     RC8,
     ErrorInfo,
-    NodeFunctions,
+    ObjectFunctions,
     check_alive,
     check_content,
     check_deadline,
@@ -47,27 +47,27 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, ObjectNotFound, OrinError
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Value
 
 P = ParamSpec("P")
 R = TypeVar("R")
-N = TypeVar("N", bound="AsyncNode")
+N = TypeVar("N", bound="AsyncObjectBase")
 
 
-class AsyncExtension(AsyncOwner):
+class AsyncExtension(AsyncObjectContainer):
     """An extension board, for example a hand."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.extension_release, f.extension_get_attribute, f.extension_get_help, f.extension_get_name,
         f.extension_get_tag, f.extension_put_tag, f.extension_get_id, f.extension_put_id,
         f.extension_get_variable, f.extension_get_variable_names, f.extension_execute,
     )  # fmt: skip
 
 
-class AsyncFile(AsyncOwner):
+class AsyncFile(AsyncObjectContainer):
     """A file or folder of the controller.
 
     One that is not there yet may be connected to: setting its text or data makes it, and its folders; everything else
@@ -76,15 +76,15 @@ class AsyncFile(AsyncOwner):
 
     __slots__ = ("_missing",)
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
         f.file_get_tag, f.file_put_tag, f.file_get_id, f.file_put_id,
         f.file_get_variable, f.file_get_variable_names, f.file_execute,
     )  # fmt: skip
 
-    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncNode | None = None) -> None:
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncObjectBase | None = None) -> None:
         super().__init__(client, handle, label, parent)
-        self._missing: tuple[AsyncOwner, Function[[int, str, str], int], str] | None = None
+        self._missing: tuple[AsyncObjectContainer, Function[[int, str, str], int], str] | None = None
 
     async def file(self, name: str, option: str = "", *, create: bool = False) -> AsyncFile:
         """Connect to a file below this folder; with ``create`` it is made if it is not there."""
@@ -197,12 +197,12 @@ class AsyncFile(AsyncOwner):
         await self._call(f.file_put_value, value)
 
 
-class AsyncCommand(AsyncNamed):
+class AsyncCommand(AsyncNamedObject):
     """A command that can be started, watched and cancelled."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.command_release, f.command_get_attribute, f.command_get_help, f.command_get_name,
         f.command_get_tag, f.command_put_tag, f.command_get_id, f.command_put_id,
     )  # fmt: skip
@@ -240,12 +240,12 @@ class AsyncCommand(AsyncNamed):
         return await self._call(f.command_get_result)
 
 
-class AsyncMessage(AsyncNode):
+class AsyncMessage(AsyncObjectBase):
     """An event that the controller reported."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(f.message_release)
+    functions = ObjectFunctions(f.message_release)
 
     async def reply(self, value: Value = None) -> None:
         """Answer the event."""
@@ -284,12 +284,12 @@ class AsyncMessage(AsyncNode):
         return await self._call(f.message_get_value)
 
 
-class AsyncController(AsyncOwner):
+class AsyncController(AsyncObjectContainer):
     """A controller; :func:`connect` makes one. Closing it releases everything and closes the connection."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.controller_disconnect, f.controller_get_attribute, f.controller_get_help, f.controller_get_name,
         f.controller_get_tag, f.controller_put_tag, f.controller_get_id, f.controller_put_id,
         f.controller_get_variable, f.controller_get_variable_names, f.controller_execute,
@@ -392,7 +392,7 @@ class AsyncController(AsyncOwner):
 
 
 async def _file(
-    owner: AsyncOwner, function: Function[[int, str, str], int], name: str, option: str, *, create: bool
+    owner: AsyncObjectContainer, function: Function[[int, str, str], int], name: str, option: str, *, create: bool
 ) -> AsyncFile:
     """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
     try:
@@ -415,7 +415,7 @@ async def connect(
     timeout: float | None = None,
     tries: int = DEFAULT_TRIES,
     service: str | None = None,
-    limits: Limits = DEFAULT_LIMITS,
+    limits: PacketLimits = DEFAULT_LIMITS,
     trace: Trace | None = None,
     dialect: str | None = None,
     token: str = "",

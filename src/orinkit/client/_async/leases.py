@@ -10,7 +10,7 @@ from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Final
 
-from orinkit.client._async.motion import AsyncMover, AsyncTrack
+from orinkit.client._async.motion import AsyncArmBase, AsyncMotionTracker
 from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import motor_state
 from orinkit.core.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
@@ -19,7 +19,7 @@ from orinkit.transport.runner import Deadline, apause
 _HALT_PATIENCE: Final = 0.3
 
 
-class AsyncHolding(ABC):
+class AsyncLease(ABC):
     """Something that is taken for as long as a block lasts.
 
     A block that ends well lets the motion that runs come to its end (one that the program has paused is halted), then
@@ -30,7 +30,7 @@ class AsyncHolding(ABC):
 
     __slots__ = ("_robot", "_track")
 
-    def __init__(self, robot: AsyncMover, track: AsyncTrack) -> None:
+    def __init__(self, robot: AsyncArmBase, track: AsyncMotionTracker) -> None:
         self._robot = robot
         self._track = track
 
@@ -125,12 +125,12 @@ class AsyncHolding(ABC):
         """Give it back."""
 
 
-class AsyncArm(AsyncHolding):
+class AsyncArm(AsyncLease):
     """The arm, taken (RC8 3.3.2) and given back."""
 
     __slots__ = ("_group", "_keep")
 
-    def __init__(self, robot: AsyncMover, track: AsyncTrack, group: int, keep: bool) -> None:
+    def __init__(self, robot: AsyncArmBase, track: AsyncMotionTracker, group: int, keep: bool) -> None:
         super().__init__(robot, track)
         self._group = group
         self._keep = keep
@@ -144,7 +144,7 @@ class AsyncArm(AsyncHolding):
             await self._robot.execute("GiveArm")
 
 
-class AsyncMotor(AsyncHolding):
+class AsyncMotor(AsyncLease):
     """The motor, switched on and off again; each waits until that is done."""
 
     __slots__ = ()

@@ -11,7 +11,7 @@ from typing import Any, Final
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.client._async.client import AsyncClient
-from orinkit.client._async.objects import AsyncNode, AsyncOwner
+from orinkit.client._async.objects import AsyncObjectBase, AsyncObjectContainer
 from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import error_count, error_info
 from orinkit.client._shared.robot import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
@@ -24,7 +24,7 @@ from orinkit.values.variant import Value
 _ARM: Final = 1
 
 
-class AsyncTrack:
+class AsyncMotionTracker:
     """What a robot object knows of its motions.
 
     Attributes:
@@ -51,17 +51,17 @@ class AsyncTrack:
         self.at_rest = False
 
 
-class AsyncMover(AsyncOwner):
+class AsyncArmBase(AsyncObjectContainer):
     """Where an arm is, and how its motions are started and stopped: what :class:`AsyncMotion` needs of a robot."""
 
     __slots__ = ("_track",)
 
-    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncNode | None = None) -> None:
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncObjectBase | None = None) -> None:
         super().__init__(client, handle, label, parent)
-        self._track = AsyncTrack()
+        self._track = AsyncMotionTracker()
 
     async def _begin(
-        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.Way | None = None
+        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.MotionSegment | None = None
     ) -> AsyncMotion:
         """Make the call that starts a motion, and return the motion.
 
@@ -92,7 +92,7 @@ class AsyncMover(AsyncOwner):
             error.add_note(common.note_broken_off(self.client.wire))
             raise
         call = (self._label, function.name, arguments)
-        motion = AsyncMotion(self, track, number, call, way or common.Way(), over=wait)
+        motion = AsyncMotion(self, track, number, call, way or common.MotionSegment(), over=wait)
         track.running = None if wait else motion
         track.passing = wait and passes(arguments)
         if wait:
@@ -101,14 +101,14 @@ class AsyncMover(AsyncOwner):
             await self._note_way(motion.way, *before)
         return motion
 
-    async def _before(self, track: AsyncTrack) -> tuple[common.Way, bool] | None:
+    async def _before(self, track: AsyncMotionTracker) -> tuple[common.MotionSegment, bool] | None:
         """Return the way of the motion before, and whether that one is as good as over; None where it is not known."""
         running = track.running
         answered = track.sure and running is None and track.newest == track.answered
         try:
             if answered or await self.motion_complete():
                 track.sure = True
-                return common.Way.leading_to(await self.get_destination()), True
+                return common.MotionSegment.leading_to(await self.get_destination()), True
             if running is None or not track.sure:
                 return None
             running.way.see(await self.get_destination())
@@ -118,7 +118,7 @@ class AsyncMover(AsyncOwner):
             return None
         return running.way, False
 
-    async def _note_way(self, way: common.Way, before: common.Way, over: bool) -> None:
+    async def _note_way(self, way: common.MotionSegment, before: common.MotionSegment, over: bool) -> None:
         try:
             way.begin(before, await self.get_joints() if over else None, await self.get_destination())
         except CallError as error:
@@ -196,11 +196,11 @@ class AsyncMover(AsyncOwner):
         except (CallError, ProtocolError):  # it is only a hint
             error = ""
         stops = await _told(owner, "@EMERGENCY_STOP"), await _told(owner, "@PROTECTIVE_STOP")
-        known = common.Circumstances(*stops, await _told(owner, "@MODE"), await _told(self, "@SERVO_ON"))
+        known = common.StopDiagnosis(*stops, await _told(owner, "@MODE"), await _told(self, "@SERVO_ON"))
         return known.reason(error, halted=halted)
 
-    def _controller(self) -> AsyncOwner:
-        return self._parent if isinstance(self._parent, AsyncOwner) else self
+    def _controller(self) -> AsyncObjectContainer:
+        return self._parent if isinstance(self._parent, AsyncObjectContainer) else self
 
     async def _ask(self, name: str, parameter: Value = None) -> Any:
         variable = self.client.dialect.variables.get(name)
@@ -213,7 +213,7 @@ class AsyncMover(AsyncOwner):
             return await variable.get_value()
 
 
-async def _told(owner: AsyncOwner, name: str) -> Any:
+async def _told(owner: AsyncObjectContainer, name: str) -> Any:
     """Return the value of a variable; None where an object has no such variable, or does not tell."""
     try:
         async with await owner.variable(name) as variable:
@@ -237,11 +237,11 @@ class AsyncMotion:
 
     def __init__(
         self,
-        robot: AsyncMover,
-        track: AsyncTrack,
+        robot: AsyncArmBase,
+        track: AsyncMotionTracker,
         number: int,
         call: tuple[str, str, tuple[Any, ...]],
-        way: common.Way,
+        way: common.MotionSegment,
         *,
         over: bool,
     ) -> None:
@@ -252,7 +252,7 @@ class AsyncMotion:
         self._call = call  # the robot's name, the function, its arguments
         self._over = over
         self._fraction = float(over)
-        self._stop: common.Stop | None = None
+        self._stop: common.MotionStop | None = None
 
     def __repr__(self) -> str:
         state = "over" if self._over else "stopped" if self._stop is not None else "running"
@@ -261,9 +261,9 @@ class AsyncMotion:
     def __await__(self) -> Generator[Any, Any, None]:
         return self.wait().__await__()
 
-    def __aiter__(self) -> AsyncFractions:
+    def __aiter__(self) -> AsyncMotionProgress:
         """Give how far it is, 0 to 1, until it is over; the last one is 1."""
-        return AsyncFractions(self)
+        return AsyncMotionProgress(self)
 
     async def wait(self, timeout: float | None = None) -> None:
         """Wait until it is over.
@@ -348,11 +348,11 @@ class AsyncMotion:
         if await self._arrived() is not False or await robot._locked():  # noqa: SLF001 - one of us
             return True
         reason = await robot._reason(halted=self._number <= self._track.halted)  # noqa: SLF001
-        self._stop = common.Stop(await robot.get_joints(), reason)
+        self._stop = common.MotionStop(await robot.get_joints(), reason)
         return False
 
 
-class AsyncFractions:
+class AsyncMotionProgress:
     """How far a motion is, again and again, until it is over."""
 
     __slots__ = ("_begun", "_ended", "_motion")
@@ -362,7 +362,7 @@ class AsyncFractions:
         self._begun = False
         self._ended = False
 
-    def __aiter__(self) -> AsyncFractions:
+    def __aiter__(self) -> AsyncMotionProgress:
         return self
 
     async def __anext__(self) -> float:

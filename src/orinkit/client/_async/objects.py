@@ -1,4 +1,4 @@
-"""What the asynchronous objects of a controller have in common: :class:`AsyncNode`, and those with variables.
+"""What the asynchronous objects of a controller have in common: :class:`AsyncObjectBase`, and those with variables.
 
 The synchronous twin is made from this file, as that of :mod:`orinkit.client._async.controller` is.
 """
@@ -12,17 +12,17 @@ from weakref import WeakValueDictionary
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.client._async.client import AsyncClient
-from orinkit.client._shared.common import NodeFunctions, text_list
+from orinkit.client._shared.common import ObjectFunctions, text_list
 from orinkit.core.errors import CallError, CallTimeout, ObjectReleased, OrinError
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value
 
 P = ParamSpec("P")
 R = TypeVar("R")
-N = TypeVar("N", bound="AsyncNode")
+N = TypeVar("N", bound="AsyncObjectBase")
 
 
-class AsyncNode:
+class AsyncObjectBase:
     """An object of the controller: what all kinds have in common.
 
     Released by ``async with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
@@ -39,14 +39,14 @@ class AsyncNode:
         "handle",
     )  # a misspelt attribute is an error
 
-    functions: ClassVar[NodeFunctions]
+    functions: ClassVar[ObjectFunctions]
 
-    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncNode | None = None) -> None:
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncObjectBase | None = None) -> None:
         self.client = client
         self.handle = handle
         self._label = label
         self._parent = parent  # keeps it alive as long as this object is
-        self._children: WeakValueDictionary[int, AsyncNode] = WeakValueDictionary()
+        self._children: WeakValueDictionary[int, AsyncObjectBase] = WeakValueDictionary()
         self._open = True
 
     def __repr__(self) -> str:
@@ -88,7 +88,7 @@ class AsyncNode:
         self._adopt(child)
         return child
 
-    def _adopt(self, child: AsyncNode) -> None:
+    def _adopt(self, child: AsyncObjectBase) -> None:
         """Have a child released with this object."""
         self._children[id(child)] = child
         self.client.handles.hold(child.functions.release, child.handle)
@@ -131,7 +131,7 @@ class AsyncNode:
         await self.close()
 
 
-class AsyncNamed(AsyncNode):
+class AsyncNamedObject(AsyncObjectBase):
     """An object with attribute, help, name, tag and ID: all but messages."""
 
     __slots__ = ()
@@ -172,12 +172,12 @@ class AsyncNamed(AsyncNode):
         await self._call(self.functions.put_id, id)
 
 
-class AsyncVariable(AsyncNamed):
+class AsyncVariable(AsyncNamedObject):
     """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
         f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
     )  # fmt: skip
@@ -199,7 +199,7 @@ class AsyncVariable(AsyncNamed):
         return await self._call(f.variable_get_microsecond)
 
 
-class AsyncOwner(AsyncNamed):
+class AsyncObjectContainer(AsyncNamedObject):
     """An object with variables and extended commands of its own."""
 
     __slots__ = ()

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from orinkit.cao import functions as f
 from orinkit.client._async.leases import AsyncArm, AsyncMotor
-from orinkit.client._async.motion import AsyncMotion, AsyncMover
+from orinkit.client._async.motion import AsyncArmBase, AsyncMotion
 from orinkit.client._shared import robot as common
-from orinkit.client._shared.common import NodeFunctions
-from orinkit.client._shared.motion import Way
+from orinkit.client._shared.common import ObjectFunctions
+from orinkit.client._shared.motion import MotionSegment
 from orinkit.client._shared.robot import MoveOptions, pose_text
 from orinkit.values.poses import J, P, PassMark, PoseLike, T
 from orinkit.values.variant import Value
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 
-class AsyncRobot(AsyncMover):
+class AsyncRobot(AsyncArmBase):
     """A robot (RC8 3.3). A motion is never repeated by the client.
 
     Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``, ``"@E"``,
@@ -36,7 +36,7 @@ class AsyncRobot(AsyncMover):
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
         f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
         f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
@@ -164,7 +164,7 @@ class AsyncRobot(AsyncMover):
         self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
         """Move the tool along the arc through one pose to another."""
-        way = Way(common.literal_end(end))
+        way = MotionSegment(common.literal_end(end))
         return await self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
 
     async def move_s(
@@ -177,7 +177,7 @@ class AsyncRobot(AsyncMover):
             mark: pass mark of its end.
             options: of every motion.
         """
-        return await self._interpolate(common.CURVE, common.curve_text(path, mark), options, Way())
+        return await self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
     async def approach(
         self,
@@ -379,17 +379,19 @@ class AsyncRobot(AsyncMover):
     async def _move_to(
         self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
-        way = Way(common.literal_end(pose))
+        way = MotionSegment(common.literal_end(pose))
         return await self._interpolate(interpolation, pose_text(pose, mark), options, way)
 
-    async def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: Way) -> AsyncMotion:
+    async def _interpolate(
+        self, interpolation: int, pose: str, options: MoveOptions, way: MotionSegment
+    ) -> AsyncMotion:
         option, wait = common.option_text(options)
         return await self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
 
     async def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> AsyncMotion:
         option, wait = common.option_text(options)
         whole = [*parameter, option] if option else parameter
-        return await self._begin(f.robot_execute, name, whole, wait=wait, way=Way())
+        return await self._begin(f.robot_execute, name, whole, wait=wait, way=MotionSegment())
 
     async def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
         command = f"{common.kind_of(pose, wanted)}2{wanted}"

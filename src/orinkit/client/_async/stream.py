@@ -12,16 +12,16 @@ from threading import Lock
 from time import monotonic_ns
 from typing import Any
 
-from orinkit.client._async.motion import AsyncMover
+from orinkit.client._async.motion import AsyncArmBase
 from orinkit.client._async.slave_mode import AsyncSlaveMode
 from orinkit.client._shared import stream as common
-from orinkit.client._shared.stream import Progress, Reader, StreamResult
-from orinkit.client._shared.stream_options import Options, check_opened, check_outputs, read_outputs
+from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
+from orinkit.client._shared.stream_options import StreamOptions, check_opened, check_outputs, read_outputs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.planning.planners import Planner, planner_for
-from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Order, Outputs
+from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs, StreamCommand
 from orinkit.streaming.recording.samples import Sample
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.streaming.trajectory.retime import retime as retimed
@@ -42,10 +42,10 @@ class AsyncStream(AsyncSlaveMode):
         real_time: what the system has granted the process.
     """
 
-    def __init__(self, robot: AsyncMover, options: Options) -> None:
+    def __init__(self, robot: AsyncArmBase, options: StreamOptions) -> None:
         super().__init__(robot, options)
         self._lock = Lock()
-        self._reader: Reader | None = None
+        self._reader: SampleReader | None = None
         self._pushed: Planner | None = None
         self._target: J | P | T | None = None
 
@@ -85,7 +85,7 @@ class AsyncStream(AsyncSlaveMode):
         else:
             ready = self._prepared(trajectory, retime=retime)
             points, total = iter(()), len(ready)
-        course = common.Course(streaming.shared, total, progress)
+        course = common.TrajectoryRun(streaming.shared, total, progress)
         try:
             sent = await self._feed(ready, points, course)
             while course.sent < sent or not course.shared.settled:
@@ -97,7 +97,7 @@ class AsyncStream(AsyncSlaveMode):
         return course.result(sent)
 
     async def _feed(
-        self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], course: common.Course
+        self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], course: common.TrajectoryRun
     ) -> int:
         """Queue set-points as there is room; returns how many there were."""
         shared = course.shared
@@ -116,7 +116,7 @@ class AsyncStream(AsyncSlaveMode):
             course.start()  # as much as there is room for is there before the first one is sent
         return sent
 
-    async def _go_on(self, course: common.Course) -> None:
+    async def _go_on(self, course: common.TrajectoryRun) -> None:
         """Look how a trajectory goes, and let others do something.
 
         Raises:
@@ -243,14 +243,14 @@ class AsyncStream(AsyncSlaveMode):
         shared.forget()
         shared.hold()
         self._forget()
-        shared.order(Order.HALT)
+        shared.order(StreamCommand.HALT)
         try:
             while not shared.order_done:
                 self._alive()
                 await apause(common.POLL)
         finally:
             if not shared.closed:
-                shared.order(Order.RUN)  # nothing is fed: the arm stays at rest, or comes to it
+                shared.order(StreamCommand.RUN)  # nothing is fed: the arm stays at rest, or comes to it
 
     async def wait(self) -> None:
         """Wait until the arm stands: at the live target, or at the last set-point."""
@@ -280,7 +280,7 @@ class AsyncStream(AsyncSlaveMode):
     async def feedback(self) -> AsyncIterator[Sample]:
         """Give every sample from now on, until the block ends."""
         streaming = self._alive()
-        reader = Reader(streaming.shared, streaming.shared.samples)
+        reader = SampleReader(streaming.shared, streaming.shared.samples)
         while self._streaming is streaming and not streaming.ended:
             for sample in reader.new():
                 yield sample
@@ -293,7 +293,7 @@ class AsyncStream(AsyncSlaveMode):
         """Return the samples since the last call, or since the block began, without waiting."""
         streaming = self._alive()
         if self._reader is None or self._reader.shared is not streaming.shared:
-            self._reader = Reader(streaming.shared)
+            self._reader = SampleReader(streaming.shared)
         return list(self._reader.new())
 
     @property

@@ -6,9 +6,9 @@ The synchronous twin is made from this file, as that of :mod:`orinkit.client._as
 from __future__ import annotations
 
 from orinkit.cao import functions as f
-from orinkit.client._async.objects import AsyncOwner
+from orinkit.client._async.objects import AsyncObjectContainer
 from orinkit.client._shared.common import (
-    NodeFunctions,
+    ObjectFunctions,
     error_count,
     error_info,
     is_program,
@@ -25,12 +25,12 @@ from orinkit.rc8.task_modes import StopMode, StopName, TaskMode, TaskName, TaskS
 from orinkit.transport.runner import Deadline, apause
 
 
-class AsyncTask(AsyncOwner):
+class AsyncTask(AsyncObjectContainer):
     """A program task (RC8 3.2)."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
         f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
         f.task_get_variable, f.task_get_variable_names, f.task_execute,
@@ -103,7 +103,7 @@ class AsyncTask(AsyncOwner):
 
     async def _check(self) -> None:
         """Raise the newest error of this program that the controller reports."""
-        if not isinstance(self._parent, AsyncOwner):
+        if not isinstance(self._parent, AsyncObjectContainer):
             return
         for index in range(error_count(await self._parent.execute("GetCurErrorCount"))):
             info = error_info(await self._parent.execute("GetCurErrorInfo", index))
@@ -112,7 +112,7 @@ class AsyncTask(AsyncOwner):
 
     async def _logged(self, code: int) -> str:
         """Return what the newest record of the error log says, if it is of this code."""
-        if not isinstance(self._parent, AsyncOwner):
+        if not isinstance(self._parent, AsyncObjectContainer):
             return ""
         try:
             return logged_message(await self._parent.execute("GetErrorLog", 0), code)

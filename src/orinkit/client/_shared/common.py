@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from orinkit.bcap.wire import LEAST_TRIES, MOST_TRIES, STREAM
 from orinkit.cao.dialect import DIALECTS, VE026A, Dialect
 from orinkit.cao.table import Function
-from orinkit.cao.transport_profile import Carrier
+from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, ProtocolError, error_for
 from orinkit.core.i18n import tr
@@ -33,7 +33,7 @@ _LINE: Final = 3  # place of the line in the details of an error; that of the pr
 _LOGGED_MESSAGE: Final = 12  # place in a record of the error log
 
 
-class NodeFunctions(NamedTuple):
+class ObjectFunctions(NamedTuple):
     """The functions that every kind of object has under its own ids; ``None`` where a kind has none."""
 
     release: Function[[int], None]
@@ -112,7 +112,7 @@ def error_info(answer: Any) -> ErrorInfo:
     raise not_understood("GetCurErrorInfo", answer)
 
 
-def service_option(option: str | None, wire: Carrier, dialect: Dialect, timeout: float) -> str | None:
+def service_option(option: str | None, wire: TransportProfile, dialect: Dialect, timeout: float) -> str | None:
     """Return Service_Start's option: as given, or a watchdog that lets long calls outlast the time-out.
 
     The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1); where that cannot be, none is asked
@@ -205,7 +205,7 @@ def is_ve026a(told: object) -> bool:
     return VE026A.name.upper() in str(told).upper()
 
 
-def forgotten_after(wire: Carrier) -> str:
+def forgotten_after(wire: TransportProfile) -> str:
     """Return what there is to say of a handle that is not known any more, to a client that was silent for long."""
     name, seconds = wire.name.upper(), wire.memory
     return tr(
@@ -403,7 +403,7 @@ def check_content(kind: type[T], content: T) -> T:
     )
 
 
-class Handles:
+class HandleTable:
     """Handles that this program holds, and those whose objects were dropped without being closed.
 
     The latter are released before the next object is made. A controller may answer with one handle for several objects

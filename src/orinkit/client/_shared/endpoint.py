@@ -5,30 +5,30 @@ from __future__ import annotations
 from time import monotonic
 from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
-from orinkit.bcap.client import Conversation
-from orinkit.bcap.wire import Wire
+from orinkit.bcap.client import BcapConversation
+from orinkit.bcap.wire import BcapProfile
 from orinkit.cao.replies import Trace
-from orinkit.cao.transport_profile import Carrier
+from orinkit.cao.transport_profile import TransportProfile
 from orinkit.client._shared.common import check_timeout, check_tries
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.transport.address import parse_address
-from orinkit.transport.credentials import Access
+from orinkit.transport.credentials import Credentials
 from orinkit.transport.links import refused
 from orinkit.transport.registry import AnyAddress, resolve, row_of, rows
-from orinkit.values.codec import Limits
+from orinkit.values.codec import PacketLimits
 
 if TYPE_CHECKING:
-    from orinkit.ecap.client import Conversation as EcapConversation
+    from orinkit.ecap.client import EcapConversation as EcapConversation
 
-    AnyConversation: TypeAlias = Conversation | EcapConversation
+    AnyConversation: TypeAlias = BcapConversation | EcapConversation
 
 L = TypeVar("L")
 _LEAST_DEADLINE: Final = 3.0  # s
 _LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
 
 
-def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress, Carrier, float]:
+def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress, TransportProfile, float]:
     """Return what a URL says, how calls travel there, and how many seconds opening the link may take.
 
     Args:
@@ -44,27 +44,27 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
     row = row_of(address)
     if not row.carrier:
         raise refused(address)
-    wire: Carrier = resolve(row.carrier)
+    wire: TransportProfile = resolve(row.carrier)
     seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
     return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
 
 
-def closing_deadline(timeout: float, tries: int, wire: Carrier) -> float:
+def closing_deadline(timeout: float, tries: int, wire: TransportProfile) -> float:
     """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
     return max(3 * timeout * (tries if wire.lossy else 1), _LEAST_DEADLINE)
 
 
-def conversation(wire: Carrier, limits: Limits, trace: Trace | None) -> AnyConversation:
+def conversation(wire: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
     """Return the conversation for a way that calls travel: b-CAP, or e-CAP."""
-    if isinstance(wire, Wire):
-        return Conversation(limits, trace, wire, clock=monotonic)
-    from orinkit.ecap.client import Conversation as EcapConversation
+    if isinstance(wire, BcapProfile):
+        return BcapConversation(limits, trace, wire, clock=monotonic)
+    from orinkit.ecap.client import EcapConversation as EcapConversation
 
     return EcapConversation(limits, trace, wire, clock=monotonic)
 
 
 @runtime_checkable
-class _Repeatable(Protocol):
+class _RepeatableLink(Protocol):
     """A link over which a call cannot be left alone while something else is said."""
 
     def another(self) -> Self: ...
@@ -78,14 +78,14 @@ def parting(link: L) -> L:
     Where that cannot be done beside a call that another thread or task may have at work, it is another link to the same
     place, and this one is closed: the call ends, and no other one can come in between.
     """
-    if isinstance(link, _Repeatable):
+    if isinstance(link, _RepeatableLink):
         link.close()
         return link.another()
     return link
 
 
 @runtime_checkable
-class _Shareable(Protocol):
+class _ShareableLink(Protocol):
     """A link over which something can be sent while a call is under way."""
 
     def share(self) -> None: ...
@@ -95,22 +95,22 @@ class _Shareable(Protocol):
 
 def share(link: object) -> None:
     """Prepare a link for :func:`beside`."""
-    if isinstance(link, _Shareable):
+    if isinstance(link, _ShareableLink):
         link.share()
 
 
 def beside(link: object, data: bytes) -> None:
     """Send something over a link on which a call is under way, if that can be done; not over one that is lent."""
-    if isinstance(link, _Shareable):
+    if isinstance(link, _ShareableLink):
         link.beside(data)
 
 
 def another(link: L) -> L | None:
     """Return another link for the same client to the same place, ``None`` where there can be none."""
-    return link.another() if isinstance(link, _Repeatable) else None
+    return link.another() if isinstance(link, _RepeatableLink) else None
 
 
-def access_to(address: AnyAddress, token: str, cafile: str) -> Access:
+def access_to(address: AnyAddress, token: str, cafile: str) -> Credentials:
     """Return what a client shows to a server.
 
     Raises:
@@ -121,4 +121,4 @@ def access_to(address: AnyAddress, token: str, cafile: str) -> Access:
         raise InvalidValue(
             tr("token and cafile are for {schemes}; b-CAP at {address} has none", schemes=schemes, address=address)
         )
-    return Access(token, cafile)
+    return Credentials(token, cafile)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from orinkit.cao.transport_profile import Carrier
+from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, OrinError, ProtocolError, TransportError, error_for
 from orinkit.core.i18n import tr
@@ -27,7 +27,7 @@ _MANUAL: Final = 1
 _TEACH_CHECK: Final = 2
 
 
-class Way:
+class MotionSegment:
     """From where to where a motion goes, as far as that is known.
 
     DestJnt tells where the motion that *runs* ends. As long as another one may run, what it tells counts for this motion
@@ -46,11 +46,11 @@ class Way:
         self.target = target
         self.start: J | None = None
         self.end: J | None = target if isinstance(target, J) else None
-        self.before: Way | None = None
+        self.before: MotionSegment | None = None
         self.begun = False
 
     @classmethod
-    def leading_to(cls, end: J) -> Way:
+    def leading_to(cls, end: J) -> MotionSegment:
         """Return the way of a motion that ends at some joints, and of which nothing else counts any more."""
         way = cls()
         way.end, way.begun = end, True
@@ -61,7 +61,7 @@ class Way:
         """Whether it is still to be seen that it has begun."""
         return not self.begun and self.before is not None
 
-    def begin(self, before: Way, start: J | None, told: J) -> None:
+    def begin(self, before: MotionSegment, start: J | None, told: J) -> None:
         """Note what is known when the controller has just taken the motion.
 
         Args:
@@ -69,7 +69,7 @@ class Way:
             start: joints of the arm if no other motion is to come first.
             told: DestJnt.
         """
-        chain: Way | None = before
+        chain: MotionSegment | None = before
         for _ in range(_LONGEST_CHAIN):
             if chain is None:
                 break
@@ -143,7 +143,7 @@ def may_have_moved(error: OrinError) -> bool:
     return isinstance(error, CallTimeout | TransportError | ProtocolError)
 
 
-class Stop(NamedTuple):
+class MotionStop(NamedTuple):
     """How a motion was stopped before its end.
 
     Attributes:
@@ -154,7 +154,7 @@ class Stop(NamedTuple):
     at: J
     reason: str
 
-    def error(self, subject: str, function: str, arguments: tuple[object, ...], way: Way) -> CallError:
+    def error(self, subject: str, function: str, arguments: tuple[object, ...], way: MotionSegment) -> CallError:
         """Return it as an exception.
 
         Args:
@@ -173,7 +173,7 @@ class Stop(NamedTuple):
         return error
 
 
-class Circumstances(NamedTuple):
+class StopDiagnosis(NamedTuple):
     """What may have stopped an arm; ``None`` where the controller does not tell."""
 
     emergency_stop: object
@@ -219,7 +219,7 @@ def _rounded(pose: J | P) -> J | P:
 # --- letting go -------------------------------------------------------------------------------------------------------
 
 
-def note_failure(error: BaseException, problem: OrinError, wire: Carrier) -> None:
+def note_failure(error: BaseException, problem: OrinError, wire: TransportProfile) -> None:
     """Note in an exception that a step of the clean-up has failed too; that the connection has gone is said once."""
     if not isinstance(problem, TransportError):
         error.add_note(tr("orinkit: while cleaning up: {problem}", problem=problem))
@@ -229,7 +229,7 @@ def note_failure(error: BaseException, problem: OrinError, wire: Carrier) -> Non
         error.add_note(_connection_gone(wire))
 
 
-def note_broken_off(wire: Carrier) -> str:
+def note_broken_off(wire: TransportProfile) -> str:
     """Return the note that an exception gets that broke off a call which was to move the arm."""
     lost = _if_it_is_lost(wire)
     return tr(
@@ -239,7 +239,7 @@ def note_broken_off(wire: Carrier) -> str:
     )
 
 
-def note_closed(wire: Carrier) -> str:
+def note_closed(wire: TransportProfile) -> str:
     """Return the note that an exception gets where only closing the connection could stop the arm."""
     lost = _if_it_is_lost(wire)
     return tr(
@@ -249,7 +249,7 @@ def note_closed(wire: Carrier) -> str:
     )
 
 
-def _if_it_is_lost(wire: Carrier) -> str:
+def _if_it_is_lost(wire: TransportProfile) -> str:
     """Return when the arm stops where what tells of a client's end may not arrive, in brackets."""
     if wire.shared:
         return tr(" (should the packet that says so be lost, only when the next client connects)")
@@ -262,7 +262,7 @@ def _if_it_is_lost(wire: Carrier) -> str:
     return ""
 
 
-def _connection_gone(wire: Carrier) -> str:
+def _connection_gone(wire: TransportProfile) -> str:
     if wire.shared:
         return tr(
             "orinkit: the connection is gone, which a controller cannot notice on a serial line: the "

@@ -10,13 +10,13 @@ from threading import Event, Thread
 from time import time_ns
 from typing import Any, Final, NamedTuple
 
-from orinkit.client._shared.stream_options import Options
+from orinkit.client._shared.stream_options import StreamOptions
 from orinkit.core.errors import StreamError
 from orinkit.core.i18n import tr
 from orinkit.rc8.slave_fields import POSES, PoseKind
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.planning.limits import Limits
-from orinkit.streaming.process.shared_memory import SAMPLE_ROOM, Feed, RawSample, Shared
+from orinkit.streaming.process.shared_memory import SAMPLE_ROOM, RawSample, SetPointSource, StreamMemory
 from orinkit.streaming.recording.samples import OWN, Sample
 from orinkit.values.poses import J, P, T
 
@@ -202,7 +202,7 @@ _POSES: Final = {row.name: POSE_TYPES[kind].of for kind, row in POSES.items()}
 
 
 @dataclass(slots=True)
-class Reader:
+class SampleReader:
     """Reads samples in their order.
 
     Attributes:
@@ -212,7 +212,7 @@ class Reader:
         missed: how many were overwritten before they were read.
     """
 
-    shared: Shared
+    shared: StreamMemory
     next: int = 0
     missed: int = field(default=0)
     period: float = 0.0
@@ -238,7 +238,7 @@ class Reader:
                 yield sample_of(raw, began)
 
 
-class Course:
+class TrajectoryRun:
     """A trajectory under way.
 
     Args:
@@ -247,11 +247,11 @@ class Course:
         progress: is told how many have been sent.
     """
 
-    def __init__(self, shared: Shared, total: int | None, progress: Callable[[Progress], object] | None) -> None:
+    def __init__(self, shared: StreamMemory, total: int | None, progress: Callable[[Progress], object] | None) -> None:
         self.shared = shared
         self._total = total
         self._progress = progress
-        self._reader = Reader(shared, shared.samples)
+        self._reader = SampleReader(shared, shared.samples)
         self._samples: list[Sample] = []
         self._before, self._dry, self._first = shared.sent, shared.dry, shared.written
         self._late_before = self._late_seen = shared.lateness
@@ -279,7 +279,7 @@ class Course:
         self._read()
         if self._progress is not None:
             self._progress(Progress(self.sent, self._total))
-        fed = not self._started or self.shared.feed is Feed.QUEUE
+        fed = not self._started or self.shared.feed is SetPointSource.QUEUE
         if not fed or self.shared.forgotten > self._first:
             self._broken_off = True
             raise broken_off(self.sent)
@@ -307,7 +307,7 @@ class Course:
             self._late_seen, self._latest = late, max(self._latest, late.longest)
 
 
-class Recording:
+class SampleRecording:
     """Writes every sample to a file, in a thread, as they come.
 
     Args:
@@ -316,7 +316,7 @@ class Recording:
         options: of the stream.
     """
 
-    def __init__(self, path: Path, options: Options) -> None:
+    def __init__(self, path: Path, options: StreamOptions) -> None:
         from orinkit.streaming.recording.recorder import open_recorder  # most streams are not recorded
 
         self._recorder = open_recorder(path, kind=options.mode.kind, period=options.period, start_ns=time_ns())
@@ -325,16 +325,16 @@ class Recording:
         self._end = Event()
         self._threads: list[Thread] = []
 
-    def follow(self, shared: Shared) -> None:
+    def follow(self, shared: StreamMemory) -> None:
         """Begin to write what a streaming process sends."""
         self._end.clear()
         self._began_ns = self._began_ns or shared.began_ns
-        reader = Reader(shared, period=self._period, began_ns=self._began_ns)
+        reader = SampleReader(shared, period=self._period, began_ns=self._began_ns)
         thread = Thread(target=self._write, args=(reader,), name="orinkit-record", daemon=True)
         self._threads.append(thread)
         thread.start()
 
-    def _write(self, reader: Reader) -> None:
+    def _write(self, reader: SampleReader) -> None:
         last = False
         while not last:
             last = self._end.wait(_LONGEST_SLEEP)

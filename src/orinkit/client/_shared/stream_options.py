@@ -12,11 +12,11 @@ from orinkit.arms import model_of_type
 from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_fields import EXCLUSIVE, OUTPUTS, PARAMETERS, POSE_PARTS, POSES, RECEIVED, WORDS, Form
+from orinkit.rc8.slave_fields import EXCLUSIVE, OUTPUTS, PARAMETERS, POSE_PARTS, POSES, RECEIVED, WORDS, FieldType
 from orinkit.rc8.slave_formats import (
     POSE_SIZES,
     ReceiveFormat,
-    Send,
+    SendBits,
     SetPoint,
     SlaveMode,
     UserWindow,
@@ -43,8 +43,8 @@ _POSES: Final[dict[frozenset[str], int]] = {
 _JOINTS: Final = _POSES[frozenset({POSES["J"].name})]  # also if no pose is named
 _POSE_NAMES: Final = frozenset(row.name for row in POSES.values())
 _FLAGS: Final = {row.name: row.receive for row in WORDS if row.receive}
-_STAMP: Final = sum(row.receive for row in RECEIVED if row.form is Form.STAMP)
-_WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is Form.WINDOW)
+_STAMP: Final = sum(row.receive for row in RECEIVED if row.form is FieldType.STAMP)
+_WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is FieldType.WINDOW)
 _LONGEST_PERIOD: Final = 1.0  # s
 _LONGEST_IDLE: Final = 1e6  # s
 _FULL: Final = 100.0
@@ -55,12 +55,12 @@ _PATH_ACCELERATION: Final = 0.25
 
 
 @dataclass(slots=True)
-class Options:
+class StreamOptions:
     """What slave mode is asked for; as of ``Robot.slave_mode``."""
 
     mode: SlaveMode
     receive: ReceiveFormat
-    send: Send
+    send: SendBits
     outputs: Outputs
     window: UserWindow | None
     limits: Limits | PathLimits | None
@@ -76,7 +76,7 @@ def read_options(
     dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, limits: Limits | PathLimits | None, speed: float,
     period: float, queue: int, idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
     user_window: tuple[int, int] | None = None, **outputs: int | tuple[int, bytes] | None,
-) -> Options:  # fmt: skip
+) -> StreamOptions:  # fmt: skip
     """Return the options of slave mode.
 
     Raises:
@@ -95,7 +95,7 @@ def read_options(
         _refuse("on_range", on_range, "clamp, refuse")
     if limits is not None and not isinstance(limits, Limits if wanted.kind == "J" else PathLimits):
         raise InvalidValue(tr("limits: joints (pose J) have Limits, positions (pose P, T) have PathLimits"))
-    options = Options(
+    options = StreamOptions(
         wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
         _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _LONGEST_PERIOD),
         int(_amount("queue", queue, 1, _MOST_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _LONGEST_IDLE),
@@ -121,7 +121,7 @@ def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
     return _JOINTS
 
 
-def check_outputs(options: Options, outputs: Outputs) -> None:
+def check_outputs(options: StreamOptions, outputs: Outputs) -> None:
     """Check that outputs can be sent; what is not given is as it was.
 
     Raises:
@@ -149,7 +149,7 @@ def read_outputs(**given: int | tuple[int, bytes] | None) -> Outputs:
     return Outputs(**found)
 
 
-def check_opened(options: Options, outputs: Outputs) -> None:
+def check_opened(options: StreamOptions, outputs: Outputs) -> None:
     """Check that the block was opened with these outputs.
 
     Raises:
@@ -176,17 +176,20 @@ def _bytes(name: str, value: object) -> tuple[int, bytes]:
     return first, bytes(data)
 
 
-_OUTPUT_READERS: Final[dict[Form, Callable[[str, object], object]]] = {Form.BITS: _bits, Form.BYTES: _bytes}
+_OUTPUT_READERS: Final[dict[FieldType, Callable[[str, object], object]]] = {
+    FieldType.BITS: _bits,
+    FieldType.BYTES: _bytes,
+}
 
 
-def _send(outputs: Outputs) -> Send:
+def _send(outputs: Outputs) -> SendBits:
     given = outputs.given()
     for first, second in EXCLUSIVE:
         if first in given and second in given:
             raise InvalidValue(
                 tr("{first} and {second} outputs cannot be sent together (RC8 table 4-1)", first=first, second=second)
             )
-    return Send(sum(int(row.send) for row in OUTPUTS if row.name in given))
+    return SendBits(sum(int(row.send) for row in OUTPUTS if row.name in given))
 
 
 def _receive(recv: Iterable[str]) -> int:
@@ -247,7 +250,7 @@ def _refuse(name: str, value: object, known: str) -> NoReturn:
     raise InvalidValue(tr("{name}: {value}; possible: {known}", name=name, value=brief(value), known=known))
 
 
-def limits_for(options: Options, type_name: object) -> Limits | PathLimits:
+def limits_for(options: StreamOptions, type_name: object) -> Limits | PathLimits:
     """Return the limits to stream within: as given, or those of the arm whose controller gives this type name.
 
     Raises:

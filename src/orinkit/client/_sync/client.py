@@ -17,8 +17,8 @@ from orinkit.cao.dialect import Dialect
 from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.replies import Reply, Trace
 from orinkit.cao.table import Function
-from orinkit.cao.transport_profile import Carrier
-from orinkit.client._shared.common import Handles, check_deadline, check_timeout, check_tries, forgotten_after
+from orinkit.cao.transport_profile import TransportProfile
+from orinkit.client._shared.common import HandleTable, check_deadline, check_timeout, check_tries, forgotten_after
 from orinkit.client._shared.endpoint import (
     access_to,
     another,
@@ -33,11 +33,11 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.fork_safety import keep_from_children
-from orinkit.transport.keepalive import Pulse, take_now
+from orinkit.transport.keepalive import KeepAlive, take_now
 from orinkit.transport.links import open_link
-from orinkit.transport.runner import Deadline, LentLink, Link, run, say_goodbye
+from orinkit.transport.runner import Deadline, DetachedLink, Link, run, say_goodbye
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 _LAST_SERIAL: Final = 0xFFFF
 _BEAT: Final = 0.5  # s between signs of life
@@ -77,9 +77,9 @@ class Client:
         *,
         timeout: float | None = None,
         tries: int = DEFAULT_TRIES,
-        limits: Limits = DEFAULT_LIMITS,
+        limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: Carrier = STREAM,
+        wire: TransportProfile = STREAM,
     ) -> None:
         self._timeout = check_timeout(wire.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
@@ -91,9 +91,9 @@ class Client:
         self._left = False
         self._deadline: float | None = None
         self._end: Deadline | None = None  # of connecting, or closing
-        self.handles = Handles()
+        self.handles = HandleTable()
         keep_from_children(self)
-        self._pulse: Pulse | None = None
+        self._pulse: KeepAlive | None = None
         self._quiet = Deadline(0.0)  # passes when the program has not called anything for a while
         self._every = _BEAT
         self._second: Client | None = None  # says that it lives while a call is at work, where one link cannot
@@ -143,7 +143,7 @@ class Client:
         return self._conversation.echoes
 
     @property
-    def wire(self) -> Carrier:
+    def wire(self) -> TransportProfile:
         """How calls travel."""
         return self._conversation.wire
 
@@ -154,7 +154,7 @@ class Client:
         *,
         timeout: float | None = None,
         tries: int = DEFAULT_TRIES,
-        limits: Limits = DEFAULT_LIMITS,
+        limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
         token: str = "",
         cafile: str = "",
@@ -278,7 +278,7 @@ class Client:
             self._second = type(self)(link, timeout=self._timeout, wire=self.wire)
         if self._pulse is not None:
             self._pulse.end()
-        self._pulse = Pulse(self._show, self._every)
+        self._pulse = KeepAlive(self._show, self._every)
 
     def _show(self) -> None:
         """Show a sign of life: a call if nothing is at work, else something beside it."""
@@ -303,7 +303,7 @@ class Client:
     ) -> tuple[int, Any]:
         """Carry out a call; with the first one that may begin a motion, begin to show signs of life (:meth:`_beat`)."""
         if function.id in MOVING and self._pulse is None and not self._left:
-            self._pulse = Pulse(self._beat, _BEAT)
+            self._pulse = KeepAlive(self._beat, _BEAT)
         try:
             code, result = self._carry_in_time(function, arguments, seconds, exact, deadline)
         finally:
@@ -383,7 +383,7 @@ class Client:
             serial number of the next request.
         """
         self._link.fileno()  # whoever has it receives from now on
-        self._link = LentLink(self._link, closing)
+        self._link = DetachedLink(self._link, closing)
         return self._conversation.serial
 
     def take_back(self, serial: int) -> None:
@@ -392,13 +392,13 @@ class Client:
         Args:
             serial: of the next request.
         """
-        if isinstance(self._link, LentLink):
+        if isinstance(self._link, DetachedLink):
             self._link = self._link.link
         self._conversation.serial = serial
 
     def abandon(self) -> None:
         """Leave the connection to the other process for good; here it is closed."""
-        if isinstance(self._link, LentLink):
+        if isinstance(self._link, DetachedLink):
             self._link = self._link.link
         self._link.release()
 

@@ -16,7 +16,7 @@ from orinkit.cao.table import Function
 from orinkit.client._shared.common import (
     RC8,
     ErrorInfo,
-    NodeFunctions,
+    ObjectFunctions,
     check_alive,
     check_content,
     check_deadline,
@@ -38,34 +38,34 @@ from orinkit.client._shared.common import (
 )
 from orinkit.client._shared.robot import sendable
 from orinkit.client._sync.client import Client
-from orinkit.client._sync.objects import Named, Node, Owner
+from orinkit.client._sync.objects import NamedObject, ObjectBase, ObjectContainer
 from orinkit.client._sync.robot import Robot
 from orinkit.client._sync.task import Task
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ObjectNotFound, OrinError
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
-from orinkit.values.codec import DEFAULT_LIMITS, Limits
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Value
 
 P = ParamSpec("P")
 R = TypeVar("R")
-N = TypeVar("N", bound="Node")
+N = TypeVar("N", bound="ObjectBase")
 
 
-class Extension(Owner):
+class Extension(ObjectContainer):
     """An extension board, for example a hand."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.extension_release, f.extension_get_attribute, f.extension_get_help, f.extension_get_name,
         f.extension_get_tag, f.extension_put_tag, f.extension_get_id, f.extension_put_id,
         f.extension_get_variable, f.extension_get_variable_names, f.extension_execute,
     )  # fmt: skip
 
 
-class File(Owner):
+class File(ObjectContainer):
     """A file or folder of the controller.
 
     One that is not there yet may be connected to: setting its text or data makes it, and its folders; everything else
@@ -74,15 +74,15 @@ class File(Owner):
 
     __slots__ = ("_missing",)
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.file_release, f.file_get_attribute, f.file_get_help, f.file_get_name,
         f.file_get_tag, f.file_put_tag, f.file_get_id, f.file_put_id,
         f.file_get_variable, f.file_get_variable_names, f.file_execute,
     )  # fmt: skip
 
-    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+    def __init__(self, client: Client, handle: int, label: str, parent: ObjectBase | None = None) -> None:
         super().__init__(client, handle, label, parent)
-        self._missing: tuple[Owner, Function[[int, str, str], int], str] | None = None
+        self._missing: tuple[ObjectContainer, Function[[int, str, str], int], str] | None = None
 
     def file(self, name: str, option: str = "", *, create: bool = False) -> File:
         """Connect to a file below this folder; with ``create`` it is made if it is not there."""
@@ -266,12 +266,12 @@ class File(Owner):
         self.put_value(new)
 
 
-class Command(Named):
+class Command(NamedObject):
     """A command that can be started, watched and cancelled."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.command_release, f.command_get_attribute, f.command_get_help, f.command_get_name,
         f.command_get_tag, f.command_put_tag, f.command_get_id, f.command_put_id,
     )  # fmt: skip
@@ -337,12 +337,12 @@ class Command(Named):
         return self.get_result()
 
 
-class Message(Node):
+class Message(ObjectBase):
     """An event that the controller reported."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(f.message_release)
+    functions = ObjectFunctions(f.message_release)
 
     def reply(self, value: Value = None) -> None:
         """Answer the event."""
@@ -416,12 +416,12 @@ class Message(Node):
         return self.get_value()
 
 
-class Controller(Owner):
+class Controller(ObjectContainer):
     """A controller; :func:`connect` makes one. Closing it releases everything and closes the connection."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.controller_disconnect, f.controller_get_attribute, f.controller_get_help, f.controller_get_name,
         f.controller_get_tag, f.controller_put_tag, f.controller_get_id, f.controller_put_id,
         f.controller_get_variable, f.controller_get_variable_names, f.controller_execute,
@@ -523,7 +523,9 @@ class Controller(Owner):
             self.client.close()
 
 
-def _file(owner: Owner, function: Function[[int, str, str], int], name: str, option: str, *, create: bool) -> File:
+def _file(
+    owner: ObjectContainer, function: Function[[int, str, str], int], name: str, option: str, *, create: bool
+) -> File:
     """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
     try:
         return owner._child(File, function, name, file_option(option, create=create))  # noqa: SLF001
@@ -545,7 +547,7 @@ def connect(
     timeout: float | None = None,
     tries: int = DEFAULT_TRIES,
     service: str | None = None,
-    limits: Limits = DEFAULT_LIMITS,
+    limits: PacketLimits = DEFAULT_LIMITS,
     trace: Trace | None = None,
     dialect: str | None = None,
     token: str = "",

@@ -12,14 +12,14 @@ from typing import Final
 
 from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import motor_state
-from orinkit.client._sync.motion import Mover, Track
+from orinkit.client._sync.motion import ArmBase, MotionTracker
 from orinkit.core.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
 from orinkit.transport.runner import Deadline, pause
 
 _HALT_PATIENCE: Final = 0.3
 
 
-class Holding(ABC):
+class Lease(ABC):
     """Something that is taken for as long as a block lasts.
 
     A block that ends well lets the motion that runs come to its end (one that the program has paused is halted), then
@@ -30,7 +30,7 @@ class Holding(ABC):
 
     __slots__ = ("_robot", "_track")
 
-    def __init__(self, robot: Mover, track: Track) -> None:
+    def __init__(self, robot: ArmBase, track: MotionTracker) -> None:
         self._robot = robot
         self._track = track
 
@@ -123,12 +123,12 @@ class Holding(ABC):
         """Give it back."""
 
 
-class Arm(Holding):
+class Arm(Lease):
     """The arm, taken (RC8 3.3.2) and given back."""
 
     __slots__ = ("_group", "_keep")
 
-    def __init__(self, robot: Mover, track: Track, group: int, keep: bool) -> None:
+    def __init__(self, robot: ArmBase, track: MotionTracker, group: int, keep: bool) -> None:
         super().__init__(robot, track)
         self._group = group
         self._keep = keep
@@ -142,7 +142,7 @@ class Arm(Holding):
             self._robot.execute("GiveArm")
 
 
-class Motor(Holding):
+class Motor(Lease):
     """The motor, switched on and off again; each waits until that is done."""
 
     __slots__ = ()

@@ -13,7 +13,7 @@ from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import error_count, error_info
 from orinkit.client._shared.robot import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
 from orinkit.client._sync.client import Client
-from orinkit.client._sync.objects import Node, Owner
+from orinkit.client._sync.objects import ObjectBase, ObjectContainer
 from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.transport.runner import Deadline, pause
@@ -23,7 +23,7 @@ from orinkit.values.variant import Value
 _ARM: Final = 1
 
 
-class Track:
+class MotionTracker:
     """What a robot object knows of its motions.
 
     Attributes:
@@ -50,17 +50,17 @@ class Track:
         self.at_rest = False
 
 
-class Mover(Owner):
+class ArmBase(ObjectContainer):
     """Where an arm is, and how its motions are started and stopped: what :class:`Motion` needs of a robot."""
 
     __slots__ = ("_track",)
 
-    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+    def __init__(self, client: Client, handle: int, label: str, parent: ObjectBase | None = None) -> None:
         super().__init__(client, handle, label, parent)
-        self._track = Track()
+        self._track = MotionTracker()
 
     def _begin(
-        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.Way | None = None
+        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.MotionSegment | None = None
     ) -> Motion:
         """Make the call that starts a motion, and return the motion.
 
@@ -91,7 +91,7 @@ class Mover(Owner):
             error.add_note(common.note_broken_off(self.client.wire))
             raise
         call = (self._label, function.name, arguments)
-        motion = Motion(self, track, number, call, way or common.Way(), over=wait)
+        motion = Motion(self, track, number, call, way or common.MotionSegment(), over=wait)
         track.running = None if wait else motion
         track.passing = wait and passes(arguments)
         if wait:
@@ -100,14 +100,14 @@ class Mover(Owner):
             self._note_way(motion.way, *before)
         return motion
 
-    def _before(self, track: Track) -> tuple[common.Way, bool] | None:
+    def _before(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
         """Return the way of the motion before, and whether that one is as good as over; None where it is not known."""
         running = track.running
         answered = track.sure and running is None and track.newest == track.answered
         try:
             if answered or self.motion_complete():
                 track.sure = True
-                return common.Way.leading_to(self.get_destination()), True
+                return common.MotionSegment.leading_to(self.get_destination()), True
             if running is None or not track.sure:
                 return None
             running.way.see(self.get_destination())
@@ -117,7 +117,7 @@ class Mover(Owner):
             return None
         return running.way, False
 
-    def _note_way(self, way: common.Way, before: common.Way, over: bool) -> None:
+    def _note_way(self, way: common.MotionSegment, before: common.MotionSegment, over: bool) -> None:
         try:
             way.begin(before, self.get_joints() if over else None, self.get_destination())
         except CallError as error:
@@ -195,11 +195,11 @@ class Mover(Owner):
         except (CallError, ProtocolError):  # it is only a hint
             error = ""
         stops = _told(owner, "@EMERGENCY_STOP"), _told(owner, "@PROTECTIVE_STOP")
-        known = common.Circumstances(*stops, _told(owner, "@MODE"), _told(self, "@SERVO_ON"))
+        known = common.StopDiagnosis(*stops, _told(owner, "@MODE"), _told(self, "@SERVO_ON"))
         return known.reason(error, halted=halted)
 
-    def _controller(self) -> Owner:
-        return self._parent if isinstance(self._parent, Owner) else self
+    def _controller(self) -> ObjectContainer:
+        return self._parent if isinstance(self._parent, ObjectContainer) else self
 
     def _ask(self, name: str, parameter: Value = None) -> Any:
         variable = self.client.dialect.variables.get(name)
@@ -232,7 +232,7 @@ class Mover(Owner):
         return self.get_destination()
 
 
-def _told(owner: Owner, name: str) -> Any:
+def _told(owner: ObjectContainer, name: str) -> Any:
     """Return the value of a variable; None where an object has no such variable, or does not tell."""
     try:
         with owner.variable(name) as variable:
@@ -256,11 +256,11 @@ class Motion:
 
     def __init__(
         self,
-        robot: Mover,
-        track: Track,
+        robot: ArmBase,
+        track: MotionTracker,
         number: int,
         call: tuple[str, str, tuple[Any, ...]],
-        way: common.Way,
+        way: common.MotionSegment,
         *,
         over: bool,
     ) -> None:
@@ -271,15 +271,15 @@ class Motion:
         self._call = call  # the robot's name, the function, its arguments
         self._over = over
         self._fraction = float(over)
-        self._stop: common.Stop | None = None
+        self._stop: common.MotionStop | None = None
 
     def __repr__(self) -> str:
         state = "over" if self._over else "stopped" if self._stop is not None else "running"
         return f"<{type(self).__name__} {self._call[1]} of {self._call[0]!r}: {state}, {self._fraction:.0%}>"
 
-    def __iter__(self) -> Fractions:
+    def __iter__(self) -> MotionProgress:
         """Give how far it is, 0 to 1, until it is over; the last one is 1."""
-        return Fractions(self)
+        return MotionProgress(self)
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait until it is over.
@@ -364,7 +364,7 @@ class Motion:
         if self._arrived() is not False or robot._locked():  # noqa: SLF001 - one of us
             return True
         reason = robot._reason(halted=self._number <= self._track.halted)  # noqa: SLF001
-        self._stop = common.Stop(robot.get_joints(), reason)
+        self._stop = common.MotionStop(robot.get_joints(), reason)
         return False
 
     @property
@@ -386,7 +386,7 @@ class Motion:
         return self.get_progress()
 
 
-class Fractions:
+class MotionProgress:
     """How far a motion is, again and again, until it is over."""
 
     __slots__ = ("_begun", "_ended", "_motion")
@@ -396,7 +396,7 @@ class Fractions:
         self._begun = False
         self._ended = False
 
-    def __iter__(self) -> Fractions:
+    def __iter__(self) -> MotionProgress:
         return self
 
     def __next__(self) -> float:

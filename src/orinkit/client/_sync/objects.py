@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
-from orinkit.client._shared.common import NodeFunctions, text_list
+from orinkit.client._shared.common import ObjectFunctions, text_list
 from orinkit.client._sync.client import Client
 from orinkit.core.errors import CallError, CallTimeout, ObjectReleased, OrinError
 from orinkit.core.i18n import tr
@@ -19,10 +19,10 @@ from orinkit.values.variant import Value
 
 P = ParamSpec("P")
 R = TypeVar("R")
-N = TypeVar("N", bound="Node")
+N = TypeVar("N", bound="ObjectBase")
 
 
-class Node:
+class ObjectBase:
     """An object of the controller: what all kinds have in common.
 
     Released by ``with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
@@ -39,14 +39,14 @@ class Node:
         "handle",
     )  # a misspelt attribute is an error
 
-    functions: ClassVar[NodeFunctions]
+    functions: ClassVar[ObjectFunctions]
 
-    def __init__(self, client: Client, handle: int, label: str, parent: Node | None = None) -> None:
+    def __init__(self, client: Client, handle: int, label: str, parent: ObjectBase | None = None) -> None:
         self.client = client
         self.handle = handle
         self._label = label
         self._parent = parent  # keeps it alive as long as this object is
-        self._children: WeakValueDictionary[int, Node] = WeakValueDictionary()
+        self._children: WeakValueDictionary[int, ObjectBase] = WeakValueDictionary()
         self._open = True
 
     def __repr__(self) -> str:
@@ -88,7 +88,7 @@ class Node:
         self._adopt(child)
         return child
 
-    def _adopt(self, child: Node) -> None:
+    def _adopt(self, child: ObjectBase) -> None:
         """Have a child released with this object."""
         self._children[id(child)] = child
         self.client.handles.hold(child.functions.release, child.handle)
@@ -131,7 +131,7 @@ class Node:
         self.close()
 
 
-class Named(Node):
+class NamedObject(ObjectBase):
     """An object with attribute, help, name, tag and ID: all but messages."""
 
     __slots__ = ()
@@ -205,12 +205,12 @@ class Named(Node):
         self.put_id(new)
 
 
-class Variable(Named):
+class Variable(NamedObject):
     """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
         f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
     )  # fmt: skip
@@ -251,7 +251,7 @@ class Variable(Named):
         return self.get_microsecond()
 
 
-class Owner(Named):
+class ObjectContainer(NamedObject):
     """An object with variables and extended commands of its own."""
 
     __slots__ = ()

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from orinkit.cao import functions as f
 from orinkit.client._shared import robot as common
-from orinkit.client._shared.common import NodeFunctions
-from orinkit.client._shared.motion import Way
+from orinkit.client._shared.common import ObjectFunctions
+from orinkit.client._shared.motion import MotionSegment
 from orinkit.client._shared.robot import MoveOptions, pose_text
 from orinkit.client._sync.leases import Arm, Motor
-from orinkit.client._sync.motion import Motion, Mover
+from orinkit.client._sync.motion import ArmBase, Motion
 from orinkit.values.poses import J, P, PassMark, PoseLike, T
 from orinkit.values.variant import Value
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 
-class Robot(Mover):
+class Robot(ArmBase):
     """A robot (RC8 3.3). A motion is never repeated by the client.
 
     Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``, ``"@E"``,
@@ -36,7 +36,7 @@ class Robot(Mover):
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.robot_release, f.robot_get_attribute, f.robot_get_help, f.robot_get_name,
         f.robot_get_tag, f.robot_put_tag, f.robot_get_id, f.robot_put_id,
         f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
@@ -162,7 +162,7 @@ class Robot(Mover):
 
     def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
         """Move the tool along the arc through one pose to another."""
-        way = Way(common.literal_end(end))
+        way = MotionSegment(common.literal_end(end))
         return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
 
     def move_s(
@@ -175,7 +175,7 @@ class Robot(Mover):
             mark: pass mark of its end.
             options: of every motion.
         """
-        return self._interpolate(common.CURVE, common.curve_text(path, mark), options, Way())
+        return self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
     def approach(
         self,
@@ -377,17 +377,17 @@ class Robot(Mover):
     def _move_to(
         self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> Motion:
-        way = Way(common.literal_end(pose))
+        way = MotionSegment(common.literal_end(pose))
         return self._interpolate(interpolation, pose_text(pose, mark), options, way)
 
-    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: Way) -> Motion:
+    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: MotionSegment) -> Motion:
         option, wait = common.option_text(options)
         return self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
 
     def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> Motion:
         option, wait = common.option_text(options)
         whole = [*parameter, option] if option else parameter
-        return self._begin(f.robot_execute, name, whole, wait=wait, way=Way())
+        return self._begin(f.robot_execute, name, whole, wait=wait, way=MotionSegment())
 
     def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
         command = f"{common.kind_of(pose, wanted)}2{wanted}"

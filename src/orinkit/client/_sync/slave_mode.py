@@ -12,15 +12,15 @@ from typing import Final, Self
 
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.common import motor_state, no_code
-from orinkit.client._shared.stream_options import Options, limits_for
-from orinkit.client._sync.motion import Mover
+from orinkit.client._shared.stream_options import StreamOptions, limits_for
+from orinkit.client._sync.motion import ArmBase
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, OrinError
 from orinkit.streaming.planning.limits import Limits, PathLimits
-from orinkit.streaming.process.config import Setup
-from orinkit.streaming.process.launcher import Streaming
+from orinkit.streaming.process.config import StreamerConfig
+from orinkit.streaming.process.launcher import StreamerProcess
 from orinkit.streaming.process.realtime import RealTime
-from orinkit.streaming.process.shared_memory import Order
+from orinkit.streaming.process.shared_memory import StreamCommand
 from orinkit.transport.runner import Deadline, pause
 
 _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
@@ -34,11 +34,11 @@ class SlaveMode:
         real_time: what the system has granted the process.
     """
 
-    def __init__(self, robot: Mover, options: Options) -> None:
+    def __init__(self, robot: ArmBase, options: StreamOptions) -> None:
         self._robot = robot
         self._options = options
-        self._streaming: Streaming | None = None
-        self._recording: common.Recording | None = None
+        self._streaming: StreamerProcess | None = None
+        self._recording: common.SampleRecording | None = None
         self._failure: OrinError | None = None
         self._told = False  # whether a call has raised it
         self._inside = False  # the block
@@ -57,11 +57,11 @@ class SlaveMode:
         self._inside = True
         try:
             if self._options.record is not None and self._streaming is not None:
-                self._recording = common.Recording(self._options.record, self._options)
+                self._recording = common.SampleRecording(self._options.record, self._options)
                 self._recording.follow(self._streaming.shared)
         except BaseException:
             self._inside = False
-            self._leave(Order.LEAVE)
+            self._leave(StreamCommand.LEAVE)
             raise
         return self
 
@@ -70,7 +70,7 @@ class SlaveMode:
     ) -> None:
         self._inside = False
         try:
-            self._leave(Order.FINISH if error is None else Order.LEAVE)
+            self._leave(StreamCommand.FINISH if error is None else StreamCommand.LEAVE)
         finally:
             self._close_recording(quiet=error is not None)
         if error is None and self._failure is not None and not self._told:
@@ -80,7 +80,7 @@ class SlaveMode:
         robot, client, options = self._robot, self._robot.client, self._options
         self._failure, self._told = None, False
         self._forget()
-        streaming = Streaming(client.descriptor(), client.wire.name)
+        streaming = StreamerProcess(client.descriptor(), client.wire.name)
         self._streaming = streaming
         try:
             type_name = client.dialect.name
@@ -105,10 +105,10 @@ class SlaveMode:
         if self._recording is not None:
             self._recording.follow(streaming.shared)
 
-    def _setup(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> Setup:
+    def _setup(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> StreamerConfig:
         options = self._options
         assert self.limits is not None
-        return Setup(
+        return StreamerConfig(
             self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
             options.window, self._outputs, options.period, self.limits, start, beyond, serial, self._robot.client.timeout,
             options.idle, os.getpid(), self._robot.client.dialect.name,
@@ -134,14 +134,14 @@ class SlaveMode:
             self._look()
             pause(common.POLL)
 
-    def _leave(self, order: Order) -> None:
+    def _leave(self, order: StreamCommand) -> None:
         streaming = self._streaming
         if streaming is None:
             return
         try:
             streaming.look()
             if not streaming.ended:
-                if order is Order.LEAVE:
+                if order is StreamCommand.LEAVE:
                     streaming.shared.forget()
                 streaming.shared.order(order)
             while not streaming.ended:
@@ -150,7 +150,7 @@ class SlaveMode:
         finally:
             self._give_up(streaming)
 
-    def _give_up(self, streaming: Streaming) -> None:
+    def _give_up(self, streaming: StreamerProcess) -> None:
         """Take the connection back; where nobody knows what state it is in, it is closed.
 
         A streaming process that is still at work, because whoever waited for it was interrupted, keeps it: it brings the
@@ -194,7 +194,7 @@ class SlaveMode:
         """
         if not self._inside:
             raise common.ended_because("", None)
-        self._leave(Order.LEAVE)
+        self._leave(StreamCommand.LEAVE)
         for attempt in range(common.TRIES):
             try:
                 dialect = self._robot.client.dialect
@@ -217,7 +217,7 @@ class SlaveMode:
             self._has_ended(self._streaming)
         return self._failure
 
-    def _alive(self) -> Streaming:
+    def _alive(self) -> StreamerProcess:
         """Return the streaming process.
 
         Raises:
@@ -234,7 +234,7 @@ class SlaveMode:
         self._told = True
         raise self._failure or common.ended_because("", None)
 
-    def _has_ended(self, streaming: Streaming) -> bool:
+    def _has_ended(self, streaming: StreamerProcess) -> bool:
         """Tell whether streaming is over, and note why."""
         streaming.look()
         if streaming.ended:
@@ -242,8 +242,8 @@ class SlaveMode:
         return streaming.ended
 
 
-def _let_go(streaming: Streaming) -> None:
+def _let_go(streaming: StreamerProcess) -> None:
     """The connection is closed under the streaming process: it has the arm come to rest first."""
     if not streaming.shared.closed:
         streaming.shared.forget()
-        streaming.shared.order(Order.GOODBYE)
+        streaming.shared.order(StreamCommand.GOODBYE)

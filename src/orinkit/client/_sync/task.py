@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from orinkit.cao import functions as f
 from orinkit.client._shared.common import (
-    NodeFunctions,
+    ObjectFunctions,
     error_count,
     error_info,
     is_program,
@@ -17,7 +17,7 @@ from orinkit.client._shared.common import (
     task_status,
 )
 from orinkit.client._shared.motion import POLL
-from orinkit.client._sync.objects import Owner
+from orinkit.client._sync.objects import ObjectContainer
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.core.i18n import tr
@@ -25,12 +25,12 @@ from orinkit.rc8.task_modes import StopMode, StopName, TaskMode, TaskName, TaskS
 from orinkit.transport.runner import Deadline, pause
 
 
-class Task(Owner):
+class Task(ObjectContainer):
     """A program task (RC8 3.2)."""
 
     __slots__ = ()
 
-    functions = NodeFunctions(
+    functions = ObjectFunctions(
         f.task_release, f.task_get_attribute, f.task_get_help, f.task_get_name,
         f.task_get_tag, f.task_put_tag, f.task_get_id, f.task_put_id,
         f.task_get_variable, f.task_get_variable_names, f.task_execute,
@@ -103,7 +103,7 @@ class Task(Owner):
 
     def _check(self) -> None:
         """Raise the newest error of this program that the controller reports."""
-        if not isinstance(self._parent, Owner):
+        if not isinstance(self._parent, ObjectContainer):
             return
         for index in range(error_count(self._parent.execute("GetCurErrorCount"))):
             info = error_info(self._parent.execute("GetCurErrorInfo", index))
@@ -112,7 +112,7 @@ class Task(Owner):
 
     def _logged(self, code: int) -> str:
         """Return what the newest record of the error log says, if it is of this code."""
-        if not isinstance(self._parent, Owner):
+        if not isinstance(self._parent, ObjectContainer):
             return ""
         try:
             return logged_message(self._parent.execute("GetErrorLog", 0), code)

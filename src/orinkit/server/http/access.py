@@ -22,7 +22,7 @@ _UTF8: Final = (b"utf-8", b"utf8")
 _WEB: Final = {"http": "80", "https": "443"}  # schemes of pages, and their ports
 
 
-class Door:
+class AccessCheck:
     """Looks at a request's header: whether it is a call, of somebody who may call, for this server.
 
     Args:

@@ -18,17 +18,17 @@ from starlette.types import Message, Receive, Scope, Send
 from orinkit.bcap.server import LARGE
 from orinkit.cao.functions import robot_halt, robot_hold, task_stop
 from orinkit.cao.service_options import ServiceOptions, read_options
-from orinkit.cao.session import Pending, Reply, Session
+from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
-from orinkit.ecap.message import Request, read_request, write_reply
-from orinkit.server.capacity import Partial
-from orinkit.server.context import Connections
-from orinkit.server.http.access import Door, Headers, ambiguous, closed, full, plain, too_long, too_many_guesses
-from orinkit.server.http.limits import GuardedProtocol
+from orinkit.ecap.message import EcapRequest, read_request, write_reply
+from orinkit.server.capacity import IncompleteRequests
+from orinkit.server.context import ServerContext
+from orinkit.server.http.access import AccessCheck, Headers, ambiguous, closed, full, plain, too_long, too_many_guesses
+from orinkit.server.http.limits import LimitedProtocol
 from orinkit.server.http.options import HttpOptions
-from orinkit.server.http.sessions import CALLS, Call, HttpSession, HttpSessions
+from orinkit.server.http.sessions import CALLS, HttpSession, HttpSessions, RunningCall
 from orinkit.server.large_values import is_large
 from orinkit.server.log_limiter import CLIENT
 
@@ -64,10 +64,10 @@ class App:
         secure: it is https.
     """
 
-    def __init__(self, shared: Connections, options: HttpOptions, *, secure: bool) -> None:
+    def __init__(self, shared: ServerContext, options: HttpOptions, *, secure: bool) -> None:
         self._shared = shared
         self._sessions = HttpSessions(shared, options.idle)
-        self._door = Door(options, secure=secure)
+        self._door = AccessCheck(options, secure=secure)
         self._secure = secure
         self._cookie = b""
         self._takes_options = shared.host.dialect.takes_options
@@ -156,7 +156,7 @@ class App:
                     return too_long(self._shared.limits.packet) if exchange.has_room else full()
                 request = await self._read(body)
             except CallError as error:
-                await self._answer(exchange, Reply(error.code, detail=error.detail))
+                await self._answer(exchange, CallReply(error.code, detail=error.detail))
                 return None
             finally:  # what waits to be read counts too
                 exchange.give_room(self._shared.partial)
@@ -211,17 +211,17 @@ class App:
 
     # --- a call ---------------------------------------------------------------------------------------------------
 
-    async def _read(self, body: bytes) -> Request:
+    async def _read(self, body: bytes) -> EcapRequest:
         if len(body) <= LARGE:
             return read_request(body, self._shared.limits)
         return await self._shared.worker.run(partial(read_request, body, self._shared.limits))
 
-    async def _reply(self, exchange: Exchange, session: HttpSession | None, request: Request) -> Reply:
+    async def _reply(self, exchange: Exchange, session: HttpSession | None, request: EcapRequest) -> CallReply:
         function_id = request.function.id
         if session is None:
             if function_id == _SERVICE_STOP:
                 return _immediately(Session(self._shared.host), request)
-            return Reply(hresult.E_MAX_CONNECT, detail=_too_many(self._shared.clients))
+            return CallReply(hresult.E_MAX_CONNECT, detail=_too_many(self._shared.clients))
         if function_id == _SERVICE_STOP:
             reply = _immediately(session.session, request)
             if not hresult.failed(reply.code):
@@ -229,24 +229,24 @@ class App:
             return reply
         if session.busy and function_id not in _STOPPING:
             detail = tr("{calls} calls of this client are at work", calls=CALLS)
-            return Reply(hresult.E_BUSY_PROC, detail=detail)
+            return CallReply(hresult.E_BUSY_PROC, detail=detail)
         if function_id == _SERVICE_START:
             return self._start(session, request)
         outcome = session.session.invoke(function_id, request.arguments)
-        if type(outcome) is Reply:
+        if type(outcome) is CallReply:
             return outcome
         assert isinstance(outcome, Pending)
         return await self._wait(exchange, session, session.begin(outcome))
 
-    def _start(self, session: HttpSession, request: Request) -> Reply:
+    def _start(self, session: HttpSession, request: EcapRequest) -> CallReply:
         try:
             options = read_options(request.arguments) if self._takes_options else ServiceOptions()
         except CallError as error:
-            return Reply(error.code, detail=error.detail)
+            return CallReply(error.code, detail=error.detail)
         session.set_options(options)
         return _immediately(session.session, request)
 
-    async def _wait(self, exchange: Exchange, session: HttpSession, call: Call) -> Reply:
+    async def _wait(self, exchange: Exchange, session: HttpSession, call: RunningCall) -> CallReply:
         """Return the answer of a call that takes its time, and let the client know meanwhile that it is at work."""
         seconds = session.invoke_timeout
         timer = asyncio.get_running_loop().call_later(seconds, _be_late, call, seconds)
@@ -264,7 +264,7 @@ class App:
             raise _Gone
         return reply
 
-    async def _answer(self, exchange: Exchange, reply: Reply) -> None:
+    async def _answer(self, exchange: Exchange, reply: CallReply) -> None:
         code, result = self._codes.get(reply.code, reply.code), reply.result
         if (
             result is not None
@@ -321,7 +321,7 @@ class Exchange:
     def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.scope = scope
         self.headers: Headers = dict(scope["headers"])
-        self.connection: GuardedProtocol = scope["state"]["connection"]
+        self.connection: LimitedProtocol = scope["state"]["connection"]
         beat = self.headers.get(_BEATING, b"")
         self.beat = int(beat) if beat.isdigit() and len(beat) < 6 and int(beat) in _BEATS else 0
         self.begun = False
@@ -350,12 +350,12 @@ class Exchange:
     def _length(self) -> int:
         return int(self.headers.get(b"content-length", b"0"))
 
-    def give_room(self, partial: Partial) -> None:
+    def give_room(self, partial: IncompleteRequests) -> None:
         """Count the request's body no more."""
         partial.change(self._counted, 0)
         self._counted = 0
 
-    async def body(self, most: int, partial: Partial) -> bytes | None:
+    async def body(self, most: int, partial: IncompleteRequests) -> bytes | None:
         """Return the request's body; ``None`` where it is longer than that, or there is no room for it (``has_room``).
 
         Args:
@@ -392,7 +392,7 @@ class Exchange:
         self.begun = True
         await refusal(self.scope, self._receive, self._send)
 
-    async def beats(self, reply: asyncio.Future[Reply | None]) -> None:
+    async def beats(self, reply: asyncio.Future[CallReply | None]) -> None:
         """Send line feeds until the reply is there."""
         while True:
             await asyncio.wait((reply,), timeout=self.beat / 1000)
@@ -438,17 +438,17 @@ class Exchange:
 # --- small things ------------------------------------------------------------------------------------------------------
 
 
-def _be_late(call: Call, seconds: float) -> None:
+def _be_late(call: RunningCall, seconds: float) -> None:
     detail = tr("not done within {seconds:g} s", seconds=seconds)
-    call.give_up(Reply(hresult.E_TIMEOUT, detail=detail))
+    call.give_up(CallReply(hresult.E_TIMEOUT, detail=detail))
 
 
 def _too_many(clients: int) -> str:
     return tr("{clients} clients are connected", clients=clients)
 
 
-def _immediately(session: Session, request: Request) -> Reply:
+def _immediately(session: Session, request: EcapRequest) -> CallReply:
     """Call a function of the session itself; none of them takes its time."""
     outcome = session.invoke(request.function.id, request.arguments)
-    assert isinstance(outcome, Reply)
+    assert isinstance(outcome, CallReply)
     return outcome

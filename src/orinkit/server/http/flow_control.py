@@ -12,7 +12,7 @@ HELD: Final = 64 * 1024
 """Bytes behind a request that is at work; where there are so many, no more are read until it has been answered."""
 
 
-class Flow(FlowControl):
+class BoundedFlowControl(FlowControl):
     """Does not read on while enough is kept, whoever asks: uvicorn does with each request and with each answer.
 
     Args:

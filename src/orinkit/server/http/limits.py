@@ -23,8 +23,8 @@ from uvicorn.server import ServerState
 
 from orinkit.core.i18n import tr
 from orinkit.server.capacity import most_of_an_address
-from orinkit.server.context import Connections
-from orinkit.server.http.flow_control import HELD, Flow
+from orinkit.server.context import ServerContext
+from orinkit.server.http.flow_control import HELD, BoundedFlowControl
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
 from orinkit.transport.fork_safety import keep_from_children
@@ -60,7 +60,7 @@ class Stage(Enum):
         self.seconds = seconds
 
 
-class Kept(Protocol):
+class LimitedConnection(Protocol):
     """A connection that is counted."""
 
     @property
@@ -75,14 +75,14 @@ class Kept(Protocol):
         """Close it at once."""
 
 
-class Carried(Protocol):
+class HttpClientState(Protocol):
     """A client whose requests come on connections."""
 
     def disconnected(self, connection: Hashable) -> None:
         """One of them has ended."""
 
 
-class Guard:
+class ConnectionLimiter:
     """Counts the connections of a listener. Where there is one too many, one goes that has nothing at work.
 
     Where it is one too many of its address, one of that address goes. That is the oldest of those that have not been answered yet, so that many who only connect take each other's place and
@@ -97,18 +97,18 @@ class Guard:
         per_address: how many of one address.
     """
 
-    def __init__(self, shared: Connections) -> None:
+    def __init__(self, shared: ServerContext) -> None:
         self.shared = shared
         self.most = max(_FEWEST, shared.clients + shared.clients // 2)
         self.per_address = max(most_of_an_address(self.most), shared.per_address)
-        self._strangers: dict[Kept, None] = {}  # the oldest first
-        self._known: dict[Kept, None] = {}  # the one whose last answer is oldest first
+        self._strangers: dict[LimitedConnection, None] = {}  # the oldest first
+        self._known: dict[LimitedConnection, None] = {}  # the one whose last answer is oldest first
 
     def __len__(self) -> int:
         """Return how many connections there are."""
         return len(self._strangers) + len(self._known)
 
-    def admit(self, connection: Kept) -> bool:
+    def admit(self, connection: LimitedConnection) -> bool:
         """Count a new connection; False where there are too many, all of them at work."""
         of_address = [each for each in chain(self._strangers, self._known) if each.network == connection.network]
         full = len(of_address) >= self.per_address
@@ -122,19 +122,19 @@ class Guard:
         self._strangers[connection] = None
         return True
 
-    def answered(self, connection: Kept) -> None:
+    def answered(self, connection: LimitedConnection) -> None:
         """A connection has proved its worth."""
         if connection in self._strangers or connection in self._known:
             self.discard(connection)
             self._known[connection] = None
 
-    def discard(self, connection: Kept) -> None:
+    def discard(self, connection: LimitedConnection) -> None:
         """Count a connection no more."""
         self._strangers.pop(connection, None)
         self._known.pop(connection, None)
 
 
-class Joining(h11.Connection):
+class HeaderCoalescer(h11.Connection):
     """Gives the header of an answer together with what follows, so that one packet is sent and not two."""
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class Joining(h11.Connection):
         return pieces
 
 
-class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
+class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
     """One connection.
 
     A buffered protocol, because asyncio gives a plain one every piece of data in a new block of 256 KiB.
@@ -168,9 +168,9 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         carried: the clients whose requests have come on it; each is told of its end.
     """
 
-    def __init__(self, guard: Guard, config: Config, state: ServerState) -> None:
+    def __init__(self, guard: ConnectionLimiter, config: Config, state: ServerState) -> None:
         super().__init__(config, state, {"connection": self}, asyncio.get_running_loop())
-        self.conn = Joining()
+        self.conn = HeaderCoalescer()
         self.logger = _own
         self.access_log = False
         self._when_gone: Callable[[], None] | None = None
@@ -182,7 +182,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._unsent = 0
         self.gone = False
         self._said_all = False  # the client has closed its side
-        self.carried: set[Carried] = set()
+        self.carried: set[HttpClientState] = set()
         self._early: list[bytes] | None = []  # what has come before connection_made; with TLS something may
 
     @property
@@ -235,7 +235,7 @@ class GuardedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self.gone:
             return
         super().connection_made(cast("asyncio.Transport", transport))
-        self.flow = self._flow = Flow(self.transport, self._held)
+        self.flow = self._flow = BoundedFlowControl(self.transport, self._held)
         prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
         CLIENT.set(self.host)
         keep_from_children(self)

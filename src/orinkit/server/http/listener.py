@@ -18,7 +18,7 @@ from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
 from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
-from orinkit.server.context import Connections
+from orinkit.server.context import ServerContext
 from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.fork_safety import keep_from_children
@@ -47,7 +47,7 @@ class HttpListener:
         keep_from_children(self)
 
     @classmethod
-    async def open(cls, address: HttpAddress, shared: Connections, options: HttpOptions) -> Self:
+    async def open(cls, address: HttpAddress, shared: ServerContext, options: HttpOptions) -> Self:
         """Listen.
 
         Raises:
@@ -60,8 +60,8 @@ class HttpListener:
         from uvicorn.server import ServerState
 
         from orinkit.server.http.app import App
-        from orinkit.server.http.limits import Guard, GuardedProtocol
-        from orinkit.server.http.tls import Entrance
+        from orinkit.server.http.limits import ConnectionLimiter, LimitedProtocol
+        from orinkit.server.http.tls import TlsAcceptor
 
         context = _context(address, options) if address.scheme == "https" else None
         if ":" not in address.host:  # an IPv6 address needs no entry: any address is accepted as a Host
@@ -70,14 +70,14 @@ class HttpListener:
         config = _config(app)
         state = ServerState()
         state.tasks = shared.tasks
-        guard = Guard(shared)
+        guard = ConnectionLimiter(shared)
 
-        def make() -> GuardedProtocol:
-            return GuardedProtocol(guard, config, state)
+        def make() -> LimitedProtocol:
+            return LimitedProtocol(guard, config, state)
 
         def accept() -> asyncio.BaseProtocol:
             shared.opening += 1
-            return make() if context is None else Entrance(guard, context, make)
+            return make() if context is None else TlsAcceptor(guard, context, make)
 
         _warn_of_token(address, options)
         server = await asyncio.get_running_loop().create_server(
@@ -116,12 +116,12 @@ def _config(app: App) -> Config:
     """Return uvicorn's configuration for its protocol; nothing else of uvicorn is used."""
     from uvicorn.config import Config
 
-    from orinkit.server.http.limits import KEPT_ALIVE, LONGEST_HEADER, GuardedProtocol
+    from orinkit.server.http.limits import KEPT_ALIVE, LONGEST_HEADER, LimitedProtocol
 
     config = Config(
         app,
         loop="none",
-        http=GuardedProtocol,
+        http=LimitedProtocol,
         ws="none",
         lifespan="off",
         interface="asgi3",

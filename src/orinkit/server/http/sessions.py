@@ -15,15 +15,15 @@ from collections.abc import Hashable
 from inspect import iscoroutine
 from typing import Final
 
-from orinkit.cao.provider import Blocking, ClientInfo
+from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.service_options import ServiceOptions
-from orinkit.cao.session import Pending, Reply, Session
+from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
 from orinkit.server.call_runner import result_of
-from orinkit.server.context import Connections
-from orinkit.server.liveness import Vigil
+from orinkit.server.context import ServerContext
+from orinkit.server.liveness import LivenessMonitor
 from orinkit.transport.address import network_of
 
 logger = logging.getLogger("orinkit.server")
@@ -39,7 +39,7 @@ _SERVICE_START: Final = 1
 _YOUNG: Final = 1.0  # s in which a client may show its cookie before another one takes its place
 
 
-class Call:
+class RunningCall:
     """A call that takes its time.
 
     Args:
@@ -56,16 +56,16 @@ class Call:
     task: asyncio.Task[None]
 
     def __init__(self, loop: asyncio.AbstractEventLoop, *, cancellable: bool) -> None:
-        self.reply: asyncio.Future[Reply | None] = loop.create_future()
+        self.reply: asyncio.Future[CallReply | None] = loop.create_future()
         self.cancellable = cancellable
         self.told = True
 
-    def answer(self, reply: Reply | None) -> None:
+    def answer(self, reply: CallReply | None) -> None:
         """Say what its client is to be told, unless that has been said."""
         if not self.reply.done():
             self.reply.set_result(reply)
 
-    def give_up(self, reply: Reply | None = None) -> None:
+    def give_up(self, reply: CallReply | None = None) -> None:
         """Wait for it no more. The work goes on, but its client will never hear what came of it.
 
         Args:
@@ -108,7 +108,7 @@ class HttpSession:
         self._shared = shared
         self._loop = sessions.loop
         self._name = f"{address}:{port}/http"
-        self._calls: set[Call] = set()
+        self._calls: set[RunningCall] = set()
         self._waiting = 0  # requests that are being answered
         self._broken = False
         self._closing = False
@@ -116,7 +116,7 @@ class HttpSession:
         self.promise: float | None = None
         self.heard = self._heard = self._loop.time()
         self._connections: dict[Hashable, bool] = {}  # that are open, and whether one has carried several requests
-        self._vigil = Vigil(self._loop, self)
+        self._vigil = LivenessMonitor(self._loop, self)
         self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
         logger.info("%s connected", self._name)
 
@@ -213,9 +213,9 @@ class HttpSession:
         if self.behind is not None:
             self.behind.set_options(options)
 
-    def begin(self, pending: Pending) -> Call:
+    def begin(self, pending: Pending) -> RunningCall:
         """Have work done whose result comes later. It goes on when the connection breaks, until the session ends."""
-        call = Call(self._loop, cancellable=type(pending.work) is not Blocking)
+        call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
         self._shared.tasks.add(task)
@@ -228,7 +228,7 @@ class HttpSession:
         task.add_done_callback(done)
         return call
 
-    async def _finish(self, pending: Pending, call: Call) -> None:
+    async def _finish(self, pending: Pending, call: RunningCall) -> None:
         begin_call(lambda: not call.told)
         try:
             result = await result_of(pending.work)
@@ -285,7 +285,7 @@ class HttpSession:
         self._shared.open.discard(self)
         calls, self._calls = self._calls, set()
         for call in calls:
-            call.give_up(Reply(hresult.E_ABORT, detail=tr("the session has ended")))
+            call.give_up(CallReply(hresult.E_ABORT, detail=tr("the session has ended")))
             if call.cancellable:
                 call.task.cancel()
         logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
@@ -311,7 +311,7 @@ class HttpSessions:
         idle: seconds of silence after which one is forgotten.
     """
 
-    def __init__(self, shared: Connections, idle: float) -> None:
+    def __init__(self, shared: ServerContext, idle: float) -> None:
         self.shared = shared
         self.loop = asyncio.get_running_loop()
         self.idle = idle

@@ -8,7 +8,7 @@ import ssl
 from collections.abc import Callable, Iterable
 from typing import Final, cast
 
-from orinkit.server.http.limits import Guard, GuardedProtocol
+from orinkit.server.http.limits import ConnectionLimiter, LimitedProtocol
 from orinkit.transport.address import network_of
 from orinkit.transport.fork_safety import keep_from_children
 
@@ -18,7 +18,7 @@ _HANDSHAKE_TIMEOUT: Final = 10.0  # s
 _SHUTDOWN_TIMEOUT: Final = 2.0  # s
 
 
-class Entrance(asyncio.Protocol):
+class TlsAcceptor(asyncio.Protocol):
     """A connection that is yet to become one of TLS. Counted too, as the handshake may never end.
 
     Args:
@@ -27,7 +27,7 @@ class Entrance(asyncio.Protocol):
         make: makes the protocol that follows.
     """
 
-    def __init__(self, guard: Guard, context: ssl.SSLContext, make: Callable[[], GuardedProtocol]) -> None:
+    def __init__(self, guard: ConnectionLimiter, context: ssl.SSLContext, make: Callable[[], LimitedProtocol]) -> None:
         self._guard = guard
         self._context = context
         self._make = make

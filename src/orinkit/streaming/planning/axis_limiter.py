@@ -25,7 +25,7 @@ PUSHED: Final = 0.7
 _GREATEST: Final = 1e300
 
 
-class State(NamedTuple):
+class AxisState(NamedTuple):
     """Where an axis is (deg or mm), or where it is as seen from something else, and how it moves (per second)."""
 
     position: float
@@ -33,7 +33,7 @@ class State(NamedTuple):
     acceleration: float
 
 
-class Course(NamedTuple):
+class TargetMotion(NamedTuple):
     """How set-points move.
 
     Attributes:
@@ -46,7 +46,7 @@ class Course(NamedTuple):
     acceleration: float = 0.0
     jumps: int = 0
 
-    def outward(self, offset: float, velocity: float, acceleration: float, period: float) -> State:
+    def outward(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
         """Return how an axis moves as seen from the set-points, a period before the last one.
 
         Args:
@@ -56,10 +56,10 @@ class Course(NamedTuple):
             period: seconds.
         """
         way = (self.velocity + 0.5 * self.acceleration * period) * period
-        return State(offset + way, velocity - self.velocity, acceleration - self.acceleration)
+        return AxisState(offset + way, velocity - self.velocity, acceleration - self.acceleration)
 
 
-class Axis:
+class AxisLimiter:
     """What an axis may do: the law that keeps every command within the limits.
 
     A step is the difference of two commands. Of the steps that velocity and acceleration allow, those are taken from
@@ -145,7 +145,7 @@ class Axis:
         step = min(self._fastest(abs(way)), abs(way))
         return goal if step == abs(way) else now + math.copysign(step, way)
 
-    def course(self, before: float, last: float, aim: float, held: Course | None) -> Course:
+    def course(self, before: float, last: float, aim: float, held: TargetMotion | None) -> TargetMotion:
         """Return how three set-points move; where they jump, how they moved before, for a little while.
 
         Args:
@@ -157,13 +157,13 @@ class Axis:
         step, step_before = aim - last, last - before
         change = step - step_before
         if abs(change) > self.wildest or abs(step) > self.widest:
-            held = held or Course(step_before / self._period if abs(step_before) <= self.widest else 0.0)
+            held = held or TargetMotion(step_before / self._period if abs(step_before) <= self.widest else 0.0)
             if held.jumps < JUMPS:
-                return Course(held.velocity, 0.0, held.jumps + 1)
-            return Course(step / self._period if abs(step) <= self.widest else 0.0, 0.0, held.jumps)
+                return TargetMotion(held.velocity, 0.0, held.jumps + 1)
+            return TargetMotion(step / self._period if abs(step) <= self.widest else 0.0, 0.0, held.jumps)
         most = PUSHED * self.acceleration
         acceleration = min(max(change / self._period**2, -most), most)
-        return Course(step / self._period - 0.5 * acceleration * self._period, acceleration)
+        return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
 
     def motion(self, earlier: float, before: float, now: float) -> tuple[float, float]:
         """Return velocity and acceleration at the last of three commands, such that a smooth motion can begin there."""

@@ -22,7 +22,7 @@ from orinkit.streaming.planning.axis_limiter import (
     bearable,
     fastest,
 )
-from orinkit.streaming.planning.jerk_limited import PART, SLOWEST, SNAP, Smooth, keeping_up
+from orinkit.streaming.planning.jerk_limited import PART, SLOWEST, SNAP, JerkLimitedMotion, keeping_up
 from orinkit.streaming.planning.quaternions import DEGREE, Vector
 
 Basis: TypeAlias = tuple[Vector, Vector, Vector]
@@ -49,15 +49,15 @@ class _Frame(NamedTuple):
 _EVERY_WAY: Final = _Frame(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (_ALIKE, _ALIKE, _ALIKE))
 
 
-class Course(NamedTuple):
-    """How set-points move: :class:`orinkit.streaming.planning.axis_limiter.Course` in space."""
+class TargetMotion3D(NamedTuple):
+    """How set-points move: :class:`orinkit.streaming.planning.axis_limiter.TargetMotion` in space."""
 
     velocity: Vector = NOTHING
     acceleration: Vector = NOTHING
     jumps: int = 0
 
 
-class Mover:
+class CartesianLimiter:
     """One of the two things that a pose is made of, the position of the tip or its orientation.
 
     Args:
@@ -120,11 +120,11 @@ class Mover:
         self._velocity = self._push = NOTHING  # and acceleration, at the last step
         self._known = True
         self._moved = NOTHING  # the last step of the set-points
-        self._course: Course | None = None  # of the set-points, while catching up
+        self._course: TargetMotion3D | None = None  # of the set-points, while catching up
         self._frame = _EVERY_WAY
         self._halting = False  # whether that is the frame of a stop
-        self._towards = Smooth(3, period)
-        self._to_rest = Smooth(3, period, halting=True)
+        self._towards = JerkLimitedMotion(3, period)
+        self._to_rest = JerkLimitedMotion(3, period, halting=True)
 
     @property
     def rests(self) -> bool:
@@ -161,7 +161,7 @@ class Mover:
         self._moved, self._course = moved, course
         return self.towards(way, course, anew=True)
 
-    def towards(self, way: Vector, course: Course | None = None, *, anew: bool) -> tuple[Vector, bool]:
+    def towards(self, way: Vector, course: TargetMotion3D | None = None, *, anew: bool) -> tuple[Vector, bool]:
         """Return the next step of a smooth motion along the rest of a way, and whether it is all of it.
 
         Args:
@@ -170,7 +170,7 @@ class Mover:
             anew: whether it is another goal than that of the last step.
         """
         self._know()
-        course = course or Course()
+        course = course or TargetMotion3D()
         period = self._period
         drift = _times(_plus(course.velocity, _times(course.acceleration, 0.5 * period)), period)
         left = _shortened(_minus(way, drift), _FAR * self._speed)
@@ -261,21 +261,21 @@ class Mover:
             unit=unit,
         )
 
-    def _course_of(self, moved: Vector) -> Course:
+    def _course_of(self, moved: Vector) -> TargetMotion3D:
         period = self._period
         change = _minus(moved, self._moved)
         if _size(change) > self._wildest or _size(moved) > self._widest:
-            held = self._course or Course(self._pace(self._moved))
+            held = self._course or TargetMotion3D(self._pace(self._moved))
             if held.jumps < JUMPS:
-                return Course(held.velocity, NOTHING, held.jumps + 1)
-            return Course(self._pace(moved), NOTHING, held.jumps)
+                return TargetMotion3D(held.velocity, NOTHING, held.jumps + 1)
+            return TargetMotion3D(self._pace(moved), NOTHING, held.jumps)
         acceleration = _shortened(_times(change, period**-2), PUSHED * self._acceleration)
-        return Course(_minus(_times(moved, 1.0 / period), _times(acceleration, 0.5 * period)), acceleration)
+        return TargetMotion3D(_minus(_times(moved, 1.0 / period), _times(acceleration, 0.5 * period)), acceleration)
 
     def _pace(self, moved: Vector) -> Vector:
         return _times(moved, 1.0 / self._period) if _size(moved) <= self._widest else NOTHING
 
-    def _limit(self, smooth: Smooth, speed: float, acceleration: float, jerk: float) -> None:
+    def _limit(self, smooth: JerkLimitedMotion, speed: float, acceleration: float, jerk: float) -> None:
         shares = self._frame.shares
         speeds, accelerations = _times(shares, speed), _times(shares, acceleration)
         smooth.limit(speeds, speeds, accelerations, accelerations, _times(shares, jerk))

@@ -26,7 +26,7 @@ _BESIDE: Final = 1.0 - 1e-6
 _BEYOND: Final = 1e-6  # deg outside a range that are rounding
 
 
-class Smooth:
+class JerkLimitedMotion:
     """A smooth motion of some axes: its state one period later.
 
     Args:

@@ -4,7 +4,7 @@ The controller stops an arm whose set-points are further apart than its velocity
 its acceleration allows, or that leaves its range. Whatever is asked of a :class:`JointPlanner`, none of it happens.
 
 Ruckig plans motions that are smooth, which is limited in jerk too. What it plans goes through a law for each axis by
-itself, :class:`orinkit.streaming.planning.axis_limiter.Axis`: the next step is within velocity and acceleration, and one from which the axis
+itself, :class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`: the next step is within velocity and acceleration, and one from which the axis
 can still be braked before the end of its range. There always is such a step, as braking on is one.
 """
 
@@ -15,13 +15,13 @@ from typing import Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.streaming.planning.axis_limiter import Axis, Course, State
-from orinkit.streaming.planning.jerk_limited import SLOWEST, SNAP, Smooth, keeping_up
+from orinkit.streaming.planning.axis_limiter import AxisLimiter, AxisState, TargetMotion
+from orinkit.streaming.planning.jerk_limited import SLOWEST, SNAP, JerkLimitedMotion, keeping_up
 from orinkit.streaming.planning.limits import Limits
 from orinkit.values.pose_numbers import brief, finite
 
 _SURELY_FINITE: Final = 1e300
-_NOTHING: Final = State(0.0, 0.0, 0.0)
+_NOTHING: Final = AxisState(0.0, 0.0, 0.0)
 _FLOATS: Final = {float}
 
 
@@ -54,7 +54,7 @@ class JointPlanner:
     def __init__(self, limits: Limits, period: float, joints: Sequence[float]) -> None:
         self._period = checked_period(period)
         rows = zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk, strict=True)
-        self._axes = [Axis(f"J{number}", *row, self._period) for number, row in enumerate(rows, start=1)]
+        self._axes = [AxisLimiter(f"J{number}", *row, self._period) for number, row in enumerate(rows, start=1)]
         start = self._numbers(joints)
         self.command: tuple[float, ...] = tuple(
             axis.start(joint) for axis, joint in zip(self._axes, start, strict=True)
@@ -69,7 +69,7 @@ class JointPlanner:
         # from the last one, if it is; and how they moved, while it is.
         self._asked: tuple[tuple[float, ...], tuple[float, ...]] | None = None
         self._behind: list[float] | None = None
-        self._courses: list[Course] | None = None
+        self._courses: list[TargetMotion] | None = None
         self._make_smooth()
 
     def follow(self, target: Sequence[float]) -> tuple[float, ...]:
@@ -182,7 +182,7 @@ class JointPlanner:
         axes, now, period = self._axes, self.command, self._period
         aims = self._inside(values)
         first, last = self._asked or (aims, aims)
-        held: Sequence[Course | None] = self._courses or [None] * len(axes)
+        held: Sequence[TargetMotion | None] = self._courses or [None] * len(axes)
         courses = [
             axis.course(before, at, aim, course)
             for axis, before, at, aim, course in zip(axes, first, last, aims, held, strict=True)
@@ -216,14 +216,14 @@ class JointPlanner:
     def _make_smooth(self) -> None:
         axes = self._axes
         count, ranges = len(axes), ([axis.lower for axis in axes], [axis.upper for axis in axes])
-        self._towards = Smooth(count, self._period, ranges=ranges)
-        self._to_rest = Smooth(count, self._period, ranges=ranges, halting=True)
-        self._catching_up = Smooth(count, self._period)
+        self._towards = JerkLimitedMotion(count, self._period, ranges=ranges)
+        self._to_rest = JerkLimitedMotion(count, self._period, ranges=ranges, halting=True)
+        self._catching_up = JerkLimitedMotion(count, self._period)
         self._catching_up.aim(self._zeros())
         for smooth in (self._towards, self._to_rest):
-            self._limit(smooth, [Course()] * count)
+            self._limit(smooth, [TargetMotion()] * count)
 
-    def _limit(self, smooth: Smooth, courses: Sequence[Course]) -> None:
+    def _limit(self, smooth: JerkLimitedMotion, courses: Sequence[TargetMotion]) -> None:
         """Set limits as they are seen from something that moves."""
         rows = list(zip(self._axes, courses, strict=True))
         smooth.limit(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.values.pose_numbers import MAX_JOINTS, brief, finite
@@ -70,7 +70,7 @@ class Limits:
                 )
 
     @classmethod
-    def of_model(cls, model: Model) -> Limits:
+    def of_model(cls, model: ArmModel) -> Limits:
         """Return the bounds of an arm.
 
         DENSO publishes no jerk, and hardly an acceleration: acceleration / 0.05 s, and what :class:`orinkit.arms.Axis`
@@ -141,7 +141,7 @@ class PathLimits:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def of_model(cls, model: Model) -> PathLimits:
+    def of_model(cls, model: ArmModel) -> PathLimits:
         """Return the bounds of an arm on a path.
 
         None of them is published; those of the model, and the jerks (acceleration / 0.05 s), are this project's

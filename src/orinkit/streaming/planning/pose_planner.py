@@ -12,7 +12,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
-from orinkit.streaming.planning.cartesian_limiter import NOTHING, Mover
+from orinkit.streaming.planning.cartesian_limiter import NOTHING, CartesianLimiter
 from orinkit.streaming.planning.joint_planner import checked_period
 from orinkit.streaming.planning.limits import PathLimits
 from orinkit.streaming.planning.quaternions import (
@@ -77,10 +77,10 @@ class PosePlanner:
         start = self._read(pose)
         if max(map(abs, start.place)) > _REACH:
             raise InvalidValue(_too_far(start.place))
-        self._tip = Mover(
+        self._tip = CartesianLimiter(
             N_("position"), "mm", limits.speed, limits.acceleration, limits.jerk, period, math.ulp(_REACH)
         )
-        self._spin = Mover(
+        self._spin = CartesianLimiter(
             N_("orientation"), "deg", limits.rotation, limits.rotation_acceleration, limits.rotation_jerk, period,
             _EXACT, turning=True,
         )  # fmt: skip

@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields
 from typing import Any, Self
 
 from orinkit.cao.dialect import DIALECTS, RC8
-from orinkit.rc8.slave_formats import ReceiveFormat, Send, SlaveMode, UserWindow, mode_of
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveMode, UserWindow, mode_of
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import Outputs
 
 
 @dataclass(slots=True)
-class Setup:
+class StreamerConfig:
     """What the streaming process has to know.
 
     Attributes:
@@ -36,7 +36,7 @@ class Setup:
     controller: int
     handle: int
     mode: SlaveMode
-    send: Send
+    send: SendBits
     receive: ReceiveFormat
     window: UserWindow | None
     outputs: Outputs
@@ -77,7 +77,7 @@ class Setup:
         window, limits = message["window"], message["limits"]
         parts: dict[str, Any] = {
             "mode": mode,
-            "send": Send(message["send"]),
+            "send": SendBits(message["send"]),
             "receive": ReceiveFormat(*message["receive"]),
             "window": window and UserWindow(*window),
             "outputs": Outputs(**{name: _from_json(value) for name, value in message["outputs"].items()}),

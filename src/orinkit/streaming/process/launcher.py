@@ -15,9 +15,9 @@ from orinkit.core.errors import OrinError, StreamError
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.jerk_limited import load_ruckig
 from orinkit.streaming.process.channel import Channel, rebuild
-from orinkit.streaming.process.config import Setup
+from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.realtime import RealTime
-from orinkit.streaming.process.shared_memory import Shared
+from orinkit.streaming.process.shared_memory import StreamMemory
 from orinkit.transport.links import lendable
 from orinkit.transport.registry import Transport
 
@@ -31,7 +31,7 @@ _PATIENCE: Final = 15.0  # s; a call of the streaming process is over by then, w
 _LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
 
 
-class Streaming:
+class StreamerProcess:
     """A streaming process.
 
     Args:
@@ -60,7 +60,7 @@ class Streaming:
             raise StreamError(
                 tr("streaming in slave mode needs Linux or another POSIX system, and a Python that can be started")
             )
-        self.shared = Shared.make()
+        self.shared = StreamMemory.make()
         self.real_time: RealTime | None = None
         self.began = False
         self.streaming = False
@@ -84,7 +84,7 @@ class Streaming:
         finally:
             theirs.close()
 
-    def begin(self, setup: Setup) -> None:
+    def begin(self, setup: StreamerConfig) -> None:
         """Have it enter slave mode and stream."""
         self.began = True
         self._channel.send(setup.to_message())

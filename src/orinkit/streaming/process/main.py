@@ -11,9 +11,9 @@ from orinkit.rc8.slave_formats import OFF
 from orinkit.streaming.planning.planners import planner_for
 from orinkit.streaming.process import realtime
 from orinkit.streaming.process.channel import Channel, describe
-from orinkit.streaming.process.config import Setup
-from orinkit.streaming.process.shared_memory import Shared
-from orinkit.streaming.process.streamer import Connection, Streamer, Watch
+from orinkit.streaming.process.config import StreamerConfig
+from orinkit.streaming.process.shared_memory import StreamMemory
+from orinkit.streaming.process.streamer import ProgramMonitor, Streamer, StreamerConnection
 from orinkit.transport.registry import Reference, resolve
 from orinkit.transport.runner import Link
 
@@ -36,16 +36,16 @@ def main(
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     channel = Channel(socket.socket(fileno=channel_descriptor))
-    shared = Shared(memory_descriptor)
+    shared = StreamMemory(memory_descriptor)
     link: Link = resolve(adopt)(link_descriptor)
     obtained = realtime.obtain()
     channel.send({"ready": True, "priority": obtained.priority, "locked": obtained.locked})
     message = channel.receive(_FOREVER)
     if message is None:
         return
-    setup = Setup.from_message(message)
-    connection = Connection(link, setup, resolve(carrier))
-    watch = Watch(channel, setup.program)
+    setup = StreamerConfig.from_message(message)
+    connection = StreamerConnection(link, setup, resolve(carrier))
+    watch = ProgramMonitor(channel, setup.program)
     signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
     outcome: dict[str, Any] = {"reason": "", "error": None}
     try:
@@ -71,7 +71,12 @@ def main(
 
 
 def _stream(
-    setup: Setup, connection: Connection, shared: Shared, watch: Watch, channel: Channel, outcome: dict[str, Any]
+    setup: StreamerConfig,
+    connection: StreamerConnection,
+    shared: StreamMemory,
+    watch: ProgramMonitor,
+    channel: Channel,
+    outcome: dict[str, Any],
 ) -> None:
     planner = planner_for(setup.limits, setup.period, setup.start, setup.mode.kind)
     tells = connection.lateness(0) is not None

@@ -36,14 +36,14 @@ Call = Callable[[Any], Delivery]
 """Sends slvMove with a parameter; raises what a client raises."""
 
 
-class Flow(Protocol):
+class Pacer(Protocol):
     """One way of handing over."""
 
     def deliver(self, parameter: Any) -> Delivery:
         """Hand a set-point over; returns when the next one may be made."""
 
 
-class Blocked:
+class HandshakePacer:
     """Mode 2: the controller itself lets the answer wait until there is room."""
 
     def __init__(self, call: Call, period: float) -> None:  # noqa: ARG002 - as the others
@@ -54,7 +54,7 @@ class Blocked:
         return self._call(parameter)
 
 
-class Filling:
+class BufferFillPacer:
     """Mode 0: as many as there is room for, then a pause until the controller has taken one."""
 
     def __init__(self, call: Call, period: float) -> None:
@@ -80,7 +80,7 @@ class Filling:
                 return delivery
 
 
-class Ticking:
+class TimedPacer:
     """Mode 1: one set-point for each cycle of the controller, repeated until the controller's time tells of the next.
 
     The controller takes the newest set-point at each boundary of its cycle. A set-point that came just after one instead
@@ -126,5 +126,5 @@ def sleep_until(moment: float) -> None:
         sleep(seconds)
 
 
-FLOWS: Final[dict[int, Callable[[Call, float], Flow]]] = {0: Filling, 1: Ticking, 2: Blocked}
+FLOWS: Final[dict[int, Callable[[Call, float], Pacer]]] = {0: BufferFillPacer, 1: TimedPacer, 2: HandshakePacer}
 """By the number of the buffering of RC8 table 4-4."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from struct import Struct
 from typing import Any, Final, TypeAlias
 
-from orinkit.rc8.slave_fields import MOST_USER_BYTES, Field, Form
+from orinkit.rc8.slave_fields import MOST_USER_BYTES, FieldType, SlaveField
 
 WORD: Final = 8
 """Bytes of a word."""
@@ -19,7 +19,7 @@ _Place: TypeAlias = tuple[
 _Codec: TypeAlias = tuple[int, _Writer, _Reader]  # words
 
 
-class Layout:
+class RecordLayout:
     """Fields in a record; a word of flags, elsewhere, has a bit for each of them.
 
     Args:
@@ -32,14 +32,14 @@ class Layout:
 
     __slots__ = ("_known", "_places", "_readers", "size")
 
-    def __init__(self, fields: Iterable[Field], *, sent: bool = False) -> None:
+    def __init__(self, fields: Iterable[SlaveField], *, sent: bool = False) -> None:
         self._places: dict[str, _Place] = {}
         self._known: list[tuple[str, int, _Reader]] = []
         self._readers: dict[int, list[tuple[str, int, _Reader]]] = {}  # of the flags that have occurred
         self.size = 0
         for number, field in enumerate(fields):
-            words, write, read = _sent_bytes() if sent and field.form is Form.BYTES else _CODECS[field.form](field)
-            self._places[field.name] = (1 << number, self.size * WORD, write, field.form is Form.POSE)
+            words, write, read = _sent_bytes() if sent and field.form is FieldType.BYTES else _CODECS[field.form](field)
+            self._places[field.name] = (1 << number, self.size * WORD, write, field.form is FieldType.POSE)
             self._known.append((field.name, self.size * WORD, read))
             self.size += words
 
@@ -77,12 +77,12 @@ def _one(form: str) -> _Codec:
     return 1, packed.pack_into, read
 
 
-def _pose(field: Field) -> _Codec:
+def _pose(field: SlaveField) -> _Codec:
     packed = Struct(f"{field.count}d")
     return field.count, packed.pack_into, packed.unpack_from
 
 
-def _reals(field: Field) -> _Codec:
+def _reals(field: SlaveField) -> _Codec:
     most = field.count
     packed = [Struct(f"q{count}d") for count in range(most + 1)]
 
@@ -98,7 +98,7 @@ def _reals(field: Field) -> _Codec:
     return 1 + field.count, write, read
 
 
-def _bytes(_: Field) -> _Codec:
+def _bytes(_: SlaveField) -> _Codec:
     return 1 + MOST_USER_BYTES // WORD, _write_bytes, _read_bytes
 
 
@@ -125,11 +125,11 @@ def _read_bytes(view: memoryview, at: int) -> bytes:
 
 
 _WHOLE: Final = Struct("q")
-_CODECS: Final[dict[Form, Callable[[Field], _Codec]]] = {
-    Form.POSE: _pose,
-    Form.REALS: _reals,
-    Form.REAL: lambda _: _one("d"),
-    Form.STAMP: lambda _: _one("d"),  # seconds
-    Form.BITS: lambda _: _one("q"),
-    Form.BYTES: _bytes,
+_CODECS: Final[dict[FieldType, Callable[[SlaveField], _Codec]]] = {
+    FieldType.POSE: _pose,
+    FieldType.REALS: _reals,
+    FieldType.REAL: lambda _: _one("d"),
+    FieldType.STAMP: lambda _: _one("d"),  # seconds
+    FieldType.BITS: lambda _: _one("q"),
+    FieldType.BYTES: _bytes,
 }

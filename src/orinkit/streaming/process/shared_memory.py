@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from orinkit.rc8.slave_fields import OUTPUTS, RECEIVED
 from orinkit.rc8.slave_lateness import Lateness
-from orinkit.streaming.process.record_layout import WORD, Layout
+from orinkit.streaming.process.record_layout import WORD, RecordLayout
 
 QUEUE_ROOM: Final = 4096
 """Set-points that there is room for: 32 s at 8 ms."""
@@ -37,7 +37,7 @@ RESTS: Final = 3
 _MOST_VALUES: Final = 13  # of a pose with extra axes
 
 
-class Feed(IntEnum):
+class SetPointSource(IntEnum):
     """Where set-points come from."""
 
     NONE = 0
@@ -45,7 +45,7 @@ class Feed(IntEnum):
     TARGET = 2
 
 
-class Order(IntEnum):
+class StreamCommand(IntEnum):
     """What the program wants of the streaming process."""
 
     RUN = 0
@@ -88,8 +88,8 @@ class _Word(IntEnum):
 
 
 _VALUES: Final = [Struct(f"{count}d") for count in range(_MOST_VALUES + 1)]
-_SENT: Final = Layout(OUTPUTS, sent=True)
-_GOT: Final = Layout(RECEIVED)
+_SENT: Final = RecordLayout(OUTPUTS, sent=True)
+_GOT: Final = RecordLayout(RECEIVED)
 _HEAD: Final = _Word.OUTPUTS + _SENT.size
 _POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # in a point: number, flags and count, values, outputs
 _POINT: Final = _POINT_OUTPUTS + _SENT.size
@@ -156,7 +156,7 @@ class RawSample:
 _NO_OUTPUTS: Final = Outputs()
 
 
-class Shared:
+class StreamMemory:
     """The memory, seen from either side.
 
     Args:
@@ -172,7 +172,7 @@ class Shared:
         self._numbers = self._view.cast("d")
 
     @classmethod
-    def make(cls) -> Shared:
+    def make(cls) -> StreamMemory:
         """Make new memory."""
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("orinkit-stream", os.MFD_CLOEXEC)
@@ -198,7 +198,7 @@ class Shared:
 
     # --- the program's side -------------------------------------------------------------------------------------
 
-    def order(self, order: Order) -> None:
+    def order(self, order: StreamCommand) -> None:
         """Tell the streaming process what to do."""
         count = self._words[_Word.ORDER] >> 8  # the same order given again is another one
         self._words[_Word.ORDER] = count + 1 << 8 | order
@@ -228,7 +228,7 @@ class Shared:
 
     def feed_queue(self) -> None:
         """Take set-points from the queue."""
-        self._words[_Word.FEED] = Feed.QUEUE
+        self._words[_Word.FEED] = SetPointSource.QUEUE
 
     @property
     def forgotten(self) -> int:
@@ -255,7 +255,7 @@ class Shared:
             words[_Word.TARGET_LENGTH] = len(values)
             words[_Word.TARGET_TIME] = when_ns
             words[_Word.TARGET_DONE] = count
-            words[_Word.FEED] = Feed.TARGET
+            words[_Word.FEED] = SetPointSource.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
         """Set the outputs that go with every set-point that has none of its own."""
@@ -268,7 +268,7 @@ class Shared:
 
     def hold(self) -> None:
         """Take set-points from nowhere: the arm comes to rest and is held."""
-        self._words[_Word.FEED] = Feed.NONE
+        self._words[_Word.FEED] = SetPointSource.NONE
 
     @property
     def began_ns(self) -> int:
@@ -335,18 +335,18 @@ class Shared:
     # --- the streaming process's side ---------------------------------------------------------------------------
 
     @property
-    def wanted(self) -> Order:
+    def wanted(self) -> StreamCommand:
         """What the program wants."""
-        return Order(self._words[_Word.ORDER] & 0xFF)
+        return StreamCommand(self._words[_Word.ORDER] & 0xFF)
 
     def has_done(self) -> None:
         """Tell that what the program wants has been done."""
         self._words[_Word.ORDER_DONE] = self._words[_Word.ORDER]
 
     @property
-    def feed(self) -> Feed:
+    def feed(self) -> SetPointSource:
         """Where set-points are to come from."""
-        return Feed(self._words[_Word.FEED])
+        return SetPointSource(self._words[_Word.FEED])
 
     def take(self) -> tuple[tuple[float, ...], Outputs] | None:
         """Return the next set-point and take it out of the queue; ``None`` when it is empty."""

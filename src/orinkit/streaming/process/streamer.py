@@ -7,23 +7,30 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any, Final, Literal
 
-from orinkit.bcap.client import Conversation
-from orinkit.bcap.wire import SILENCE, Wire
+from orinkit.bcap.client import BcapConversation
+from orinkit.bcap.wire import SILENCE, BcapProfile
 from orinkit.cao import functions
 from orinkit.cao.dialect import DIALECTS
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, InvalidValue, OrinError, error_for
 from orinkit.core.i18n import N_, tr
-from orinkit.rc8.slave_fields import RECEIVED, Form
+from orinkit.rc8.slave_fields import RECEIVED, FieldType
 from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveAnswer, encode_set_point, read_answer
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.rc8.slave_lateness import Lateness, read_lateness
 from orinkit.streaming.planning.planners import Planner
 from orinkit.streaming.process.channel import Channel
-from orinkit.streaming.process.config import Setup
+from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.pacing import FLOWS, Call, Delivery
-from orinkit.streaming.process.shared_memory import RESTS, Feed, Order, Outputs, RawSample, Shared
+from orinkit.streaming.process.shared_memory import (
+    RESTS,
+    Outputs,
+    RawSample,
+    SetPointSource,
+    StreamCommand,
+    StreamMemory,
+)
 from orinkit.transport.runner import Link, run, say_goodbye
 from orinkit.values.variant import ARRAY, Variant, VarType
 
@@ -34,7 +41,7 @@ _CYCLES: Final = 1.5  # that a set-point waits for its answer before it is sent 
 _TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
-_STAMP: Final = next(row.name for row in RECEIVED if row.form is Form.STAMP)
+_STAMP: Final = next(row.name for row in RECEIVED if row.form is FieldType.STAMP)
 _STOPPED: Final = frozenset(b"Tt")
 _STALL: Final = 0.25  # s for which a program may be stopped: the machine, or a debugger that looks around
 _STOPS: Final = {  # bits of SysState (reference: SysState)
@@ -49,7 +56,7 @@ Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated
 a machine may stall, has gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
 
 
-class Watch:
+class ProgramMonitor:
     """Looks whether the program still runs."""
 
     def __init__(self, channel: Channel, process: int) -> None:
@@ -96,7 +103,7 @@ class Watch:
         return bool(state) and state[0][0] in _STOPPED
 
 
-class Connection:
+class StreamerConnection:
     """The connection, while this process has it.
 
     Args:
@@ -105,7 +112,7 @@ class Connection:
         wire: how packets travel.
     """
 
-    def __init__(self, link: Link, setup: Setup, wire: Wire) -> None:
+    def __init__(self, link: Link, setup: StreamerConfig, wire: BcapProfile) -> None:
         self._link = link
         self._controller = setup.controller
         self._handle = setup.handle
@@ -114,7 +121,7 @@ class Connection:
         self._cycle = setup.period
         self._trip = 0.0  # s that a command took
         self._receive = setup.receive
-        self.conversation = Conversation(wire=wire, dialect=DIALECTS[setup.dialect], clock=monotonic)
+        self.conversation = BcapConversation(wire=wire, dialect=DIALECTS[setup.dialect], clock=monotonic)
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
@@ -199,7 +206,7 @@ class Connection:
 
 
 @dataclass(slots=True)
-class _Clock:
+class _ControllerClock:
     """The controller's time, from stamps that wrap (RC8 table 4-1: VT_I4)."""
 
     microseconds: bool
@@ -228,10 +235,10 @@ class Streamer:
 
     def __init__(
         self,
-        setup: Setup,
-        connection: Connection,
-        shared: Shared,
-        watch: Watch,
+        setup: StreamerConfig,
+        connection: StreamerConnection,
+        shared: StreamMemory,
+        watch: ProgramMonitor,
         planner: Planner,
         *,
         tells: bool = False,
@@ -246,7 +253,7 @@ class Streamer:
         if setup.plain and buffering == 0:  # a VE026A lets its answer wait for the cycle (VE026A 2.2.1: response style)
             buffering = 2
         self._flow = FLOWS[buffering](call, setup.period)
-        self._clock = _Clock(setup.receive.microseconds)
+        self._clock = _ControllerClock(setup.receive.microseconds)
         self._outputs = setup.outputs
         self._beside: dict[str, Any] = {}  # the pose, in a set-point
         self._note_outputs()
@@ -274,14 +281,14 @@ class Streamer:
             if self._rests >= RESTS:
                 if reason:
                     return reason
-                if self._shared.wanted is Order.HALT:
+                if self._shared.wanted is StreamCommand.HALT:
                     self._shared.has_done()
 
     def _reason(self) -> Reason:
         order = self._shared.wanted
-        if order is Order.GOODBYE:
+        if order is StreamCommand.GOODBYE:
             return "abandoned"
-        if order is Order.LEAVE or (order is Order.FINISH and self._finished()):
+        if order is StreamCommand.LEAVE or (order is StreamCommand.FINISH and self._finished()):
             return "left"
         if not self._waits():
             self._waits_since = monotonic()
@@ -292,22 +299,22 @@ class Streamer:
     def _finished(self) -> bool:
         """Whether all set-points of the queue have been sent; a live target is not waited for."""
         shared = self._shared
-        return shared.feed is not Feed.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
+        return shared.feed is not SetPointSource.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
 
     def _waits(self) -> bool:
         """Whether set-points were sent, the arm stands, and no more come."""
         shared = self._shared
-        return shared.feed is Feed.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
+        return shared.feed is SetPointSource.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
 
     def _command(self, reason: Reason) -> tuple[float, ...]:
-        if reason or self._shared.wanted is Order.HALT:
+        if reason or self._shared.wanted is StreamCommand.HALT:
             self._aim, self._was_dry, self._target = None, True, None
             return self._planner.stop()
         feed = self._shared.feed
-        if feed is Feed.TARGET:
+        if feed is SetPointSource.TARGET:
             return self._to_target()
         self._target = None
-        return self._from_queue() if feed is Feed.QUEUE else self._come_to_rest()
+        return self._from_queue() if feed is SetPointSource.QUEUE else self._come_to_rest()
 
     def _to_target(self) -> tuple[float, ...]:
         newer = self._shared.target(self._target_seen)
@@ -331,7 +338,7 @@ class Streamer:
     def _ready(self) -> bool:
         """Whether to begin: with a few set-points there, one that comes a little late is not felt."""
         waiting = self._shared.waiting
-        if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is Order.FINISH:
+        if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
             return True
         self._patience = self._patience - 1 if waiting else _AHEAD
         return self._patience <= 0

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.optional_deps import require
-from orinkit.rc8.slave_fields import POSES, RECEIVED, Field, Form
+from orinkit.rc8.slave_fields import POSES, RECEIVED, FieldType, SlaveField
 from orinkit.streaming.recording.samples import OWN, Sample
 from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME
 from orinkit.streaming.trajectory.limit_violations import check_period
@@ -205,29 +205,29 @@ def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
         groups.append(_Group(attrgetter("joints"), [f"{name}{ENCODER}" for name in FIELDS["J"][:count]]))
     groups.append(_Group(attrgetter("sent"), ["sent_s"], _TIME))
     has = [row for row in RECEIVED if row is not POSES["J"] and sample.value(row) is not None]
-    groups += [_group_of(row, sample) for row in has if row.form is Form.STAMP]
+    groups += [_group_of(row, sample) for row in has if row.form is FieldType.STAMP]
     groups.append(_Group(attrgetter("code"), ["code"], "#010x"))
-    poses = [row for row in has if row.form is Form.POSE][:1]  # the columns of another one have the same names
-    others = [row for row in has if row.form not in (Form.STAMP, Form.POSE)]
+    poses = [row for row in has if row.form is FieldType.POSE][:1]  # the columns of another one have the same names
+    others = [row for row in has if row.form not in (FieldType.STAMP, FieldType.POSE)]
     return groups + [_group_of(row, sample) for row in (*poses, *others)]
 
 
-_NUMBER_FORMS: Final = {Form.STAMP: _TIME, Form.BITS: "d"}
+_NUMBER_FORMS: Final = {FieldType.STAMP: _TIME, FieldType.BITS: "d"}
 
 
-def _group_of(row: Field, sample: Sample) -> _Group:
+def _group_of(row: SlaveField, sample: Sample) -> _Group:
     """Return the columns of a field that the first sample has."""
     form = _EXACT if row.kind == "T" else _NUMBER_FORMS.get(row.form, _VALUE)
     name = row.column or row.name
     names = [name]
     if row.kind is not None:
         names = _titles(row.kind)
-    elif row.form is Form.REALS:
+    elif row.form is FieldType.REALS:
         names = [f"{name}_{number}" for number in range(1, len(sample.value(row)) + 1)]
     return _Group(partial(_value_of, row), names, form)
 
 
-def _value_of(row: Field, sample: Sample) -> Any:
+def _value_of(row: SlaveField, sample: Sample) -> Any:
     return sample.value(row)
 
 
@@ -319,8 +319,8 @@ def _finite(entry: Any) -> Any:
 
 
 _JSON_TYPES: Final = {
-    Form.STAMP: "number", Form.REAL: "number", Form.POSE: "array", Form.REALS: "array", Form.BITS: "integer",
-    Form.BYTES: "string",
+    FieldType.STAMP: "number", FieldType.REAL: "number", FieldType.POSE: "array", FieldType.REALS: "array", FieldType.BITS: "integer",
+    FieldType.BYTES: "string",
 }  # fmt: skip
 _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "number": ("integer", N_("number of the set-point, from 0")),
@@ -335,7 +335,7 @@ _ROWS: Final = {row.name: row for row in RECEIVED}
 _GETTERS: Final[dict[str, Callable[[Sample], Any]]] = {
     name: partial(_value_of, _ROWS[name]) if name in _ROWS and name not in OWN else attrgetter(name) for name in _SAMPLE
 }
-_HEXADECIMAL: Final = tuple(row for row in RECEIVED if row.form is Form.BYTES)
+_HEXADECIMAL: Final = tuple(row for row in RECEIVED if row.form is FieldType.BYTES)
 _INFO: Final[dict[str, tuple[str, str]]] = {
     "kind": ("string", N_("what the set-points are: J, P or T")),
     "period": ("number", N_("time between two set-points, s")),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
-from orinkit.rc8.slave_fields import RECEIVED, Field
+from orinkit.rc8.slave_fields import RECEIVED, SlaveField
 from orinkit.values.poses import J, P, T
 
 
@@ -49,7 +49,7 @@ class Sample:
     answered: float = 0.0
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
 
-    def value(self, row: Field) -> Any:
+    def value(self, row: SlaveField) -> Any:
         """Return the value of a field of the answer, ``None`` if there is none."""
         return getattr(self, row.name) if row.name in OWN else self.more.get(row.name)
 

@@ -58,7 +58,7 @@ _LONGEST_PERIOD: Final = 10.0  # s
 _SEPARATORS: Final = ";,\t"
 
 
-class Row(NamedTuple):
+class CsvRow(NamedTuple):
     """One row of a table.
 
     Attributes:
@@ -70,7 +70,7 @@ class Row(NamedTuple):
     cells: list[str]
 
 
-class Table:
+class CsvTable:
     """A CSV file, row by row.
 
     Args:
@@ -83,11 +83,11 @@ class Table:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.note: Row | None = None
+        self.note: CsvRow | None = None
         self._line = 0
         self._separator: str | None = None
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self) -> Iterator[CsvRow]:
         """Yield the rows; neither empty ones nor comments.
 
         Raises:
@@ -101,7 +101,7 @@ class Table:
                         count += 1
                         if count > MOST_ROWS:
                             raise wrong(self.path, self._line, tr("more than {most} rows", most=MOST_ROWS))  # fmt: skip
-                        yield Row(self._line, [cell.strip() for cell in cells])
+                        yield CsvRow(self._line, [cell.strip() for cell in cells])
         except InvalidValue:
             raise
         except (UnicodeDecodeError, csv.Error) as error:
@@ -117,7 +117,7 @@ class Table:
                 raise wrong(self.path, self._line, tr("it is no CSV file: a line without an end"))  # fmt: skip
             content = text.strip()
             if content.startswith("#"):
-                self.note = Row(self._line, [content.lstrip("#").strip()])
+                self.note = CsvRow(self._line, [content.lstrip("#").strip()])
             elif content:
                 yield text
 
@@ -129,15 +129,15 @@ class Table:
             return map(str.split, lines)
         return csv.reader(lines, delimiter=self._separator, skipinitialspace=True, strict=True)
 
-    def noted(self) -> Row | None:
+    def noted(self) -> CsvRow | None:
         """Return the cells of the comment read last, divided as the rows are."""
         if self.note is None:
             return None
-        return Row(self.note.line, [cell.strip() for cell in self.note.cells[0].split(self._separator)])
+        return CsvRow(self.note.line, [cell.strip() for cell in self.note.cells[0].split(self._separator)])
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
+class _CsvLayout:
     """Where in a row a trajectory is.
 
     Attributes:
@@ -161,7 +161,7 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
     """
     if path.suffix.lower() == ".mcap":
         raise wrong(path, 0, tr("a trajectory is a CSV file; try: record as .csv what is to be run again"))  # fmt: skip
-    table = Table(path)
+    table = CsvTable(path)
     rows = table.rows()
     first = next(rows, None)
     if first is None:
@@ -211,12 +211,12 @@ def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
         )
 
 
-def numbers(path: Path, row: Row, count: int, columns: Sequence[int]) -> list[float]:
+def numbers(path: Path, row: CsvRow, count: int, columns: Sequence[int]) -> list[float]:
     """Return the numbers in some columns of a row.
 
     Args:
         path: of the file, for the message.
-        row: as :meth:`Table.rows` yields it.
+        row: as :meth:`CsvTable.rows` yields it.
         count: how many cells it should have.
         columns: which of them are wanted.
 
@@ -264,7 +264,7 @@ def wrong(path: Path, line: int, text: str) -> InvalidValue:
 # --- columns ----------------------------------------------------------------------------------------------------------
 
 
-def _unnamed_layout(table: Table, first: Row) -> _Layout:
+def _unnamed_layout(table: CsvTable, first: CsvRow) -> _CsvLayout:
     """Return where the values are in rows of numbers: by the comment before them, or joints."""
     note = table.noted()
     if note is not None and len(note.cells) == len(first.cells):
@@ -282,10 +282,10 @@ def _unnamed_layout(table: Table, first: Row) -> _Layout:
                 count=count,
             ),
         )
-    return _Layout("J", tuple(range(count)))
+    return _CsvLayout("J", tuple(range(count)))
 
 
-def _named_layout(path: Path, header: Row) -> _Layout:
+def _named_layout(path: Path, header: CsvRow) -> _CsvLayout:
     layout = _find(path, header)
     if layout is None:
         raise wrong(
@@ -299,7 +299,7 @@ def _named_layout(path: Path, header: Row) -> _Layout:
     return layout
 
 
-def _find(path: Path, header: Row) -> _Layout | None:
+def _find(path: Path, header: CsvRow) -> _CsvLayout | None:
     names = [name.lower() for name in header.cells]
     known = [name for name in names if name.removesuffix(COMMAND) in _KNOWN]
     if len(set(known)) < len(known):
@@ -313,7 +313,7 @@ def _find(path: Path, header: Row) -> _Layout | None:
         if joints and space:
             raise wrong(path, header.line, tr("it has joints and positions; try: leave one of them out"))  # fmt: skip
         if joints:
-            return _Layout("J", _joint_columns(path, header.line, joints), time)
+            return _CsvLayout("J", _joint_columns(path, header.line, joints), time)
         if space:
             return _in_space(path, header.line, found, time)
     return None
@@ -326,7 +326,7 @@ def _joint_columns(path: Path, line: int, joints: dict[int, int]) -> tuple[int |
     return tuple(joints.get(joint) for joint in range(1, max(joints) + 1))
 
 
-def _in_space(path: Path, line: int, found: dict[str, int], time: int | None) -> _Layout:
+def _in_space(path: Path, line: int, found: dict[str, int], time: int | None) -> _CsvLayout:
     kind: PoseKind = "T" if "ox" in found else "P"
     *needed, figure = FIELDS[kind]
     missing = [name for name in needed if name not in found]
@@ -334,7 +334,7 @@ def _in_space(path: Path, line: int, found: dict[str, int], time: int | None) ->
         names = ", ".join(missing)
         raise wrong(path, line, tr("columns are missing: {names}", names=names))
     columns = [found[name] for name in needed]
-    return _Layout(kind, tuple([*columns, found[figure]] if figure in found else columns), time)
+    return _CsvLayout(kind, tuple([*columns, found[figure]] if figure in found else columns), time)
 
 
 def _period(path: Path, times: Sequence[float], lines: Sequence[int]) -> float | None:

@@ -55,7 +55,7 @@ _ROBOT_JOINTS: Final = 6
 _SHOWN: Final = 3  # decimals
 
 
-class Breach(NamedTuple):
+class LimitViolation(NamedTuple):
     """The first sample that breaks a limit. The smallest of several is told.
 
     Attributes:
@@ -71,7 +71,7 @@ class Breach(NamedTuple):
     value: float
 
 
-class Rule(NamedTuple):
+class LimitCheck(NamedTuple):
     """A limit that differences have to keep.
 
     Attributes:
@@ -93,26 +93,26 @@ class Rule(NamedTuple):
     unit: str
     text: str
 
-    def breach(self) -> Breach | None:
+    def breach(self) -> LimitViolation | None:
         """Return where it is broken first."""
         most = self.most
         if max(self.values) <= most and min(self.values) >= -most:
             return None
         sample = next(place for place, value in enumerate(self.values) if not -most <= value <= most)
-        return Breach(sample, self.rank, self.axis, abs(self.values[sample]))
+        return LimitViolation(sample, self.rank, self.axis, abs(self.values[sample]))
 
 
 def joint_rules(
     column: Sequence[float], start: float, axis: int, limits: Limits, period: float, tolerance: float
-) -> tuple[Rule, Rule]:
+) -> tuple[LimitCheck, LimitCheck]:
     """Return what is asked of a joint, ``axis`` from 0, that stands at ``start`` before."""
     steps, changes = finite_differences.of_column(column, start)
     velocity, acceleration = limits.velocity[axis], limits.acceleration[axis]
     more = 1.0 + tolerance
     unit = "deg" if axis < _ROBOT_JOINTS else "deg (mm)"
     return (
-        Rule(0, axis + 1, steps, velocity * period * more, velocity, period, f"{unit}/s", N_("velocity")),
-        Rule(
+        LimitCheck(0, axis + 1, steps, velocity * period * more, velocity, period, f"{unit}/s", N_("velocity")),
+        LimitCheck(
             1, axis + 1, changes, acceleration * period**2 * more, acceleration, period**2, f"{unit}/s^2",
             N_("acceleration"),
         ),
@@ -121,7 +121,7 @@ def joint_rules(
 
 def path_rules(
     place: finite_differences.Differences, turn: finite_differences.Differences, limits: PathLimits, period: float
-) -> list[Rule]:
+) -> list[LimitCheck]:
     """Return what is asked of a tool, by the differences of its position and its orientation."""
     rows = (
         (place.steps, limits.speed, 1, "mm/s", N_("speed of the tool"), _POSITION_TOLERANCE),
@@ -132,7 +132,7 @@ def path_rules(
          _ANGLE_TOLERANCE),
     )  # fmt: skip
     return [
-        Rule(
+        LimitCheck(
             rank,
             0,
             values,
@@ -146,23 +146,23 @@ def path_rules(
     ]
 
 
-def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[Breach]:
+def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[LimitViolation]:
     """Return where joints leave their range first."""
     breaches = []
     for axis, column in enumerate(columns):
         lower, upper = limits.lower[axis] - _ROUNDING, limits.upper[axis] + _ROUNDING
         if min(column) < lower or max(column) > upper:
             sample = next(place for place, value in enumerate(column) if not lower <= value <= upper)
-            breaches.append(Breach(sample, RANGE, axis + 1, column[sample]))
+            breaches.append(LimitViolation(sample, RANGE, axis + 1, column[sample]))
     return breaches
 
 
-def broken(rules: Sequence[Rule]) -> list[Breach]:
+def broken(rules: Sequence[LimitCheck]) -> list[LimitViolation]:
     """Return where rules are broken first."""
     return [breach for rule in rules if (breach := rule.breach()) is not None]
 
 
-def text_of(breach: Breach, rules: Sequence[Rule], count: int, period: float) -> str:
+def text_of(breach: LimitViolation, rules: Sequence[LimitCheck], count: int, period: float) -> str:
     """Return what is said about a breach of a rule."""
     rule = next(rule for rule in rules if (rule.rank, rule.axis) == (breach.rank, breach.axis))
     name = f"J{rule.axis}: " if rule.axis else ""
@@ -190,7 +190,7 @@ def text_of(breach: Breach, rules: Sequence[Rule], count: int, period: float) ->
     )
 
 
-def outside(breach: Breach, limits: Limits, period: float) -> str:
+def outside(breach: LimitViolation, limits: Limits, period: float) -> str:
     """Return what is said about a joint out of its range."""
     lower, upper = limits.lower[breach.axis - 1], limits.upper[breach.axis - 1]
     return _at(breach.sample, period) + tr(

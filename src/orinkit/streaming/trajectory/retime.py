@@ -11,7 +11,13 @@ from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.trajectory import finite_differences
 from orinkit.streaming.trajectory.limit_violations import MOST_SAMPLES, TrajectoryError, check_period
 from orinkit.streaming.trajectory.spline import Curve
-from orinkit.streaming.trajectory.topp_ra import Bends, JointBends, PathBends, cells_of, profile_of
+from orinkit.streaming.trajectory.topp_ra import (
+    CurveConstraints,
+    JointConstraints,
+    PathConstraints,
+    cells_of,
+    profile_of,
+)
 from orinkit.streaming.trajectory.trajectory import check_path, check_range, check_trajectory, read_trajectory
 from orinkit.values.pose_numbers import brief
 
@@ -66,7 +72,7 @@ def retime(
     raise _impossible(fault)
 
 
-class _Arm(Protocol):
+class _RetimeProblem(Protocol):
     """Limits, and what is done with them."""
 
     axes: int
@@ -78,7 +84,7 @@ class _Arm(Protocol):
     def check_range(self, points: Points) -> None:
         """Refuse points that no slowing down helps."""
 
-    def bends(self, curve: Curve) -> Bends:
+    def bends(self, curve: Curve) -> CurveConstraints:
         """Return what the limits say about a curve."""
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
@@ -88,7 +94,7 @@ class _Arm(Protocol):
         """Return how much of its limits each sample uses, and the rest after the last one; 1 is all of it."""
 
 
-class _Joints:
+class _JointProblem:
     def __init__(self, limits: Limits, period: float) -> None:
         self.axes = len(limits.lower)
         self.ranges: Sequence[tuple[float, float]] = list(zip(limits.lower, limits.upper, strict=True))
@@ -103,8 +109,8 @@ class _Joints:
     def check_range(self, points: Points) -> None:
         check_range(points, self._limits, self._period)
 
-    def bends(self, curve: Curve) -> Bends:
-        return JointBends(curve.coordinates, self._velocity, self._acceleration)
+    def bends(self, curve: Curve) -> CurveConstraints:
+        return JointConstraints(curve.coordinates, self._velocity, self._acceleration)
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(map(min, map(max, point, self._limits.lower), self._limits.upper))
@@ -118,7 +124,7 @@ class _Joints:
         return list(map(max, *rows))
 
 
-class _Tool:
+class _PathProblem:
     axes = 6
 
     def __init__(self, limits: PathLimits, period: float, kind: PoseKind) -> None:
@@ -135,8 +141,8 @@ class _Tool:
     def check_range(self, points: Points) -> None:
         """There is no range in space."""
 
-    def bends(self, curve: Curve) -> Bends:
-        return PathBends(
+    def bends(self, curve: Curve) -> CurveConstraints:
+        return PathConstraints(
             curve.coordinates,
             self._velocities[0], self._accelerations[0], self._velocities[1], self._accelerations[1],
         )  # fmt: skip
@@ -157,11 +163,11 @@ class _Tool:
         return list(map(max, *rows))
 
 
-def _arm(limits: object, period: float, kind: PoseKind) -> _Arm:
+def _arm(limits: object, period: float, kind: PoseKind) -> _RetimeProblem:
     if kind == "J" and isinstance(limits, Limits):
-        return _Joints(limits, period)
+        return _JointProblem(limits, period)
     if kind in ("P", "T") and isinstance(limits, PathLimits):
-        return _Tool(limits, period, kind)
+        return _PathProblem(limits, period, kind)
     raise InvalidValue(
         tr(
             "{name} with set-points of kind {kind}: J wants Limits, P and T want PathLimits",

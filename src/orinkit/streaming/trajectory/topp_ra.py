@@ -34,7 +34,7 @@ _CORNERS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) f
 _INSIDE: Final = 1.0 / math.cos(math.pi / 12)  # the polygon that these make lies within the circle
 
 
-class Bends(Protocol):
+class CurveConstraints(Protocol):
     """What limits say about a curve."""
 
     def free(self) -> list[bool]:
@@ -44,7 +44,7 @@ class Bends(Protocol):
         """Return the terms of the accelerations, and the greatest z that the velocities allow."""
 
 
-class JointBends:
+class JointConstraints:
     """The limits of joints: each on its own.
 
     Args:
@@ -93,7 +93,7 @@ class JointBends:
         return terms, 1.0 / fastest
 
 
-class PathBends:
+class PathConstraints:
     """The limits of a tool: of the lengths of its velocity and acceleration, and of those of its rotation.
 
     Args:
@@ -138,7 +138,7 @@ class PathBends:
         return terms, 1.0 / max(fastest, (slope / self._rotation) ** 2)
 
 
-class Profile(NamedTuple):
+class SpeedProfile(NamedTuple):
     """How fast the curve is passed through.
 
     Attributes:
@@ -194,7 +194,7 @@ class Cells(NamedTuple):
     counts: Sequence[int]
 
 
-def cells_of(bends: Bends) -> Cells:
+def cells_of(bends: CurveConstraints) -> Cells:
     """Return how a curve is divided: where it is slow, into about as many cells as it takes periods."""
     free = bends.free()
     last = len(free) - 1
@@ -207,7 +207,7 @@ def cells_of(bends: Bends) -> Cells:
     )
 
 
-def profile_of(bends: Bends, cells: Cells, allowed: Sequence[float]) -> Profile:
+def profile_of(bends: CurveConstraints, cells: Cells, allowed: Sequence[float]) -> SpeedProfile:
     """Return the fastest way through a curve, at rest at both ends.
 
     Args:
@@ -224,10 +224,10 @@ def profile_of(bends: Bends, cells: Cells, allowed: Sequence[float]) -> Profile:
         for begin, end in pairwise(_places(count)):
             periods += 2.0 * (end - begin) / (math.sqrt(squares[place]) + math.sqrt(squares[place + 1]))
             place += 1
-    return Profile(squares, cells.counts, periods)
+    return SpeedProfile(squares, cells.counts, periods)
 
 
-def _count(bends: Bends, interval: int, *, at_end: bool) -> int:
+def _count(bends: CurveConstraints, interval: int, *, at_end: bool) -> int:
     (begin, cap), (end, other) = bends.at(interval, 0.0), bends.at(interval, 1.0)
     bend = max([abs(row[1]) for row in (*begin, *end)], default=0.0)
     slopes = max([abs(row[0]) for row in begin], default=0.0), max([abs(row[0]) for row in end], default=0.0)
@@ -252,7 +252,9 @@ def _places(count: int) -> tuple[float, ...]:
     return (0.0, *(0.5 - 0.5 * math.cos(math.pi * number / count) for number in range(1, count)), 1.0)
 
 
-def _reachable(bends: Bends, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]) -> list[float]:
+def _reachable(
+    bends: CurveConstraints, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]
+) -> list[float]:
     """Return the greatest z at the end of each cell, the first place included, from the last one backwards."""
     greatest = [0.0]
     following = 0.0
@@ -276,7 +278,11 @@ def _reachable(bends: Bends, allowed: Sequence[float], cells: Sequence[int], fre
 
 
 def _fastest(
-    bends: Bends, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool], greatest: Sequence[float]
+    bends: CurveConstraints,
+    allowed: Sequence[float],
+    cells: Sequence[int],
+    free: Sequence[bool],
+    greatest: Sequence[float],
 ) -> list[float]:
     """Return z at the end of each cell, from the start on."""
     z = 0.0

@@ -19,8 +19,8 @@ from orinkit.streaming.trajectory.finite_differences import Points
 from orinkit.streaming.trajectory.limit_violations import (
     MOST_SAMPLES,
     RANGE,
-    Breach,
-    Rule,
+    LimitCheck,
+    LimitViolation,
     TrajectoryError,
     check_period,
 )
@@ -344,13 +344,13 @@ def _start(start: Sequence[float], axes: int) -> tuple[float, ...]:
 
 
 def _tell(
-    found: Sequence[Breach],
-    rules: Sequence[Rule],
+    found: Sequence[LimitViolation],
+    rules: Sequence[LimitCheck],
     points: Points,
     period: float,
     *,
     away: Callable[[], str],
-    out: Callable[[Breach], str] | None = None,
+    out: Callable[[LimitViolation], str] | None = None,
 ) -> None:
     """Raise the error of the first breach, if there is one."""
     if not found:

@@ -17,10 +17,10 @@ from orinkit.core.errors import ConnectionLost, OrinError
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import NOTHING, Access
-from orinkit.transport.http.response import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, Contact, tls_failed
+from orinkit.transport.credentials import NOTHING, Credentials
+from orinkit.transport.http.response import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, HttpServerInfo, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
@@ -30,8 +30,8 @@ require(tr(NEED), "http", "httpx2")
 import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
-from orinkit.transport.http.base import Reached  # noqa: E402
-from orinkit.transport.http.connection import Known, has_news, url_of  # noqa: E402
+from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
+from orinkit.transport.http.connection import KnownServer, has_news, url_of  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -39,7 +39,7 @@ _LONG: Final = 3600.0  # s
 _TLS_FAILURES: Final = (ssl.SSLError, ConnectionResetError, ConnectionAbortedError)
 
 
-class AsyncHttpLink(Reached):
+class AsyncHttpLink(HttpLinkBase):
     """A server of e-CAP, in asyncio; nothing is opened before the first request.
 
     Args:
@@ -54,18 +54,18 @@ class AsyncHttpLink(Reached):
     """
 
     def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None = None,
         dead_after: float = DEAD_AFTER,
     ) -> None:  # fmt: skip
         self._loop = asyncio.get_running_loop()
         super().__init__(address, access, most, known=known, dead_after=dead_after)
         self._url = url_of(self._contact)
-        self._transport = _Transport(self._known, self._url)
+        self._transport = _HttpConnection(self._known, self._url)
         self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
-        self._asked: _Asked | None = None
+        self._asked: _PendingRequest | None = None
 
     @classmethod
-    async def open(cls, address: HttpAddress, opening: Opening) -> Self:
+    async def open(cls, address: HttpAddress, opening: LinkOptions) -> Self:
         """Make a link, as :func:`orinkit.transport.aio_links.open_link`; the first request connects."""
         return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
@@ -80,7 +80,7 @@ class AsyncHttpLink(Reached):
         """
         self._check()
         self._drop()
-        self._asked = _Asked(data)
+        self._asked = _PendingRequest(data)
 
     async def receive(self, seconds: float) -> bytes | None:
         """Post the request, if that has not been done, and return what comes.
@@ -125,7 +125,7 @@ class AsyncHttpLink(Reached):
             self._transport.drop()
             raise
 
-    def _wants(self, asked: _Asked) -> bool:
+    def _wants(self, asked: _PendingRequest) -> bool:
         """Tell whether a request has neither been given up by another task, which closes the link, nor by closing it."""
         return self._open and asked is self._asked
 
@@ -135,7 +135,7 @@ class AsyncHttpLink(Reached):
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
 
-    async def _carry(self, asked: _Asked, seconds: float) -> bytes:
+    async def _carry(self, asked: _PendingRequest, seconds: float) -> bytes:
         """Carry out a request; is cancelled when nobody wants it any more."""
         try:
             return await self._post(asked, seconds)
@@ -146,7 +146,7 @@ class AsyncHttpLink(Reached):
         finally:
             asked.finish()
 
-    async def _post(self, asked: _Asked, seconds: float) -> bytes:
+    async def _post(self, asked: _PendingRequest, seconds: float) -> bytes:
         await self._transport.connect()
         request = httpx2.Request("POST", self._url, headers=self._contact.fields(seconds), content=asked.data)
         response = await self._client.send(request, stream=True)
@@ -189,7 +189,7 @@ class AsyncHttpLink(Reached):
             self._transport.hang_up()
 
 
-class _Asked:
+class _PendingRequest:
     """A request, and what has come of it.
 
     Attributes:
@@ -254,14 +254,14 @@ class _Asked:
             self._waiter.set_result(None)
 
 
-class _Transport(httpx2.AsyncBaseTransport):
+class _HttpConnection(httpx2.AsyncBaseTransport):
     """One connection to one server, opened when it is needed.
 
     Attributes:
         connecting: it is being opened.
     """
 
-    def __init__(self, known: Known, url: httpx2.URL) -> None:
+    def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
         contact = known.contact
         self.connecting = False
         self._contact = contact
@@ -293,7 +293,7 @@ class _Transport(httpx2.AsyncBaseTransport):
         self.hang_up()
         self.connecting = True
         try:
-            wire = await _Wire.open(self._known)
+            wire = await _TcpStream.open(self._known)
         finally:
             self.connecting = False
         self._stream = _Stream(wire, self._contact)
@@ -307,7 +307,7 @@ class _Transport(httpx2.AsyncBaseTransport):
             await self.connect()
             reply = await self._exchange(request)
         assert reply is not None
-        return httpx2.Response(reply.status, headers=reply.headers, stream=_Pieces(reply))
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
         """Return the reply, ``None`` where something came behind the last one; then nothing has been sent."""
@@ -337,7 +337,7 @@ class _Transport(httpx2.AsyncBaseTransport):
             self._stream.hang_up()
 
 
-class _Wire(AsyncStreamLink, asyncio.BufferedProtocol):
+class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
     """A TCP connection, perhaps with TLS; :meth:`open` makes one."""
 
     def __init__(self, dead_after: float) -> None:
@@ -346,7 +346,7 @@ class _Wire(AsyncStreamLink, asyncio.BufferedProtocol):
         self._view = memoryview(bytearray(CHUNK))
 
     @classmethod
-    async def open(cls, known: Known) -> Self:
+    async def open(cls, known: KnownServer) -> Self:
         """Connect.
 
         Raises:
@@ -406,7 +406,7 @@ class _Stream(httpcore2.AsyncNetworkStream):
         ended: the other side has closed the connection.
     """
 
-    def __init__(self, wire: _Wire, contact: Contact) -> None:
+    def __init__(self, wire: _TcpStream, contact: HttpServerInfo) -> None:
         self._wire = wire
         self._contact = contact
         self.unsent = bytearray()
@@ -447,7 +447,7 @@ class _Stream(httpcore2.AsyncNetworkStream):
         return self._wire.has_news if info == "is_readable" else None
 
 
-class _Pieces(httpx2.AsyncByteStream):
+class _BodyStream(httpx2.AsyncByteStream):
     """The body of a reply."""
 
     def __init__(self, reply: httpcore2.Response) -> None:

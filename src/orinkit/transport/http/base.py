@@ -9,15 +9,15 @@ from typing import Self
 from orinkit.core.errors import StreamError
 from orinkit.core.i18n import tr
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import NOTHING, Access
-from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
-from orinkit.transport.http.connection import Known, context_of
-from orinkit.transport.http.response import MOST, Contact
+from orinkit.transport.credentials import NOTHING, Credentials
+from orinkit.transport.fork_safety import ProcessBound, keep_from_children
+from orinkit.transport.http.connection import KnownServer, context_of
+from orinkit.transport.http.response import MOST, HttpServerInfo
 from orinkit.transport.registry import rows
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
-class Reached(OfThisProcess, ABC):
+class HttpLinkBase(ProcessBound, ABC):
     """What both links show of their server.
 
     Args:
@@ -32,11 +32,11 @@ class Reached(OfThisProcess, ABC):
     """
 
     def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None = None,
         dead_after: float = DEAD_AFTER,
     ) -> None:  # fmt: skip
         if known is None:
-            known = Known(Contact(address, access, most), context_of(address, access), dead_after)
+            known = KnownServer(HttpServerInfo(address, access, most), context_of(address, access), dead_after)
         self._known = known
         self._contact = known.contact
         self._open = True

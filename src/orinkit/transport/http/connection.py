@@ -18,14 +18,14 @@ import httpcore2
 import httpx2
 
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import Access
-from orinkit.transport.http.response import BEGIN, KEPT, Contact, no_certificates, no_url, tls_failed
+from orinkit.transport.credentials import Credentials
+from orinkit.transport.http.response import BEGIN, KEPT, HttpServerInfo, no_certificates, no_url, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, lost
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import prepare
 
 
-class Transport(httpx2.BaseTransport):
+class HttpConnection(httpx2.BaseTransport):
     """One connection to one server, opened when it is needed.
 
     Attributes:
@@ -34,7 +34,7 @@ class Transport(httpx2.BaseTransport):
         halted: the thread that uses it is to stop.
     """
 
-    def __init__(self, known: Known, url: httpx2.URL) -> None:
+    def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
         contact = known.contact
         self.deadline = Deadline(0.0)
         self._contact = contact
@@ -86,7 +86,7 @@ class Transport(httpx2.BaseTransport):
             self.connect()
             reply = self._exchange(request)
         assert reply is not None
-        return httpx2.Response(reply.status, headers=reply.headers, stream=_Pieces(reply))
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
         """Return the reply, ``None`` where something came behind the last one; then nothing has been sent."""
@@ -221,7 +221,7 @@ class _Stream(httpcore2.NetworkStream):
         ended: the other side has closed the connection.
     """
 
-    def __init__(self, connection: socket.socket, transport: Transport, contact: Contact) -> None:
+    def __init__(self, connection: socket.socket, transport: HttpConnection, contact: HttpServerInfo) -> None:
         self._socket = connection
         self._transport = transport
         self._contact = contact
@@ -294,7 +294,7 @@ class _Stream(httpcore2.NetworkStream):
         return None
 
 
-class _Pieces(httpx2.SyncByteStream):
+class _BodyStream(httpx2.SyncByteStream):
     """The body of a reply."""
 
     def __init__(self, reply: httpcore2.Response) -> None:
@@ -308,7 +308,7 @@ class _Pieces(httpx2.SyncByteStream):
         self._reply.close()
 
 
-def url_of(contact: Contact) -> httpx2.URL:
+def url_of(contact: HttpServerInfo) -> httpx2.URL:
     """Return the URL that requests are for.
 
     Raises:
@@ -320,7 +320,7 @@ def url_of(contact: Contact) -> httpx2.URL:
         raise no_url(contact.address, error) from error
 
 
-class Known(NamedTuple):
+class KnownServer(NamedTuple):
     """What is known of a server.
 
     Attributes:
@@ -329,12 +329,12 @@ class Known(NamedTuple):
         dead_after: seconds without an answer from its machine after which a connection is given up.
     """
 
-    contact: Contact
+    contact: HttpServerInfo
     context: ssl.SSLContext | None
     dead_after: float
 
 
-def context_of(address: HttpAddress, access: Access) -> ssl.SSLContext | None:
+def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | None:
     """Return how a server is known, ``None`` without TLS.
 
     Raises:

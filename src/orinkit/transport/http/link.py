@@ -13,11 +13,11 @@ from orinkit.core.errors import OrinError
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import NOTHING, Access
+from orinkit.transport.credentials import NOTHING, Credentials
 from orinkit.transport.http.body import Body
 from orinkit.transport.http.response import MOST, NEED, SHOWING, SHOWN
 from orinkit.transport.link_errors import closed
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
@@ -26,14 +26,14 @@ require(tr(NEED), "http", "httpx2")
 import httpcore2  # noqa: E402 - what is missing is to be told first
 import httpx2  # noqa: E402
 
-from orinkit.transport.http.base import Reached  # noqa: E402
-from orinkit.transport.http.connection import Known, Transport, url_of  # noqa: E402
+from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
+from orinkit.transport.http.connection import HttpConnection, KnownServer, url_of  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
 
 
-class HttpLink(Reached):
+class HttpLink(HttpLinkBase):
     """A server of e-CAP, used by one thread at a time; nothing is opened before the first request.
 
     Args:
@@ -48,12 +48,12 @@ class HttpLink(Reached):
     """
 
     def __init__(
-        self, address: HttpAddress, access: Access = NOTHING, most: int = MOST, *, known: Known | None = None,
+        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None = None,
         dead_after: float = DEAD_AFTER,
     ) -> None:  # fmt: skip
         super().__init__(address, access, most, known=known, dead_after=dead_after)
         self._url = url_of(self._contact)
-        self._transport = Transport(self._known, self._url)
+        self._transport = HttpConnection(self._known, self._url)
         self._client = httpx2.Client(transport=self._transport, trust_env=False)
         self._busy = threading.Lock()
         self._owner = 0  # the thread that the request is of
@@ -62,7 +62,7 @@ class HttpLink(Reached):
         self._pieces: Iterator[bytes] = iter(())
 
     @classmethod
-    def open(cls, address: HttpAddress, opening: Opening) -> Self:
+    def open(cls, address: HttpAddress, opening: LinkOptions) -> Self:
         """Make a link, as :func:`orinkit.transport.links.open_link`; the first request connects."""
         return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 

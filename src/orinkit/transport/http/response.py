@@ -35,7 +35,7 @@ from orinkit.core.errors import (
 )
 from orinkit.core.i18n import N_, tr
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import Access
+from orinkit.transport.credentials import Credentials
 from orinkit.transport.http.body import Body
 from orinkit.transport.link_errors import lost
 from orinkit.values.codec import DEFAULT_LIMITS
@@ -109,7 +109,7 @@ Fields: TypeAlias = Iterable[tuple[str, str]]
 """Headers of a reply: names in lower case, and values."""
 
 
-class Contact:
+class HttpServerInfo:
     """What a client knows of a server, from one request to the next.
 
     Args:
@@ -127,7 +127,7 @@ class Contact:
         InvalidValue: the token cannot be sent.
     """
 
-    def __init__(self, address: HttpAddress, access: Access, most: int) -> None:
+    def __init__(self, address: HttpAddress, access: Credentials, most: int) -> None:
         self.address = address
         self.most = most
         self.patience = PATIENCE

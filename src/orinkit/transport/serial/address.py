@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 
 from orinkit.core.i18n import tr
 from orinkit.transport.address import LONGEST, PLAIN, bad_address, whole_number, wrong_value
-from orinkit.transport.registry import Given
+from orinkit.transport.registry import AddressText
 
 _BAUDRATES: Final = range(50, 20_000_001)
 _STOPS: Final = {"1": 1.0, "1.0": 1.0, "1.5": 1.5, "2": 2.0, "2.0": 2.0}
@@ -53,7 +53,7 @@ class PtyAddress:
         return "pty://"
 
 
-def parse_serial(given: Given) -> SerialAddress:
+def parse_serial(given: AddressText) -> SerialAddress:
     """Read ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
     from urllib.parse import unquote
 
@@ -71,7 +71,7 @@ def parse_serial(given: Given) -> SerialAddress:
     return _port(text, unquote(place, errors="surrogateescape"), settings, "serial")
 
 
-def parse_com(given: Given) -> SerialAddress:
+def parse_com(given: AddressText) -> SerialAddress:
     """Read ``1:38400:N:8:1:0``; what is left out, or empty, is as usual."""
     if given.url:
         return parse_serial(given)
@@ -123,7 +123,7 @@ def _port(text: str, path: str, settings: dict[str, str], form: str) -> SerialAd
     return SerialAddress(path, baudrate, parity, bits, stop, flow)
 
 
-def parse_pty(given: Given) -> PtyAddress:
+def parse_pty(given: AddressText) -> PtyAddress:
     """Read nothing: the system chooses the terminals."""
     if given.rest:
         raise bad_address(given.text, tr("pty takes nothing more, not {rest!r:.80}", rest=given.rest), "pty")

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 from orinkit.core.errors import ConnectionLost
 from orinkit.core.i18n import tr
-from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
+from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import other_loop
 from orinkit.transport.serial.address import SerialAddress
 from orinkit.transport.serial.settings import CHUNK, gone, open_file
@@ -22,7 +22,7 @@ _UNSENT: Final = 1024 * 1024
 """How many bytes of earlier calls may wait to be sent; more are dropped, as if lost on the way."""
 
 
-class AsyncSerialLink(OfThisProcess):
+class AsyncSerialLink(ProcessBound):
     """A serial port in asyncio; :meth:`open` makes one.
 
     Args:

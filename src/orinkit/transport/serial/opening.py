@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import AsyncLink, Link
 from orinkit.transport.serial import settings
 from orinkit.transport.serial.address import SerialAddress
 
 
-def open_link(address: SerialAddress, opening: Opening) -> Link:  # noqa: ARG001 - as all openers
+def open_link(address: SerialAddress, opening: LinkOptions) -> Link:  # noqa: ARG001 - as all openers
     """Open a port, as :func:`orinkit.transport.links.open_link`."""
     if os.name == "nt":
         from orinkit.transport.serial.windows import PortLink
@@ -21,7 +21,7 @@ def open_link(address: SerialAddress, opening: Opening) -> Link:  # noqa: ARG001
     return SerialLink(settings.open_file(address))
 
 
-async def open_aio_link(address: SerialAddress, opening: Opening) -> AsyncLink:
+async def open_aio_link(address: SerialAddress, opening: LinkOptions) -> AsyncLink:
     """Open a port, as :func:`orinkit.transport.aio_links.open_link`."""
     if os.name == "nt":
         from orinkit.transport.serial.aio_windows import AsyncPortLink

@@ -16,11 +16,11 @@ from time import monotonic
 
 from orinkit.core.errors import ConnectionLost
 from orinkit.core.i18n import tr
-from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
+from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.serial.settings import CHUNK, gone
 
 
-class SerialLink(OfThisProcess):
+class SerialLink(ProcessBound):
     """A serial port, used by the thread that calls.
 
     Args:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Final, cast
 
 from orinkit.core.i18n import tr
-from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
+from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost, other_loop
 from orinkit.transport.sockets.socket_link import CHUNK
 
@@ -16,7 +16,7 @@ _UNSENT: Final = 16 * 1024 * 1024
 """How many bytes of earlier calls may wait to be sent; more, and the link is given up."""
 
 
-class AsyncStreamLink(OfThisProcess, ABC):
+class AsyncStreamLink(ProcessBound, ABC):
     """A link of bytes: the part of a protocol of asyncio that all kinds have, and what a client calls."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from typing import Self
 
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import connect_failed
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
@@ -27,7 +27,7 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
         self._view = memoryview(self._buffer)
 
     @classmethod
-    async def open(cls, address: Address, opening: Opening) -> Self:
+    async def open(cls, address: Address, opening: LinkOptions) -> Self:
         """Connect, as :func:`orinkit.transport.aio_links.open_link`."""
         return await cls.connect(address, opening.seconds, opening.dead_after)
 

@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from typing import Final, Self
 
 from orinkit.transport.address import Address
-from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
+from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import connect_failed
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.sockets.udp import broken, connected, peer_of
 
@@ -22,7 +22,7 @@ _TURN: Final = 8
 """Datagrams that are taken until others have their turn: taking one that is there already lets nobody else run."""
 
 
-class AsyncUdpLink(OfThisProcess):
+class AsyncUdpLink(ProcessBound):
     """A UDP socket in asyncio; :meth:`connect` makes one.
 
     Args:
@@ -40,7 +40,7 @@ class AsyncUdpLink(OfThisProcess):
         keep_from_children(self)
 
     @classmethod
-    async def open(cls, address: Address, opening: Opening) -> Self:
+    async def open(cls, address: Address, opening: LinkOptions) -> Self:
         """Take a socket, as :func:`orinkit.transport.aio_links.open_link`."""
         return await cls.connect(address, opening.seconds)
 

@@ -9,13 +9,13 @@ from typing import Final
 
 from orinkit.core.errors import TransportError
 from orinkit.core.i18n import tr
-from orinkit.transport.fork_safety import OfThisProcess, keep_from_children
+from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost
 
 CHUNK: Final = 65536
 
 
-class SocketLink(OfThisProcess):
+class SocketLink(ProcessBound):
     """A socket that is connected, used by the thread that calls.
 
     Args:

@@ -7,7 +7,7 @@ from typing import Self
 
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import connect_failed
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.sockets.socket_link import SocketLink
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
 
@@ -16,7 +16,7 @@ class TcpLink(SocketLink):
     """A TCP connection used by the thread that calls; :meth:`connect` makes one."""
 
     @classmethod
-    def open(cls, address: Address, opening: Opening) -> Self:
+    def open(cls, address: Address, opening: LinkOptions) -> Self:
         """Connect, as :func:`orinkit.transport.links.open_link`."""
         return cls.connect(address, opening.seconds, opening.dead_after)
 

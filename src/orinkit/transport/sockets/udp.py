@@ -14,7 +14,7 @@ from orinkit.core.errors import TransportError
 from orinkit.core.i18n import tr
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import connect_failed, lost
-from orinkit.transport.registry import Opening
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.sockets.socket_link import SocketLink
 
 
@@ -34,7 +34,7 @@ class UdpLink(SocketLink):
         self._address = peer_of(connection)
 
     @classmethod
-    def open(cls, address: Address, opening: Opening) -> Self:
+    def open(cls, address: Address, opening: LinkOptions) -> Self:
         """Take a socket, as :func:`orinkit.transport.links.open_link`."""
         return cls.connect(address, opening.seconds)
 

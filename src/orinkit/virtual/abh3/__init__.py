@@ -29,6 +29,6 @@ and every fault but the time-outs, which :meth:`VirtualABH3.inject` raises. The 
 from orinkit.virtual.abh3.device import VirtualABH3 as VirtualABH3
 from orinkit.virtual.abh3.parameters import DataSet as DataSet
 from orinkit.virtual.abh3.parameters import Parameters as Parameters
-from orinkit.virtual.abh3.state import State as State
+from orinkit.virtual.abh3.state import DriverState as DriverState
 
-__all__ = ["DataSet", "Parameters", "State", "VirtualABH3"]
+__all__ = ["DataSet", "DriverState", "Parameters", "VirtualABH3"]

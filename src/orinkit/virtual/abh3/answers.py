@@ -7,10 +7,10 @@ from orinkit.abh3.table.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6,
 from orinkit.abh3.table.signals import ANALOG, CURRENT, VOLTAGE, Dialect, Quantity
 from orinkit.virtual.abh3.axis import FINE
 from orinkit.virtual.abh3.drive import held, load, velocity
-from orinkit.virtual.abh3.state import State
+from orinkit.virtual.abh3.state import DriverState
 
 
-class Answers:
+class ReportBuilder:
     """The frames of one dialect.
 
     Args:
@@ -24,11 +24,11 @@ class Answers:
         assert loads is not None
         self._load = loads
 
-    def data(self, name: str, state: State) -> bytes:
+    def data(self, name: str, state: DriverState) -> bytes:
         """Return the data of a frame, ``"DP0R"`` or ``"BR0"`` to ``"BR6"``; values beyond their codes are held there."""
         return self.codec.encode(self._record(name, state), name)
 
-    def _record(self, name: str, s: State) -> Record:
+    def _record(self, name: str, s: DriverState) -> Record:
         if name == "DP0R":
             return self._feedback(s)
         if name == "BR0":
@@ -60,7 +60,7 @@ class Answers:
             )
         return BR6(s.monitor_0, s.monitor_1)
 
-    def _feedback(self, s: State) -> Record:
+    def _feedback(self, s: DriverState) -> Record:
         if self._v2:
             return DP0RV2(_velocity(s.ay_velocity), _velocity(s.bx_velocity), s.control)
         return DP0R(_velocity(s.a_velocity), _velocity(s.b_velocity), _velocity(s.y_velocity), _velocity(s.x_velocity))

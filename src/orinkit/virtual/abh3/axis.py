@@ -17,7 +17,7 @@ _CYCLES: Final = 1000  # in 1 s
 _CODES: Final = 100  # of a current, in 1 %
 
 
-class Mode(Enum):
+class AxisMode(Enum):
     """What an axis does."""
 
     OFF = "off"
@@ -30,7 +30,7 @@ class Mode(Enum):
     """It turns by a current."""
 
 
-class Limits:
+class AxisLimits:
     """What the parameters mean for an axis: velocities in fine units, steps in fine units each cycle.
 
     Args:
@@ -55,7 +55,7 @@ class Limits:
         return round(step / self._gain)
 
 
-class Axis:
+class MotorAxis:
     """An axis, A/Y or B/X.
 
     Args:
@@ -70,18 +70,18 @@ class Axis:
         load: current in 0.01 % that a load from outside takes to hold it; acts while the servo is on.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: AxisLimits) -> None:
         self._limits = limits
         self.velocity = 0
         self.travelled = 0
         self.servo = False
-        self.mode = Mode.OFF
+        self.mode = AxisMode.OFF
         self.command = 0
         self.load = 0
 
-    def order(self, mode: Mode, command: int = 0) -> None:
+    def order(self, mode: AxisMode, command: int = 0) -> None:
         """Do something else from the next cycle on."""
-        most = self._limits.strongest if mode is Mode.TORQUE else self._limits.fastest
+        most = self._limits.strongest if mode is AxisMode.TORQUE else self._limits.fastest
         self.mode = mode
         self.command = max(-most, min(command, most))
 
@@ -105,14 +105,14 @@ class Axis:
     @property
     def velocity_command(self) -> int:
         """The velocity that it is to reach, in fine units."""
-        return self.command if self.mode is Mode.SPEED else 0
+        return self.command if self.mode is AxisMode.SPEED else 0
 
     @property
     def current(self) -> int:
         """The current that it takes, in 0.01 %."""
-        if self.mode is Mode.OFF:
+        if self.mode is AxisMode.OFF:
             return 0
-        if self.mode is Mode.TORQUE:
+        if self.mode is AxisMode.TORQUE:
             return self.command
         goal, step = self._plan()
         direction = _sign(goal - self.velocity)
@@ -123,11 +123,11 @@ class Axis:
     def _plan(self) -> tuple[int, int]:
         """Return the velocity that it goes to now, and the step; neither changes before that velocity is there."""
         velocity, limits = self.velocity, self._limits
-        if self.mode is Mode.OFF:
+        if self.mode is AxisMode.OFF:
             return 0, limits.step(limits.friction)
-        if self.mode is Mode.TORQUE:
+        if self.mode is AxisMode.TORQUE:
             return self._driven()
-        goal = self.command if self.mode is Mode.SPEED else 0
+        goal = self.command if self.mode is AxisMode.SPEED else 0
         if velocity * goal < 0:
             return 0, limits.decelerate
         return goal, limits.accelerate if abs(goal) > abs(velocity) else limits.decelerate

@@ -16,7 +16,7 @@ from orinkit.abh3.table.ids import (
     REQUEST,
     SINGLE,
     TRANSFER,
-    Id,
+    FrameId,
     broadcast,
     single,
 )
@@ -25,13 +25,13 @@ from orinkit.abh3.table.signals import ANALOG
 from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.virtual.abh3.answers import Answers
-from orinkit.virtual.abh3.driver import CURRENT_CODES, CYCLES, Driver
+from orinkit.virtual.abh3.answers import ReportBuilder
+from orinkit.virtual.abh3.driver import CURRENT_CODES, CYCLES, DriverModel
 from orinkit.virtual.abh3.flags import FAULTS, named
-from orinkit.virtual.abh3.memory import Memory
+from orinkit.virtual.abh3.memory import ParameterMemory
 from orinkit.virtual.abh3.parameters import Parameters, check_number
 from orinkit.virtual.abh3.schedule import Schedule
-from orinkit.virtual.abh3.state import MONITORS, State
+from orinkit.virtual.abh3.state import MONITORS, DriverState
 from orinkit.virtual.clock import Clock
 
 _FULL: Final = 8  # bytes of a command
@@ -59,11 +59,13 @@ class VirtualABH3:
         self.clock = clock or Clock()
         self._lock = threading.RLock()
         self._began = self.clock.now()
-        self._driver = Driver(parameters)
-        self._answers = Answers(self._driver.dialect.with_load_unit(parameters.load_unit))
+        self._driver = DriverModel(parameters)
+        self._answers = ReportBuilder(self._driver.dialect.with_load_unit(parameters.load_unit))
         self._schedule = Schedule()
         self._schedule.set(_periods(parameters), 0)
-        self._memory = Memory(self._driver, lambda name, on: self._driver.set_terminal(name, on, self._next_cycle()))
+        self._memory = ParameterMemory(
+            self._driver, lambda name, on: self._driver.set_terminal(name, on, self._next_cycle())
+        )
         self._responder = self._new_responder()
         self._closed = False
 
@@ -95,7 +97,7 @@ class VirtualABH3:
             if self._closed or not 0 <= frame.id <= MAX_ID or len(frame.data) > MAX_DATA:
                 return []
             self._catch_up()
-            parts = Id.parse(frame.id)
+            parts = FrameId.parse(frame.id)
             if parts.reserved or parts.dp or not self._is_host(parts.sa):
                 return []
             if parts.pf == SINGLE and parts.ps == self.address:
@@ -131,7 +133,7 @@ class VirtualABH3:
 
     # --- for tests and for people -------------------------------------------------------------------------------
 
-    def state(self) -> State:
+    def state(self) -> DriverState:
         """Return what it looks like now."""
         with self._lock:
             self._catch_up()

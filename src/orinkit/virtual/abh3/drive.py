@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from orinkit.abh3.table.signals import PULSES, VELOCITY, Quantity
-from orinkit.virtual.abh3.axis import FINE, Axis, Limits
+from orinkit.virtual.abh3.axis import FINE, AxisLimits, MotorAxis
 from orinkit.virtual.abh3.parameters import Parameters
 
 AXES: Final = ("ay", "bx")
@@ -29,8 +29,8 @@ class Drive:
     """
 
     def __init__(self, parameters: Parameters) -> None:
-        limits = Limits(parameters)
-        self.axes = {name: Axis(limits) for name in AXES}
+        limits = AxisLimits(parameters)
+        self.axes = {name: MotorAxis(limits) for name in AXES}
         self._travel = parameters.model == "travel"
         self._pulses = parameters.pulses_per_revolution
         self._cleared = [0, 0]

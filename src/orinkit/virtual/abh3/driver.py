@@ -6,12 +6,12 @@ from typing import Final
 
 from orinkit.abh3.table.records import DP0S, Flags
 from orinkit.abh3.table.signals import VELOCITY, dialect_of
-from orinkit.virtual.abh3.axis import FINE, Axis, Mode
+from orinkit.virtual.abh3.axis import FINE, AxisMode, MotorAxis
 from orinkit.virtual.abh3.drive import AXES, MOTORS, Drive
-from orinkit.virtual.abh3.fault_monitor import Watch
+from orinkit.virtual.abh3.fault_monitor import FaultMonitor
 from orinkit.virtual.abh3.flags import Inputs, bits_of, code_of, of_states, with_code
 from orinkit.virtual.abh3.parameters import Parameters
-from orinkit.virtual.abh3.state import State
+from orinkit.virtual.abh3.state import DriverState
 
 CYCLES: Final = 1000
 """In 1 s."""
@@ -23,7 +23,7 @@ OUTPUTS: Final = 8
 _STEP: Final = FINE // VELOCITY.steps
 
 
-class Driver:
+class DriverModel:
     """A driver and its two axes.
 
     Args:
@@ -35,7 +35,7 @@ class Driver:
         drive: the axes and motors.
         watch: what is wrong.
         analog: the analog inputs in V.
-        monitors: what is monitored: the name of a quantity of :class:`State`, or a number.
+        monitors: what is monitored: the name of a quantity of :class:`DriverState`, or a number.
         outputs: the digital outputs as bits.
     """
 
@@ -44,7 +44,7 @@ class Driver:
         self.dialect = dialect_of(parameters.dialect)
         self.inputs = Inputs(self.dialect)
         self.drive = Drive(parameters)
-        self.watch = Watch(parameters)
+        self.watch = FaultMonitor(parameters)
         self.analog = [0.0, 0.0]
         self.monitors: list[str | float] = ["ay_velocity", "bx_velocity"]
         self.outputs = 0
@@ -123,21 +123,21 @@ class Driver:
             axis.servo = wanted and (stopping or not self.watch.errors)
             axis.order(*self._order(name, axis))
 
-    def _order(self, name: str, axis: Axis) -> tuple[Mode, int]:
+    def _order(self, name: str, axis: MotorAxis) -> tuple[AxisMode, int]:
         if not axis.servo:
-            return Mode.OFF, 0
+            return AxisMode.OFF, 0
         if self.watch.errors or self.watch.late or not self.inputs.has(f"{name}_start"):
-            return Mode.STOP, 0
+            return AxisMode.STOP, 0
         chosen = getattr(self.parameters, f"{name}_sets")[self.inputs.data_set(name)]
         sign = -1 if self.inputs.has(f"{name}_polarity") else 1
         code = self._commands[name]
         if self.inputs.has(f"{name}_torque"):
-            return Mode.TORQUE, sign * (code if chosen.source == "can" else round(chosen.current * CURRENT_CODES))
-        return Mode.SPEED, sign * (code * _STEP if chosen.source == "can" else round(chosen.velocity * FINE))
+            return AxisMode.TORQUE, sign * (code if chosen.source == "can" else round(chosen.current * CURRENT_CODES))
+        return AxisMode.SPEED, sign * (code * _STEP if chosen.source == "can" else round(chosen.velocity * FINE))
 
     # --- what it shows ------------------------------------------------------------------------------------------
 
-    def state(self) -> State:
+    def state(self) -> DriverState:
         """Return what it looks like now."""
         dialect, parameters = self.dialect, self.parameters
         ay, bx = self.drive.axes["ay"], self.drive.axes["bx"]
@@ -167,7 +167,7 @@ class Driver:
         monitors = [known[source] if isinstance(source, str) else source for source in self.monitors]
         states = self._states()
         errors, warnings = self.watch.errors, self.watch.warnings
-        return State(
+        return DriverState(
             time=self._cycle / CYCLES,
             **values,
             a_pulses=a_pulses,

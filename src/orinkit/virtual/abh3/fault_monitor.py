@@ -11,7 +11,7 @@ RESET_CYCLES: Final = 1
 """Cycles between the edge that resets errors and the reset."""
 
 
-class Watch:
+class FaultMonitor:
     """What is wrong with a driver.
 
     Args:

@@ -20,7 +20,7 @@ from orinkit.abh3.table.ids import BROADCASTS, SINGLE
 from orinkit.abh3.table.records import Flags
 from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.virtual.abh3.drive import AXES
-from orinkit.virtual.abh3.driver import OUTPUTS, Driver
+from orinkit.virtual.abh3.driver import OUTPUTS, DriverModel
 from orinkit.virtual.abh3.parameters import SETS, Parameters
 
 IDENTIFICATIONS: Final = {0: "ABH3", telabh3.VERSION: "orinkit virtual ABH3"}
@@ -108,7 +108,7 @@ _TERMINALS_AT: Final = _terminals()
 _TIMES_AT: Final = _times()
 
 
-class Memory:
+class ParameterMemory:
     """The parameters and monitors of a driver by their addresses.
 
     Args:
@@ -119,7 +119,7 @@ class Memory:
         written: parameters that a host has written and that are to take effect; ``None`` for none.
     """
 
-    def __init__(self, driver: Driver, switch: Callable[[str, bool], None]) -> None:
+    def __init__(self, driver: DriverModel, switch: Callable[[str, bool], None]) -> None:
         self.written: Parameters | None = None
         self._driver = driver
         self._switch = switch
@@ -132,7 +132,7 @@ class Memory:
         except (InvalidValue, ProtocolError, LookupError):
             return telabh3.refusal()
 
-    def _done(self, asked: telabh3.Request) -> int | str:
+    def _done(self, asked: telabh3.TelRequest) -> int | str:
         """Do what is asked for, and return what is to be answered.
 
         Raises:

@@ -9,7 +9,7 @@ from orinkit.abh3.table.records import Flags
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class DriverState:
     """A driver at one moment. Velocities are finer than on CAN.
 
     Attributes:

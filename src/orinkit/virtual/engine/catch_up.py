@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.virtual.engine.motion.joint_path import Joints
 
 
-def gentlest(model: Model, before: Joints, now: Joints, goal: Joints, most: int) -> list[Joints]:
+def gentlest(model: ArmModel, before: Joints, now: Joints, goal: Joints, most: int) -> list[Joints]:
     """Return the commands to a set-point: those of the cycles that a punctual controller would have needed on the way.
 
     With the present velocity ``v``, the k-th of n commands is ``q + v k T + a (k T)^2 / 2``; ``a`` is such that the n-th is
@@ -47,7 +47,7 @@ def gentlest(model: Model, before: Joints, now: Joints, goal: Joints, most: int)
     raise AssertionError("one command is always possible")
 
 
-def _within(model: Model, now: Joints, joints: Joints) -> bool:
+def _within(model: ArmModel, now: Joints, joints: Joints) -> bool:
     """Whether joints are in the range of each axis; one that is beyond its range now may come back."""
     return all(
         min(axis.lower, b) <= value <= max(axis.upper, b)

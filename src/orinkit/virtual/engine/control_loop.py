@@ -1,12 +1,12 @@
 """The controller's 8 ms cycle: what moves and runs by itself does so in steps of it, all in one order.
 
 Everything that happens in time (the arm, the motor, programs) is a part with a ``step``. Cycles run only while a part
-has something to do; when nothing has, they are skipped. Whoever looks at the controller holds :class:`Cycles` as a
+has something to do; when nothing has, they are skipped. Whoever looks at the controller holds :class:`ControlLoop` as a
 lock, which first brings it up to the present: so two threads, a thread and a test's clock, or a scaled clock see the
 same steps in the same order.
 
 The controller's time is counted in cycles. It stands still where the controller waits for a late set-point, or where its
-own program was held up (:meth:`Cycles.stand_still`), and is behind the clock from then on.
+own program was held up (:meth:`ControlLoop.stand_still`), and is behind the clock from then on.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ _TURN: Final = 0.004
 _LEAST_PART: Final = 5e-5
 
 
-class Part(Protocol):
+class CyclicTask(Protocol):
     """Something of the controller that goes on by itself."""
 
     def step(self) -> bool:
         """Do what belongs to one cycle; returns whether there is more to do."""
 
 
-class Cycles:
+class ControlLoop:
     """The cycle, and the lock around everything that it changes; enter it to look at or change the controller.
 
     Args:
@@ -59,7 +59,7 @@ class Cycles:
         self.number = 0
         self.pace: Callable[[int], int] | None = None
         self._origin = self._base = clock.now()  # when cycle 0 was; the second is moved on where time stands still
-        self._parts: list[Part] = []
+        self._parts: list[CyclicTask] = []
         self._failed: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
         self._busy = False
@@ -90,7 +90,7 @@ class Cycles:
         """Seconds of the clock that have passed since the next cycle was due; negative while it is not."""
         return self.clock.now() - self._base - (self.number + 1) * PERIOD
 
-    def add(self, *parts: Part, failed: Callable[[Exception], None]) -> None:
+    def add(self, *parts: CyclicTask, failed: Callable[[Exception], None]) -> None:
         """Have parts step in every cycle, in this order.
 
         Args:

@@ -27,7 +27,7 @@ from typing import Final, Protocol
 
 from orinkit.core.i18n import tr
 from orinkit.rc8.slave_lateness import Lateness
-from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 
 LONGEST_WAIT: Final = 0.25
 """Real seconds that a late set-point is waited for."""
@@ -66,7 +66,7 @@ def left_late(late: Lateness, *, strict: bool) -> str:
     )
 
 
-class Paced(Protocol):
+class PacedSlave(Protocol):
     """What the cycles are run for: slave mode.
 
     Attributes:
@@ -116,8 +116,8 @@ class _Cases:
         return Lateness(count, max(known, default=0.0), sum(known))
 
 
-class Pace:
-    """The pace of :class:`~orinkit.virtual.engine.control_loop.Cycles` while slave mode is on.
+class CyclePacer:
+    """The pace of :class:`~orinkit.virtual.engine.control_loop.ControlLoop` while slave mode is on.
 
     Args:
         cycles: the controller's cycle.
@@ -126,7 +126,7 @@ class Pace:
         strict: a late set-point is not waited for.
     """
 
-    def __init__(self, cycles: Cycles, slave: Paced, look: Look | None, *, strict: bool) -> None:
+    def __init__(self, cycles: ControlLoop, slave: PacedSlave, look: Look | None, *, strict: bool) -> None:
         self._cycles = cycles
         self._slave = slave
         self._look = None if cycles.clock.manual else look  # by hand: time passes when all is handled

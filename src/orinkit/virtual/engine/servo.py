@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import PERIOD
 
@@ -32,7 +32,7 @@ _AT_REST: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class ServoSample:
     """One cycle of the arm.
 
     Attributes:
@@ -56,7 +56,7 @@ class Servo:
         frozen: the arm does not follow (machine lock).
     """
 
-    def __init__(self, model: Model, joints: Sequence[float]) -> None:
+    def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
         self._model = model
         self.command = self.encoder = tuple(joints)
         self.frozen = False
@@ -113,10 +113,10 @@ class Servo:
         loads = self.load(powered)
         return tuple(a - b + _YIELD * load for a, b, load in zip(self.command, self.encoder, loads, strict=True))
 
-    def sample(self, powered: bool) -> Sample:
+    def sample(self, powered: bool) -> ServoSample:
         """Return this cycle for the log."""
         load = self.load(powered)
-        return Sample(self.command, self.encoder, load, tuple(each / 100 * _RATED_CURRENT for each in load))
+        return ServoSample(self.command, self.encoder, load, tuple(each / 100 * _RATED_CURRENT for each in load))
 
 
 class ControlLog:
@@ -128,7 +128,7 @@ class ControlLog:
 
     def __init__(self) -> None:
         self.running = False
-        self._records: deque[tuple[Sample, int, int, int]] = deque(maxlen=LOG_LENGTH)
+        self._records: deque[tuple[ServoSample, int, int, int]] = deque(maxlen=LOG_LENGTH)
 
     def __len__(self) -> int:
         return len(self._records)
@@ -137,7 +137,7 @@ class ControlLog:
         """Forget all records."""
         self._records.clear()
 
-    def add(self, take: Callable[[], Sample], cycle: int, tool: int, work: int) -> None:
+    def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:
         """Record a cycle if the log is running."""
         if self.running:
             self._records.append((take(), cycle, tool, work))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 
 _MILLISECONDS: Final = 1000
 
@@ -32,7 +32,7 @@ class Timers:
         cycles: the controller's cycle; :meth:`step` is to be called in each.
     """
 
-    def __init__(self, cycles: Cycles) -> None:
+    def __init__(self, cycles: ControlLoop) -> None:
         self._cycles = cycles
         self._running: list[Timer] = []
 

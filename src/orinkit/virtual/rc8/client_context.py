@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.virtual.engine.elastic_time import Look
-from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot.slave_mode.formats import Formats
-from orinkit.virtual.rc8.state import Origin, State
+from orinkit.virtual.rc8.state import Origin, RC8State
 from orinkit.virtual.rc8.switches import Switches
 
 
 @dataclass(frozen=True, slots=True, eq=False)  # one is itself: it is who holds the arm
-class Caller:
+class ClientContext:
     """One client's connection to the controller; every object that it holds has it.
 
     Attributes:
@@ -25,9 +25,9 @@ class Caller:
         formats: what its slvMove carries and is answered.
     """
 
-    state: State
+    state: RC8State
     origin: Origin
-    access: Access
+    access: AccessRight
     look: Look | None = None
     formats: Formats = field(default_factory=Formats)
 
@@ -37,7 +37,7 @@ class Caller:
         Raises:
             CallError: NO_READ_RIGHT.
         """
-        if not self.access & Access.READ:
+        if not self.access & AccessRight.READ:
             raise self._refused(hresult.NO_READ_RIGHT)
 
     def require_write(self) -> None:
@@ -46,7 +46,7 @@ class Caller:
         Raises:
             CallError: NO_WRITE_RIGHT.
         """
-        if not self.access & Access.WRITE:
+        if not self.access & AccessRight.WRITE:
             raise self._refused(hresult.NO_WRITE_RIGHT)
 
     def require_not_slave(self) -> None:
@@ -67,7 +67,7 @@ class Caller:
 
     def right(self) -> int:
         """Return the code with which a write is refused, 0 if it may write."""
-        return 0 if self.access & Access.WRITE else hresult.NO_WRITE_RIGHT
+        return 0 if self.access & AccessRight.WRITE else hresult.NO_WRITE_RIGHT
 
     def token(self, switches: Switches) -> int:
         """Return the code with which a start is refused, 0 if it has the executable token (RC8 2.1)."""

@@ -19,8 +19,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, ClientInfo, ControllerObject, Later, Provider
-from orinkit.cao.shared_secret import Guesses, check_secret
+from orinkit.cao.provider import BlockingCall, ClientInfo, ControllerObject, Deferred, Provider
+from orinkit.cao.shared_secret import SecretAttempts, check_secret
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -28,12 +28,12 @@ from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.provider import VirtualRC8
 from orinkit.virtual.rc8.robot import parameters
-from orinkit.virtual.rc8.switches import Mode
+from orinkit.virtual.rc8.switches import ModeSwitch
 from orinkit.virtual.rc8.variables import conversion
 
 PROVIDER_NAME: Final = "CaoProv.orinkit.Pendant"
 
-MODE_NAMES: Final = {"manual": Mode.MANUAL, "teach": Mode.TEACH_CHECK, "auto": Mode.AUTOMATIC}
+MODE_NAMES: Final = {"manual": ModeSwitch.MANUAL, "teach": ModeSwitch.TEACH_CHECK, "auto": ModeSwitch.AUTOMATIC}
 
 logger = logging.getLogger("orinkit.rc8")
 
@@ -66,10 +66,10 @@ class ControlProvider(Provider):
         self.guard = rc8.guard
         self.secret = check_secret(secret) if secret else secrets.token_urlsafe()
         self._rc8 = rc8
-        self._guesses = Guesses()
+        self._guesses = SecretAttempts()
         self._held = threading.Semaphore(_HELD)
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | Blocking:  # noqa: ARG002
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | BlockingCall:  # noqa: ARG002
         """Return the panel; for a wrong secret, what raises the exception later.
 
         Raises:
@@ -85,7 +85,7 @@ class ControlProvider(Provider):
     def _is_right(self, given: str) -> bool:
         return hmac.compare_digest(given.encode("utf-8", "replace"), self.secret.encode())
 
-    def _refuse(self, *, given: bool) -> Blocking:
+    def _refuse(self, *, given: bool) -> BlockingCall:
         """Refuse a client, now or, where many have been refused, a little later.
 
         Raises:
@@ -104,7 +104,7 @@ class ControlProvider(Provider):
                 self._held.release()
             raise _denied(given=given)
 
-        return Blocking(refuse_later)
+        return BlockingCall(refuse_later)
 
 
 def _denied(*, given: bool) -> CallError:
@@ -168,14 +168,14 @@ def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[VirtualRC8, Var
     return run
 
 
-def _motor(rc8: VirtualRC8, parameter: Variant) -> Later[None] | None:
+def _motor(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
     given = parameters.elements(parameter)
     on, wait = _flag(given, 0, missing=True), _flag(given, 1, missing=False)
     rc8.pendant.motor(on)
     return rc8.state.arm.switch_motor(on) if wait else None  # it is on its way: this only asks when it is there
 
 
-def _jog(rc8: VirtualRC8, parameter: Variant) -> Later[None] | None:
+def _jog(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
     axis, distance, wait = parameters.numbers(parameter, None, None, 0)
     ticket = rc8.pendant.jog(parameters.whole(axis), distance)
     return rc8.state.arm.when_done(ticket) if wait else None

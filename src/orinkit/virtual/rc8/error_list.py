@@ -5,18 +5,26 @@ from __future__ import annotations
 from typing import Final
 
 from orinkit.core import hresult
-from orinkit.core.hresult import Code, Family
+from orinkit.core.hresult import CodeFamily, ReturnCode
 from orinkit.core.i18n import Language
 from orinkit.virtual.rc8.logs import ErrorLog, ErrorRecord
 
 FATAL: Final = 5
 _CURRENT_LENGTH: Final = 100
 _NOT_THE_CONTROLLERS: Final = frozenset(
-    {Family.GENERAL, Family.CAO, Family.PACKET, Family.BUSY, Family.SOCKET, Family.USER, Family.UNKNOWN}
+    {
+        CodeFamily.GENERAL,
+        CodeFamily.CAO,
+        CodeFamily.PACKET,
+        CodeFamily.BUSY,
+        CodeFamily.SOCKET,
+        CodeFamily.USER,
+        CodeFamily.UNKNOWN,
+    }
 )
 
 
-class Faults:
+class ErrorList:
     """The list of current errors (the 100 newest) and the error log (the 1,000 newest), newest first.
 
     Args:
@@ -70,7 +78,7 @@ class Faults:
         """Return the text under which a code is raised: for an unknown one what its range tells."""
         return self._text_of(hresult.lookup(code))
 
-    def _text_of(self, info: Code) -> str:
+    def _text_of(self, info: ReturnCode) -> str:
         if self._language is None:
             return info.text
         return info.ja if self._language == "ja" else info.en

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
-from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.rc8.switches import Switches
 
 STROKE: Final = 30.0
@@ -84,7 +84,7 @@ class _Move:
     force: float
     grips: bool  # and has failed where it has met nothing
     homing: bool
-    done: Later[None]
+    done: Deferred[None]
 
 
 class Hand:
@@ -106,7 +106,7 @@ class Hand:
         taught: positions of Chuck and UnChuck, by number.
     """
 
-    def __init__(self, cycles: Cycles, switches: Switches) -> None:
+    def __init__(self, cycles: ControlLoop, switches: Switches) -> None:
         self.position = STROKE
         self.motor = True
         self.origin = True
@@ -135,7 +135,7 @@ class Hand:
 
     # --- movements ----------------------------------------------------------------------------------------------
 
-    def move(self, target: float, speed: float, force: float = MOST_FORCE) -> Later[None]:
+    def move(self, target: float, speed: float, force: float = MOST_FORCE) -> Deferred[None]:
         """Open or close to a position; what the fingers meet on the way ends the movement and is held.
 
         Args:
@@ -151,7 +151,7 @@ class Hand:
         """
         return self._begin(target, speed, force)
 
-    def grip(self, force: float, *, closing: bool = True, speed: float = MOST_SPEED) -> Later[None]:
+    def grip(self, force: float, *, closing: bool = True, speed: float = MOST_SPEED) -> Deferred[None]:
         """Close, or open, until the fingers meet something, and hold it.
 
         Returns:
@@ -162,7 +162,7 @@ class Hand:
         """
         return self._begin(0.0 if closing else STROKE, speed, force, grips=True)
 
-    def chuck(self, number: int) -> Later[None]:
+    def chuck(self, number: int) -> Deferred[None]:
         """Close to a taught position and grip.
 
         Returns:
@@ -174,7 +174,7 @@ class Hand:
         taught = self._taught(number)
         return self._begin(taught.closed, taught.speed, taught.force, grips=True)
 
-    def unchuck(self, number: int) -> Later[None]:
+    def unchuck(self, number: int) -> Deferred[None]:
         """Open to a taught position.
 
         Raises:
@@ -183,7 +183,7 @@ class Hand:
         taught = self._taught(number)
         return self._begin(taught.opened, taught.speed, taught.force)
 
-    def to_origin(self) -> Later[None]:
+    def to_origin(self) -> Deferred[None]:
         """Return to the origin: open, slowly.
 
         Raises:
@@ -202,7 +202,7 @@ class Hand:
         move, self._move = self._move, None
         self._speed = 0.0
         if move is not None:
-            move.done.fail(error_for(code))
+            move.done.set_exception(error_for(code))
 
     def switch_motor(self, on: bool) -> None:
         """Switch its motor, at once; off, it lets go of what it holds.
@@ -265,7 +265,7 @@ class Hand:
 
     def _begin(
         self, target: float, speed: float, force: float, *, grips: bool = False, homing: bool = False
-    ) -> Later[None]:
+    ) -> Deferred[None]:
         _within(target, 0.0, STROKE, "mm")
         _within(speed, LEAST_SPEED, MOST_SPEED, "%")
         _within(force, LEAST_FORCE, MOST_FORCE, "N")
@@ -276,7 +276,7 @@ class Hand:
         self._cycles.require_open()
         self.stop()
         self.force = 0.0
-        self._move = _Move(target, SPEED * speed / MOST_SPEED, force, grips, homing, Later[None]())
+        self._move = _Move(target, SPEED * speed / MOST_SPEED, force, grips, homing, Deferred[None]())
         self._cycles.wake()
         return self._move.done
 
@@ -297,10 +297,10 @@ class Hand:
     def _over(self, move: _Move) -> None:
         self._move, self._speed = None, 0.0
         if move.grips and not self.holding:
-            move.done.fail(error_for(hresult.GRIP_NOT_DETECTED))
+            move.done.set_exception(error_for(hresult.GRIP_NOT_DETECTED))
             return
         self.origin = self.origin or move.homing
-        move.done.finish()
+        move.done.set_result()
 
     def _taught(self, number: int) -> Taught:
         if not 0 <= number < len(self.taught):

@@ -89,7 +89,7 @@ class OperationRecord:
         return [self.code, *_stamp(self.moment), self.caller, self.address, self.text]
 
 
-class Log(Generic[T]):
+class RecordLog(Generic[T]):
     """A bounded list, newest first: a record too many pushes the oldest out."""
 
     def __init__(self, length: int = LOG_LENGTH) -> None:
@@ -126,8 +126,8 @@ class Log(Generic[T]):
         raise error_for(hresult.DISP_E_BADINDEX, tr("{index}; there are {count}", index=index, count=count))
 
 
-ErrorLog = Log[ErrorRecord]
-OperationLog = Log[OperationRecord]
+ErrorLog = RecordLog[ErrorRecord]
+OperationLog = RecordLog[OperationRecord]
 Now = Callable[[], datetime]
 
 

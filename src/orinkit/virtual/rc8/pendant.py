@@ -13,8 +13,8 @@ from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.engine.motion.planner import Rates
 from orinkit.virtual.engine.motion.queue import Ticket
-from orinkit.virtual.rc8.state import State
-from orinkit.virtual.rc8.switches import Mode, SlaveLimit, Token
+from orinkit.virtual.rc8.state import RC8State
+from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Token
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
@@ -28,7 +28,7 @@ class Pendant:
     code; an argument that cannot be is a :class:`ValueError`.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: RC8State) -> None:
         self._state = state
 
     def mode(self, mode: int) -> None:
@@ -55,7 +55,7 @@ class Pendant:
         """Hold the enable switch, or let it go: outside automatic mode what moves stops, and the motor goes off."""
         with self._state.cycles:
             self._state.switches.deadman = bool(on)
-            if not on and self._state.switches.mode is not Mode.AUTOMATIC:
+            if not on and self._state.switches.mode is not ModeSwitch.AUTOMATIC:
                 self._state.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
 
     def motor(self, on: bool = True) -> None:
@@ -92,7 +92,7 @@ class Pendant:
             if not 1 <= axis <= len(arm.model.axes):
                 count = len(arm.model.axes)
                 raise ValueError(tr("no axis {axis}; 1 to {count}", axis=axis, count=count))
-            if self._state.switches.mode is Mode.AUTOMATIC:
+            if self._state.switches.mode is ModeSwitch.AUTOMATIC:
                 raise error_for(hresult.REFUSED_IN_AUTO_MODE)
             self._require_safe()
             self._require_enabled()
@@ -197,7 +197,7 @@ class Pendant:
     def _require_enabled(self) -> None:
         """Outside automatic mode the enable switch has to be held."""
         switches = self._state.switches
-        if switches.mode is not Mode.AUTOMATIC and not switches.deadman:
+        if switches.mode is not ModeSwitch.AUTOMATIC and not switches.deadman:
             raise error_for(
                 hresult.E_ACCESSDENIED,
                 tr("hold the enable switch first (deadman on)"),

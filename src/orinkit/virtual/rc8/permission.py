@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 from orinkit.core.i18n import tr
 
 
-class Access(IntFlag):
+class AccessRight(IntFlag):
     """What a client may do; also the attribute bits of a variable: 1 readable, 2 writable."""
 
     NONE = 0
@@ -25,7 +25,7 @@ class Access(IntFlag):
 
 
 _Network: TypeAlias = "ipaddress.IPv4Network | ipaddress.IPv6Network"
-_NAMES: Final = {"none": Access.NONE, "r": Access.READ, "rw": Access.READ_WRITE}
+_NAMES: Final = {"none": AccessRight.NONE, "r": AccessRight.READ, "rw": AccessRight.READ_WRITE}
 _EVERYONE: Final = "*"
 
 
@@ -42,7 +42,7 @@ class Permission:
 
     def __init__(self, default: str = "rw", by_address: Mapping[str, str] | None = None) -> None:
         self.default = _access(default)
-        networks: dict[_Network, Access] = {}
+        networks: dict[_Network, AccessRight] = {}
         for text, right in (by_address or {}).items():
             network = _network(text)
             if network in networks:
@@ -67,7 +67,7 @@ class Permission:
             rights[address] = right
         return cls(rights.pop(_EVERYONE, "rw"), rights)
 
-    def of(self, address: str) -> Access:
+    def of(self, address: str) -> AccessRight:
         """Return what a client at this address may do."""
         try:
             host = ipaddress.ip_address(address)
@@ -81,7 +81,7 @@ class Permission:
         return self.default
 
 
-def _access(name: str) -> Access:
+def _access(name: str) -> AccessRight:
     access = _NAMES.get(name.strip().lower())
     if access is None:
         raise ValueError(

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -17,13 +17,13 @@ from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.pacscript.host_interface import Plane, PointKind, Value, VariableKind, Wait
 from orinkit.virtual.rc8.robot import queries, state_report
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.moves import CURVE, Moves
 from orinkit.virtual.rc8.robot.speeds import KEEP, SQUARE
 from orinkit.virtual.rc8.robot.tools import Matrix
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
@@ -31,7 +31,7 @@ _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _HAND_PLANES: Final = {"XYH": 2, "YZH": 0, "ZXH": 1}
 
 
-class ProgramWorld:
+class TaskHost:
     """What one task does to the controller.
 
     Args:
@@ -44,7 +44,7 @@ class ProgramWorld:
     """
 
     def __init__(
-        self, operator: Operator, suspend: Callable[[], None], arm: Arm, moves: Moves, variables: Variables, seconds: Callable[[], float],
+        self, operator: Operator, suspend: Callable[[], None], arm: RC8Arm, moves: Moves, variables: VariableTable, seconds: Callable[[], float],
         show: Callable[[str, str, str], None],
     ) -> None:  # fmt: skip
         self._operator = operator
@@ -232,7 +232,7 @@ class ProgramWorld:
         With ``Next`` it is over when the motion is in the queue.
         """
         require(name, self._arm, self._operator)
-        begun: list[Later[None]] = []
+        begun: list[Deferred[None]] = []
 
         def over() -> bool:
             if not begun:
@@ -256,10 +256,10 @@ class ProgramWorld:
             raise
 
 
-def _until(done: Later[None]) -> Wait:
+def _until(done: Deferred[None]) -> Wait:
     def over() -> bool:
-        if done.done:
+        if done.done():
             done.result()
-        return done.done
+        return done.done()
 
     return over

@@ -8,22 +8,22 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from orinkit.arms import Model, load_model
+from orinkit.arms import ArmModel, load_model
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.controller import RC8Controller
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.samples import sample_programs
-from orinkit.virtual.rc8.state import Identity, Origin, State, read_mode
-from orinkit.virtual.rc8.switches import Mode, SlaveLimit, Switches, Token
-from orinkit.virtual.rc8.temporary_directory import Scratch
+from orinkit.virtual.rc8.state import Identity, Origin, RC8State, read_mode
+from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Switches, Token
+from orinkit.virtual.rc8.temporary_directory import TemporaryDirectory
 from orinkit.virtual.rc8.translations import translator
-from orinkit.virtual.rc8.variables.database import Store
+from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
@@ -60,7 +60,7 @@ class VirtualRC8(Provider):
         language: of its texts: ``"en"``, ``"ja"``, or ``None`` for that of the process.
 
     Attributes:
-        state: what its clients share: :class:`~orinkit.virtual.rc8.state.State`.
+        state: what its clients share: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: its buttons, for a person or a test.
 
     Raises:
@@ -75,8 +75,8 @@ class VirtualRC8(Provider):
         counts: Mapping[str, int] | None = None,
         io_points: int = DEFAULT_IO_POINTS,
         state: str | os.PathLike[str] | None = None,
-        model: str | os.PathLike[str] | Model = "VS-050",
-        mode: int = Mode.AUTOMATIC,
+        model: str | os.PathLike[str] | ArmModel = "VS-050",
+        mode: int = ModeSwitch.AUTOMATIC,
         token: Token | str = ANYONE,
         motor: bool = False,
         joints: Sequence[float] | None = None,
@@ -109,17 +109,17 @@ class VirtualRC8(Provider):
             slave_limit=SlaveLimit.read(slave_limit),
             strict_time=bool(strict_time),
         )
-        arm = model if isinstance(model, Model) else load_model(os.fspath(model))
+        arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
         if state is None:
-            scratch = Scratch()
+            scratch = TemporaryDirectory()
             directory = scratch.path
             self._forget = weakref.finalize(self, scratch.remove)
         else:
             directory = Path(state)
-        store = None if state is None else Store(directory)
+        store = None if state is None else VariableDatabase(directory)
         try:
-            self.state = State(
+            self.state = RC8State(
                 clock=clock or Clock(),
                 identity=Identity(serial_no, version),
                 permission=permission or Permission(),
@@ -148,7 +148,7 @@ class VirtualRC8(Provider):
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name does not matter."""
         access = self.state.permission.of(client.address)
-        return RC8Controller(Caller(self.state, Origin(name, client.address), access, client.look), option)
+        return RC8Controller(ClientContext(self.state, Origin(name, client.address), access, client.look), option)
 
     def close(self) -> None:
         """Stop everything, write down the variables, let go of the state directory; closing twice is no error."""
@@ -166,7 +166,7 @@ class VirtualRC8(Provider):
         file_id: int = 0,
         original: int = 0,
     ) -> None:
-        """Raise an error in the controller, as :meth:`orinkit.virtual.rc8.state.State.raise_error` tells.
+        """Raise an error in the controller, as :meth:`orinkit.virtual.rc8.state.RC8State.raise_error` tells.
 
         Raises:
             ValueError: a code that has more than 32 bits.

@@ -1,6 +1,6 @@
 """What all clients of one virtual RC8 share: variables, arm, programs, files, errors, logs, switches, time.
 
-Objects that clients hold (controller, variables, robots, tasks, files) refer to one :class:`State` and keep nothing of
+Objects that clients hold (controller, variables, robots, tasks, files) refer to one :class:`RC8State` and keep nothing of
 the controller themselves. Whoever looks at it or changes it holds ``cycles`` as a lock: the server around every call of
 a client, the cycle itself while it steps, and the methods here, which may be called from any thread.
 """
@@ -14,39 +14,39 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Final
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
-from orinkit.core.hresult import Family
+from orinkit.core.hresult import CodeFamily
 from orinkit.core.i18n import N_, Language, tr
 from orinkit.rc8.task_modes import TaskMode
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.calendar import Calendar
-from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.timers import Timers
-from orinkit.virtual.rc8.error_list import Faults, level_of
+from orinkit.virtual.rc8.error_list import ErrorList, level_of
 from orinkit.virtual.rc8.events import EventKind, Events
 from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.hand import Hand
 from orinkit.virtual.rc8.logs import ErrorRecord, OperationLog, OperationRecord
 from orinkit.virtual.rc8.permission import Permission
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.robot.moves import Moves
-from orinkit.virtual.rc8.switches import Mode, Switches, Token
+from orinkit.virtual.rc8.switches import ModeSwitch, Switches, Token
 from orinkit.virtual.rc8.tasks import Task, Tasks
 from orinkit.virtual.rc8.translations import translator
-from orinkit.virtual.rc8.variables.database import Store
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.database import VariableDatabase
+from orinkit.virtual.rc8.variables.table import VariableTable
 
 _STOPPING_LEVEL: Final = 2
 _CUTTING_MOTION_LEVEL: Final = 3
 _CUTTING_LEVEL: Final = 4
 _BATTERY_LIFE: Final = timedelta(days=2 * 365)
-_MODE_NAMES: Final[Mapping[Mode, str]] = {
-    Mode.MANUAL: N_("manual"),
-    Mode.TEACH_CHECK: N_("teach check"),
-    Mode.AUTOMATIC: N_("automatic"),
+_MODE_NAMES: Final[Mapping[ModeSwitch, str]] = {
+    ModeSwitch.MANUAL: N_("manual"),
+    ModeSwitch.TEACH_CHECK: N_("teach check"),
+    ModeSwitch.AUTOMATIC: N_("automatic"),
 }
 
 
@@ -95,7 +95,7 @@ class Origin:
 _NOBODY: Final = Origin()
 
 
-class State:
+class RC8State:
     """The controller.
 
     Args:
@@ -128,8 +128,8 @@ class State:
         language: Language | None,
         counts: Mapping[str, int] | None,
         io_points: int,
-        store: Store | None,
-        model: Model,
+        store: VariableDatabase | None,
+        model: ArmModel,
         files: Path,
         switches: Switches,
     ) -> None:
@@ -138,16 +138,16 @@ class State:
         self.permission = permission
         self.say = translator(language)
         self.calendar = Calendar(clock)
-        self.variables = Variables(counts, io_points, store, self.calendar.now)
+        self.variables = VariableTable(counts, io_points, store, self.calendar.now)
         self.switches = switches
-        self.faults = Faults(language)
+        self.faults = ErrorList(language)
         self.operations = OperationLog()
         self.events = Events()
         self.supervisors_running = 0
         self.battery_due = self.calendar.now() + _BATTERY_LIFE
-        self.cycles = Cycles(clock)
+        self.cycles = ControlLoop(clock)
         self.files = FileStore(files, self.calendar.now)
-        self.arm = Arm(
+        self.arm = RC8Arm(
             model, self.cycles, self.switches, self.faults, self.variables, lambda: self.cycle_seconds,
             self._motion_fault,
         )  # fmt: skip
@@ -224,7 +224,7 @@ class State:
         level = level_of(code)
         if level < _STOPPING_LEVEL:
             return
-        motion = hresult.family(code) in (Family.MOTION, Family.SERVO)
+        motion = hresult.family(code) in (CodeFamily.MOTION, CodeFamily.SERVO)
         if level >= _CUTTING_LEVEL or (motion and level >= _CUTTING_MOTION_LEVEL):
             self.arm.cut(code)
         else:
@@ -384,13 +384,13 @@ class State:
             self.variables.close()
 
 
-def read_mode(mode: int) -> Mode:
+def read_mode(mode: int) -> ModeSwitch:
     """Return a position of the mode switch.
 
     Raises:
         ValueError: it is none of 1, 2, 3.
     """
     try:
-        return Mode(mode)
+        return ModeSwitch(mode)
     except ValueError:
         raise ValueError(tr("the mode is 1 manual, 2 teach check or 3 automatic, not {mode!r}", mode=mode)) from None

@@ -10,7 +10,7 @@ from orinkit.core import hresult
 from orinkit.core.i18n import tr
 
 
-class Mode(IntEnum):
+class ModeSwitch(IntEnum):
     """The mode switch, with the values of ``@MODE``."""
 
     MANUAL = 1
@@ -104,7 +104,7 @@ class Token:
 class Switches:
     """The switches and inputs. It starts in automatic mode (RC8 2.2), with nothing pressed and nothing stopped.
 
-    They are changed through :class:`~orinkit.virtual.rc8.state.State`, which tells the clients and stops the robot.
+    They are changed through :class:`~orinkit.virtual.rc8.state.RC8State`, which tells the clients and stops the robot.
 
     Attributes:
         slave_licence: whether the licence of the slave function is registered.
@@ -112,7 +112,7 @@ class Switches:
         strict_time: whether a late set-point is an error at once, as on a real controller.
     """
 
-    mode: Mode = Mode.AUTOMATIC
+    mode: ModeSwitch = ModeSwitch.AUTOMATIC
     token: Token = Token()
     emergency_stop: bool = False
     deadman: bool = False

@@ -10,15 +10,15 @@ from orinkit.cao.provider import not_found
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
-from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.pacscript.errors import PacScriptError, ProgramFault
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
-from orinkit.virtual.rc8.program import ProgramWorld
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.program import TaskHost
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.switches import Switches
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 
 STATEMENTS: Final = 200
 """Statements that a task executes in a cycle at most: 25,000 in a second."""
@@ -46,7 +46,7 @@ class Task:
 
     program: Final = True
 
-    def __init__(self, name: str, world: Callable[[Task], ProgramWorld], seconds: Callable[[], float]) -> None:
+    def __init__(self, name: str, world: Callable[[Task], TaskHost], seconds: Callable[[], float]) -> None:
         self.name = name
         self.status = TaskStatus.READY
         self.cycle_seconds = 0.0
@@ -176,7 +176,7 @@ class Tasks:
     """
 
     def __init__(
-        self, cycles: Cycles, arm: Arm, moves: Moves, variables: Variables, files: FileStore,
+        self, cycles: ControlLoop, arm: RC8Arm, moves: Moves, variables: VariableTable, files: FileStore,
         seconds: Callable[[], float], report: Callable[[int, str, str, int], None],
         show: Callable[[str, str, str], None],
     ) -> None:  # fmt: skip
@@ -188,7 +188,7 @@ class Tasks:
         files.changed.append(self._file_changed)
         self._programs: OrderedDict[str, tuple[bytes, Program | CallError]] = OrderedDict()
         self._first = 0
-        self._world = lambda task: ProgramWorld(task, task.suspend, arm, moves, variables, seconds, show)
+        self._world = lambda task: TaskHost(task, task.suspend, arm, moves, variables, seconds, show)
         self._seconds = seconds
 
     @property

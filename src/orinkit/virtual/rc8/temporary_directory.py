@@ -25,7 +25,7 @@ _FLAGS: Final = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLO
 _swept: set[str] = set()  # directories of temporary files, once for each process
 
 
-class Scratch:
+class TemporaryDirectory:
     """One directory. It is locked as long as its process lives, which a number of a process could not tell for sure.
 
     Attributes:

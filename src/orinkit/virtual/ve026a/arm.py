@@ -10,21 +10,21 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.arms.kinematics import Kinematics
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
-from orinkit.virtual.engine.control_loop import PERIOD, Cycles
+from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue
 from orinkit.virtual.engine.servo import Servo
 from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import EMERGENCY_STOP, OUT_OF_RANGE_AXIS1, ROBOT_RUNNING, refusal
 from orinkit.virtual.ve026a.parameters import OFF, VALUES
-from orinkit.virtual.ve026a.slave import Slave
+from orinkit.virtual.ve026a.slave import VE026ASlaveMode
 
 logger = logging.getLogger("orinkit.ve026a")
 
@@ -36,7 +36,7 @@ _R4: Final = struct.Struct(f"<{VALUES}f")
 _SINGLE: Final = struct.Struct("<f")
 
 
-class Work(Enum):
+class OperationKind(Enum):
     """What the controller is busy with."""
 
     MOTOR_ON = "motor on"
@@ -45,12 +45,12 @@ class Work(Enum):
 
 
 @dataclass(slots=True)
-class _Job:
+class _Operation:
     """A work, the cycles that it still takes, and who waits for it."""
 
-    work: Work
+    work: OperationKind
     cycles: int
-    done: Later[None] = field(default_factory=Later)
+    done: Deferred[None] = field(default_factory=Deferred)
 
 
 @dataclass(slots=True)
@@ -60,10 +60,10 @@ class _Change:
     operator: Operator
     mode: int
     cycles: int = 0
-    done: Later[None] = field(default_factory=Later)
+    done: Deferred[None] = field(default_factory=Deferred)
 
 
-class Arm:
+class VE026AArm:
     """The arm and everything that moves it.
 
     Args:
@@ -84,23 +84,23 @@ class Arm:
     """
 
     def __init__(
-        self, model: Model, cycles: Cycles, joints: Joints, motor_seconds: float, clear_seconds: float, *,
+        self, model: ArmModel, cycles: ControlLoop, joints: Joints, motor_seconds: float, clear_seconds: float, *,
         strict_time: bool,
     ) -> None:  # fmt: skip
         self.model = model
         self.kinematics = Kinematics(model)
         self.queue = MotionQueue(model, joints)
         self.servo = Servo(model, joints)
-        self.slave = Slave(self, cycles, strict_time=strict_time)
+        self.slave = VE026ASlaveMode(self, cycles, strict_time=strict_time)
         self.error = hresult.S_OK
         self.motor_on = self.emergency = False
         self._cycles = cycles
         self._seconds = {
-            Work.MOTOR_ON: motor_seconds,
-            Work.MOTOR_OFF: motor_seconds,
-            Work.CLEAR_ERROR: clear_seconds,
+            OperationKind.MOTOR_ON: motor_seconds,
+            OperationKind.MOTOR_OFF: motor_seconds,
+            OperationKind.CLEAR_ERROR: clear_seconds,
         }
-        self._job: _Job | None = None
+        self._job: _Operation | None = None
         self._change: _Change | None = None
         self._cut = False  # the motor goes off as soon as it stands
         self._following = False  # the encoders are on their way to where the command stands
@@ -125,7 +125,7 @@ class Arm:
 
     # --- what clients do ----------------------------------------------------------------------------------------
 
-    def switch_motor(self, operator: Operator, on: bool) -> Later[None] | None:
+    def switch_motor(self, operator: Operator, on: bool) -> Deferred[None] | None:
         """Begin to switch the motor, kept when that is done; ``None`` where it is so already. A moving arm brakes first.
 
         Whoever switches it off ends slave mode, of another client too.
@@ -142,9 +142,9 @@ class Arm:
             return None
         if not on:
             self.stop(hresult.E_ABORT)
-        return self._begin(Work.MOTOR_ON if on else Work.MOTOR_OFF)
+        return self._begin(OperationKind.MOTOR_ON if on else OperationKind.MOTOR_OFF)
 
-    def clear_error(self, operator: Operator) -> Later[None]:
+    def clear_error(self, operator: Operator) -> Deferred[None]:
         """Begin to clear the error, kept when it is gone; broken with it where its cause is still there.
 
         Raises:
@@ -153,9 +153,9 @@ class Arm:
         self._require(operator)
         if self.slave.on or self._change is not None:
             raise _busy(tr("slave mode is on"))
-        return self._begin(Work.CLEAR_ERROR)
+        return self._begin(OperationKind.CLEAR_ERROR)
 
-    def change_mode(self, operator: Operator, mode: int) -> Later[None] | None:
+    def change_mode(self, operator: Operator, mode: int) -> Deferred[None] | None:
         """Enter slave mode, or leave it; ``None`` where that is done at once, else kept when it is.
 
         Where it is on, it is left after its last set-point; an arm that moves then brakes. Where another client is in it,
@@ -181,7 +181,7 @@ class Arm:
         self._cycles.wake()
         return change.done
 
-    def move(self, operator: Operator, read: Callable[[], Joints]) -> Value | Later[Value]:
+    def move(self, operator: Operator, read: Callable[[], Joints]) -> Value | Deferred[Value]:
         """Take a set-point of slave mode; the answer is :meth:`angles`.
 
         Args:
@@ -239,9 +239,9 @@ class Arm:
         """Press the emergency stop: the arm brakes, then the motor goes off at once."""
         self.emergency = True
         self.fail(EMERGENCY_STOP)
-        if self._job is not None and self._job.work is Work.MOTOR_ON:
+        if self._job is not None and self._job.work is OperationKind.MOTOR_ON:
             job, self._job = self._job, None
-            job.done.fail(refusal(EMERGENCY_STOP))
+            job.done.set_exception(refusal(EMERGENCY_STOP))
         self._cut = True
         if self.standing:
             self._cut_off()
@@ -253,7 +253,7 @@ class Arm:
         self._break_change(hresult.E_ABORT)
         if self._job is not None:
             job, self._job = self._job, None
-            job.done.fail(error_for(hresult.E_ABORT))
+            job.done.set_exception(error_for(hresult.E_ABORT))
         self.motor_on = False
         self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
 
@@ -283,21 +283,21 @@ class Arm:
         job = self._job
         if job is None:
             return
-        if job.work is Work.MOTOR_OFF:
+        if job.work is OperationKind.MOTOR_OFF:
             self.motor_on = False
         job.cycles -= 1
         if job.cycles > 0:
             return
         self._job = None
-        if job.work is Work.CLEAR_ERROR and self.emergency:
+        if job.work is OperationKind.CLEAR_ERROR and self.emergency:
             self.error = EMERGENCY_STOP
-            job.done.fail(refusal(EMERGENCY_STOP, tr("release it first")))
+            job.done.set_exception(refusal(EMERGENCY_STOP, tr("release it first")))
             return
-        if job.work is Work.CLEAR_ERROR:
+        if job.work is OperationKind.CLEAR_ERROR:
             self.error = hresult.S_OK
-        elif job.work is Work.MOTOR_ON:
+        elif job.work is OperationKind.MOTOR_ON:
             self.motor_on = True
-        job.done.finish()
+        job.done.set_result()
 
     def _leave(self) -> None:
         if self.slave.on and self.slave.empty:
@@ -308,7 +308,7 @@ class Arm:
         if self.standing and not self.slave.on:
             self._change = None
             self._finish(change)
-            change.done.finish()
+            change.done.set_result()
         elif change.cycles * PERIOD > LONGEST_WAIT:
             self._break_change(ROBOT_RUNNING)
 
@@ -353,8 +353,8 @@ class Arm:
             self._break_change(hresult.E_ABORT)
             self.stop(hresult.E_ABORT)
 
-    def _begin(self, work: Work) -> Later[None]:
-        self._job = job = _Job(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))
+    def _begin(self, work: OperationKind) -> Deferred[None]:
+        self._job = job = _Operation(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))
         self._cycles.wake()
         return job.done
 
@@ -365,7 +365,7 @@ class Arm:
     def _break_change(self, code: int) -> None:
         change, self._change = self._change, None
         if change is not None:
-            change.done.fail(refusal(code))
+            change.done.set_exception(refusal(code))
 
 
 def _busy(detail: str = "") -> CallError:

@@ -22,7 +22,7 @@ TOO_FAST_AXIS1: Final = 0x80040221
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class VE026ACode:
     """One return code.
 
     Attributes:
@@ -45,12 +45,12 @@ class Code:
 
 # fmt: off
 _ROWS: Final = (
-    Code(ROBOT_RUNNING, "ROBOT_RUNNING", N_("600B: the robot is running")),
-    Code(SET_POINT_MISSED, "SET_POINT_MISSED", N_("synchronous slave mode: no slvMove came in time for a cycle of 8 ms")),
-    Code(EMERGENCY_STOP, "EMERGENCY_STOP", N_("emergency stop")),
-    *(Code(OUT_OF_RANGE_AXIS1 + n - 1, f"OUT_OF_RANGE_AXIS{n}", N_("axis {axis}: the set-point is outside the range"), n)
+    VE026ACode(ROBOT_RUNNING, "ROBOT_RUNNING", N_("600B: the robot is running")),
+    VE026ACode(SET_POINT_MISSED, "SET_POINT_MISSED", N_("synchronous slave mode: no slvMove came in time for a cycle of 8 ms")),
+    VE026ACode(EMERGENCY_STOP, "EMERGENCY_STOP", N_("emergency stop")),
+    *(VE026ACode(OUT_OF_RANGE_AXIS1 + n - 1, f"OUT_OF_RANGE_AXIS{n}", N_("axis {axis}: the set-point is outside the range"), n)
       for n in range(1, AXES + 1)),
-    *(Code(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", N_("axis {axis}: faster than the axis can"), n)
+    *(VE026ACode(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", N_("axis {axis}: faster than the axis can"), n)
       for n in range(1, AXES + 1)),
 )
 # fmt: on

@@ -16,17 +16,17 @@ from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.rc8.slave_lateness import build_lateness
 from orinkit.values.variant import Value, Variant, VarType
 from orinkit.virtual.ve026a import parameters
-from orinkit.virtual.ve026a.arm import Arm
+from orinkit.virtual.ve026a.arm import VE026AArm
 from orinkit.virtual.ve026a.arm_owner import Operator
 
 VERSION: Final = "VE026A Ver. 1.0.0 (virtual)"
 _TYPE: Final = 0  # a vertical arm, as with controllers that followed; the document gives no number
 
-_CONTROLLER_VARIABLES: Final[dict[str, Callable[[Arm], Value]]] = {  # table 5-1
+_CONTROLLER_VARIABLES: Final[dict[str, Callable[[VE026AArm], Value]]] = {  # table 5-1
     "@VERSION": lambda _: VERSION,
 }
-_ROBOT_VARIABLES: Final[dict[str, Callable[[Arm], Value]]] = {  # table 5-3
-    "@CURRENT_ANGLE": Arm.angles,
+_ROBOT_VARIABLES: Final[dict[str, Callable[[VE026AArm], Value]]] = {  # table 5-3
+    "@CURRENT_ANGLE": VE026AArm.angles,
     "@SERVO_ON": lambda arm: Variant(VarType.I2, int(arm.motor_on)),
     "@TYPE": lambda _: Variant(VarType.I4, _TYPE),
 }
@@ -50,7 +50,7 @@ def plain_name(name: str) -> str:
 class VE026AVariable(VariableObject):
     """A variable; it can only be read."""
 
-    def __init__(self, arm: Arm, name: str, read: Callable[[Arm], Value]) -> None:
+    def __init__(self, arm: VE026AArm, name: str, read: Callable[[VE026AArm], Value]) -> None:
         super().__init__(name)
         self._arm = arm
         self._read = read
@@ -69,7 +69,7 @@ class VE026ARobot(RobotObject):
         name: as the client wrote it; it does not matter.
     """
 
-    def __init__(self, arm: Arm, operator: Operator, name: str) -> None:
+    def __init__(self, arm: VE026AArm, operator: Operator, name: str) -> None:
         super().__init__(name)
         self._arm = arm
         self._operator = operator
@@ -110,7 +110,7 @@ class VE026AController(ControllerObject):
         name: as the client wrote it; it does not matter.
     """
 
-    def __init__(self, arm: Arm, operator: Operator, name: str) -> None:
+    def __init__(self, arm: VE026AArm, operator: Operator, name: str) -> None:
         super().__init__(name)
         self._arm = arm
         self._operator = operator
@@ -153,30 +153,30 @@ class VE026AController(ControllerObject):
         self._arm.forget(self._operator)
 
 
-def _variable(arm: Arm, variables: Mapping[str, Callable[[Arm], Value]], name: str) -> VariableObject:
+def _variable(arm: VE026AArm, variables: Mapping[str, Callable[[VE026AArm], Value]], name: str) -> VariableObject:
     read = variables.get(plain_name(name))
     if read is None:
         raise error_for(hresult.E_INVALIDARG, f"{name:.40} ({', '.join(variables)})")
     return VE026AVariable(arm, plain_name(name), read)
 
 
-def _motor(arm: Arm, operator: Operator, parameter: Variant) -> Any:
+def _motor(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
     return arm.switch_motor(operator, parameters.motor(parameter))
 
 
-def _change_mode(arm: Arm, operator: Operator, parameter: Variant) -> Any:
+def _change_mode(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
     return arm.change_mode(operator, parameters.mode(parameter))
 
 
-def _move(arm: Arm, operator: Operator, parameter: Variant) -> Any:
+def _move(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
     return arm.move(operator, lambda: parameters.joints(parameter))
 
 
-def _lateness(arm: Arm, _: Operator, parameter: Variant) -> Variant:
+def _lateness(arm: VE026AArm, _: Operator, parameter: Variant) -> Variant:
     return build_lateness(arm.slave.lateness(parameters.left_out(parameter)))
 
 
-_ROBOT_COMMANDS: Final[dict[str, Callable[[Arm, Operator, Variant], Any]]] = {  # table 5-3
+_ROBOT_COMMANDS: Final[dict[str, Callable[[VE026AArm, Operator, Variant], Any]]] = {  # table 5-3
     "MOTOR": _motor,
     "SLVCHANGEMODE": _change_mode,
     "SLVMOVE": _move,

@@ -6,16 +6,16 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from orinkit.arms import Model, frames, load_model
+from orinkit.arms import ArmModel, frames, load_model
 from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.virtual.clock import Clock
-from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.motion.joint_path import Joints
-from orinkit.virtual.ve026a.arm import Arm
+from orinkit.virtual.ve026a.arm import VE026AArm
 from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import AXES, CODES
 from orinkit.virtual.ve026a.objects import HANDLES, VE026AController, plain_name
@@ -53,7 +53,7 @@ class VirtualVE026A(Provider):
         motor: bool = False,
         motor_seconds: float = 3.0,
         clear_seconds: float = 1.0,
-        model: Model | None = None,
+        model: ArmModel | None = None,
         strict_time: bool = False,
     ) -> None:
         arm = model or load_model("VE026A")
@@ -64,8 +64,8 @@ class VirtualVE026A(Provider):
         for seconds in (motor_seconds, clear_seconds):
             if not 0.0 <= seconds <= _LONGEST:
                 raise ValueError(tr("0 to {longest:g} s, not {seconds}", longest=_LONGEST, seconds=seconds))
-        self._cycles = Cycles(clock or Clock())
-        self._arm = Arm(arm, self._cycles, arm.home, motor_seconds, clear_seconds, strict_time=strict_time)
+        self._cycles = ControlLoop(clock or Clock())
+        self._arm = VE026AArm(arm, self._cycles, arm.home, motor_seconds, clear_seconds, strict_time=strict_time)
         if joints is not None:
             self._arm.place(_checked(self._arm, joints))
         self._arm.motor_on = bool(motor)
@@ -147,7 +147,7 @@ class VirtualVE026A(Provider):
             self._arm.emergency = False
 
 
-def _checked(arm: Arm, joints: Sequence[float]) -> Joints:
+def _checked(arm: VE026AArm, joints: Sequence[float]) -> Joints:
     wanted = (*map(float, joints), *arm.model.home[len(joints) :])
     if len(joints) < AXES - 1 or len(wanted) != AXES or not all(map(math.isfinite, wanted)) or arm.exceeded(wanted):
         given = ", ".join(f"{value:g}" for value in joints)

@@ -20,17 +20,17 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from orinkit.arms import Model
-from orinkit.cao.provider import Later
+from orinkit.arms import ArmModel
+from orinkit.cao.provider import Deferred
 from orinkit.core.i18n import tr
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.catch_up import gentlest
-from orinkit.virtual.engine.control_loop import PERIOD, Cycles
-from orinkit.virtual.engine.elastic_time import Look, Pace, left_late, waited_in_vain
+from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
+from orinkit.virtual.engine.elastic_time import CyclePacer, Look, left_late, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
-from orinkit.virtual.rc8.robot.slave_mode.limits import LENIENCY, SERVO_LIMIT, Fault
+from orinkit.virtual.rc8.robot.slave_mode.limits import LENIENCY, SERVO_LIMIT, SlaveFault
 from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import SET_POINT_MISSED, TOO_FAST_AXIS1, refusal
 from orinkit.virtual.ve026a.parameters import ASYNCHRONOUS, OFF, SYNCHRONOUS
@@ -44,7 +44,7 @@ class StreamedArm(Protocol):
     """The arm that slave mode moves."""
 
     @property
-    def model(self) -> Model:
+    def model(self) -> ArmModel:
         """The arm's model."""
 
     @property
@@ -58,7 +58,7 @@ class StreamedArm(Protocol):
         """Enter an error state: decelerate, leave slave mode."""
 
 
-class Slave:
+class VE026ASlaveMode:
     """Slave mode of one arm; it is off at the beginning. What is said of a late server is in ``rc8.slave.pace``.
 
     Args:
@@ -73,17 +73,17 @@ class Slave:
         lenient: for how many cycles the limits are larger, because set-points were lost while the server was late.
     """
 
-    def __init__(self, arm: StreamedArm, cycles: Cycles, *, strict_time: bool) -> None:
+    def __init__(self, arm: StreamedArm, cycles: ControlLoop, *, strict_time: bool) -> None:
         self.mode = OFF
         self.owner: Operator | None = None
         self.lenient = 0
         self._arm = arm
         self._cycles = cycles
         self._way: list[Joints] = []  # the newest set-point; the commands that lead to it where the server was late
-        self._waiting: deque[tuple[Joints, Later[Value]]] = deque()  # slvMoves that wait for room
+        self._waiting: deque[tuple[Joints, Deferred[Value]]] = deque()  # slvMoves that wait for room
         self._started = False
         self._strict = strict_time
-        self._pace: Pace | None = None  # of the present stream, or of the last one
+        self._pace: CyclePacer | None = None  # of the present stream, or of the last one
 
     # --- state --------------------------------------------------------------------------------------------------
 
@@ -135,16 +135,16 @@ class Slave:
         Args:
             owner: who does.
             mode: 0x002 or 0x102.
-            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.Pace`.
+            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self.mode, self.owner = mode, owner
         self.lenient, self._started = 0, False
-        self._pace = self._cycles.pace = Pace(self._cycles, self, look, strict=self._strict)
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, look, strict=self._strict)
 
-    def put(self, joints: Joints) -> Value | Later[Value]:
+    def put(self, joints: Joints) -> Value | Deferred[Value]:
         """Take a set-point; returns the answer, in synchronous mode a promise of it where there is no room."""
         if self.mode == SYNCHRONOUS and self._way:
-            promise = Later[Value]()
+            promise = Deferred[Value]()
             self._waiting.append((joints, promise))
             return promise
         self._way = [joints]
@@ -164,7 +164,7 @@ class Slave:
         self._cycles.pace = None
         self._way, self._started = [], False
         for _, promise in waiting:
-            promise.fail(refusal(code))
+            promise.set_exception(refusal(code))
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
@@ -183,9 +183,9 @@ class Slave:
         """Take what waits for room, and answer it; to be called at the end of a cycle."""
         while self._waiting and not self._way:
             joints, promise = self._waiting.popleft()
-            if not promise.done:  # else it was cancelled
+            if not promise.done():  # else it was cancelled
                 self._way = [joints]
-                promise.finish(self._arm.angles())
+                promise.set_result(self._arm.angles())
 
     def bridge(self, most: int) -> int:
         """Lead to the set-point of asynchronous mode in at most so many cycles.
@@ -214,13 +214,13 @@ class Slave:
         else:
             self._arm.queue.follow(joints)
 
-    def _fault(self, joints: Joints, more: float = 1.0) -> Fault | None:
+    def _fault(self, joints: Joints, more: float = 1.0) -> SlaveFault | None:
         """Return what is wrong with a command, the lowest axis first."""
         for number, (axis, b, c) in enumerate(zip(self._arm.model.axes, self._arm.queue.joints, joints, strict=True)):
             most = axis.velocity * SERVO_LIMIT
             if abs(c - b) > most * more * PERIOD + _ROUNDING:
                 wanted = abs(c - b) / PERIOD
-                return Fault(
+                return SlaveFault(
                     TOO_FAST_AXIS1 + number,
                     tr("{wanted:.6g} deg/s; the limit is {most:.6g}", wanted=wanted, most=most),
                 )

@@ -12,15 +12,15 @@ from types import TracebackType
 from typing import Any, Final, Generic, Literal, Self, TypeVar, overload
 
 from orinkit.abh3.api._async.shared import AsyncSharedBus
-from orinkit.abh3.api.keepalive_runner import AsyncKeeper
+from orinkit.abh3.api.keepalive_runner import AsyncPeriodicCall
 from orinkit.abh3.session import parameter_value, telabh3
 from orinkit.abh3.session.host import Host
-from orinkit.abh3.session.keepalive import End, Heart, watched
-from orinkit.abh3.session.parameter_value import Reading
+from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, watched
+from orinkit.abh3.session.parameter_value import ParameterValue
 from orinkit.abh3.table.checks import check_seconds
-from orinkit.abh3.table.decoder import Decoded
+from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
-from orinkit.can.aio_shared_bus import AsyncCanPort
+from orinkit.can.aio_shared_bus import AsyncCanReceiver
 from orinkit.can.frame import CanOperation
 from orinkit.core.errors import DriverTimeout, OrinError
 from orinkit.transport.link_errors import closed
@@ -56,10 +56,10 @@ class AsyncDriver(Generic[F, S]):
         self.bus = bus
         self.host = host
         self._owner = owner
-        self._port: AsyncCanPort = bus.enter(self)
+        self._port: AsyncCanReceiver = bus.enter(self)
         self._lock = asyncio.Lock()
-        self._heart: Heart | None = None
-        self._keeper: AsyncKeeper | None = None
+        self._heart: KeepAliveTimer | None = None
+        self._keeper: AsyncPeriodicCall | None = None
         self._ended: DriverTimeout | None = None
 
     async def __aenter__(self) -> Self:
@@ -287,7 +287,7 @@ class AsyncDriver(Generic[F, S]):
         self.touch()
         return await self.bus.exchange(message, self.host)
 
-    async def read_parameter(self, address: int) -> Reading:
+    async def read_parameter(self, address: int) -> ParameterValue:
         """Read a parameter of the driver.
 
         Args:
@@ -317,7 +317,7 @@ class AsyncDriver(Generic[F, S]):
         word = parameter_value.word_of(address, value, raw=raw)
         (await self._ask(telabh3.write_parameter(address, word))).confirmed()
 
-    async def read_monitor(self, address: int) -> Reading:
+    async def read_monitor(self, address: int) -> ParameterValue:
         """Read a value that the driver monitors; as :meth:`read_parameter`.
 
         Args:
@@ -329,7 +329,7 @@ class AsyncDriver(Generic[F, S]):
         """Return an identification of the driver, by default its version; as :meth:`read_parameter`."""
         return (await self._ask(telabh3.read_identification(number))).confirmed()
 
-    async def _ask(self, request: bytes) -> telabh3.Reply:
+    async def _ask(self, request: bytes) -> telabh3.TelReply:
         """Send a TelABH3 text and return the driver's answer, which knows what it is about."""
         answer = await self.exchange_message(request)
         return telabh3.parse_reply(answer, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
@@ -350,11 +350,11 @@ class AsyncDriver(Generic[F, S]):
         Raises:
             InvalidValue: a number is not positive, or more than an hour; the period is below 1 ms, or not below the patience.
         """
-        heart = Heart(period, patience, idle, monotonic())
+        heart = KeepAliveTimer(period, patience, idle, monotonic())
         self._check_open()
         self.end_keep_alive()
         self._heart = heart
-        self._keeper = AsyncKeeper(self._beat, self._left, f"orinkit-abh3-{self.address}")
+        self._keeper = AsyncPeriodicCall(self._beat, self._left, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
         """End it; the driver stops by itself if no commands come. One that has ended by itself is told of no more."""
@@ -363,7 +363,7 @@ class AsyncDriver(Generic[F, S]):
         if keeper is not None:
             keeper.join()
 
-    def _take_keeper(self) -> AsyncKeeper | None:
+    def _take_keeper(self) -> AsyncPeriodicCall | None:
         keeper, self._keeper, self._heart = self._keeper, None, None
         if keeper is not None:
             keeper.stop()
@@ -396,7 +396,7 @@ class AsyncDriver(Generic[F, S]):
                 return None
             return max(0.0, heart.due - monotonic())
 
-    async def _send_again(self, heart: Heart) -> None:
+    async def _send_again(self, heart: KeepAliveTimer) -> None:
         began = monotonic()
         try:
             answered = await self.bus.run(self.host.repeat(heart.period), self._port, revive=False)
@@ -404,15 +404,15 @@ class AsyncDriver(Generic[F, S]):
             answered = False
         heart.sent(began, answered=answered)
 
-    async def _end(self, end: End, heart: Heart) -> None:
+    async def _end(self, end: KeepAliveEnd, heart: KeepAliveTimer) -> None:
         self._heart = None
-        if end is End.SILENT:
+        if end is KeepAliveEnd.SILENT:
             self._ended = DriverTimeout("keep_alive", heart.patience, self.address)
         await self._part()
 
     # --- the bus ------------------------------------------------------------------------------------------------------
 
-    def listen(self, seconds: float | None = None) -> AsyncIterator[Decoded]:
+    def listen(self, seconds: float | None = None) -> AsyncIterator[DecodedFrame]:
         """Yield every frame on the bus, decoded, those of others too; as :meth:`AsyncMotorBus.listen`."""
         return self.bus.listen(seconds, dialect=self.host.dialect, hosts=(self.host.host,))
 

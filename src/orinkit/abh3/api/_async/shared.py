@@ -17,11 +17,11 @@ from orinkit.abh3.session.host import Host, broadcasts_of_all
 from orinkit.abh3.session.multipacket import exchange
 from orinkit.abh3.table import ids
 from orinkit.abh3.table.checks import check_seconds
-from orinkit.abh3.table.decoder import Decoded, Decoder
+from orinkit.abh3.table.decoder import DecodedFrame, Decoder
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.records import AnyRecord
 from orinkit.abh3.table.signals import Dialect, dialect_of
-from orinkit.can.aio_shared_bus import AsyncCanLine, AsyncCanPort, arun_can
+from orinkit.can.aio_shared_bus import AsyncCanReceiver, AsyncSharedCanBus, arun_can
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
@@ -35,7 +35,7 @@ _HEARD: Final = 4096
 _SLICE: Final = 3600.0
 
 
-class AsyncMember(Protocol):
+class AsyncBusMember(Protocol):
     """A driver, as far as its bus is concerned."""
 
     host: Host[Any]
@@ -48,7 +48,7 @@ class AsyncMember(Protocol):
         """Have the driver come to rest, if it was asked to move."""
 
 
-class AsyncTurn:
+class AsyncDriverLock:
     """Whose turn it is to exchange messages with a driver.
 
     Attributes:
@@ -71,11 +71,11 @@ class AsyncSharedBus:
         url: of the bus, or what python-can says of a bus that was given.
     """
 
-    def __init__(self, line: AsyncCanLine) -> None:
+    def __init__(self, line: AsyncSharedCanBus) -> None:
         self._line = line
         self._lock = asyncio.Lock()
-        self._members: WeakSet[AsyncMember] = WeakSet()
-        self._turns: dict[tuple[int, int], AsyncTurn] = {}
+        self._members: WeakSet[AsyncBusMember] = WeakSet()
+        self._turns: dict[tuple[int, int], AsyncDriverLock] = {}
         self.url = str(line)
 
     @classmethod
@@ -83,9 +83,9 @@ class AsyncSharedBus:
         """Open a bus, as :func:`open_bus`."""
         bus = given_bus(at)
         if bus is not None:
-            return cls(AsyncCanLine(Bus(bus, own=False)))
+            return cls(AsyncSharedCanBus(Bus(bus, own=False)))
         assert at is None or isinstance(at, str)
-        return cls(await AsyncCanLine.open(bus_address(at, settings)))
+        return cls(await AsyncSharedCanBus.open(bus_address(at, settings)))
 
     async def __aenter__(self) -> Self:
         return self
@@ -140,7 +140,7 @@ class AsyncSharedBus:
         dialect: str | Dialect = "v1",
         hosts: Iterable[int] = (2,),
         load_unit: float = 1.0,
-    ) -> AsyncIterator[Decoded]:
+    ) -> AsyncIterator[DecodedFrame]:
         """Yield every frame on the bus, decoded: those of others, not what is sent from here.
 
         Some interfaces (udp_multicast) give back what is sent from here too.
@@ -182,14 +182,14 @@ class AsyncSharedBus:
 
     # --- for drivers --------------------------------------------------------------------------------------------------
 
-    def enter(self, member: AsyncMember) -> AsyncCanPort:
+    def enter(self, member: AsyncBusMember) -> AsyncCanReceiver:
         """Return a port for a driver, which is told what happens to the bus; it is closed when the driver's object goes."""
         self._members.add(member)
         port = self.port_for(member.host)
         finalize(member, port.close).atexit = False
         return port
 
-    def port_for(self, host: Host[Any]) -> AsyncCanPort:
+    def port_for(self, host: Host[Any]) -> AsyncCanReceiver:
         """Return a port that gets the frames of one driver."""
         return self._line.port(host.accepts)
 
@@ -198,7 +198,7 @@ class AsyncSharedBus:
         wanted = host.address, host.host
         return any((member.host.address, member.host.host) == wanted and not member.closed for member in self._members)
 
-    async def run(self, operation: CanOperation[R], port: AsyncCanPort, *, revive: bool = True) -> R:
+    async def run(self, operation: CanOperation[R], port: AsyncCanReceiver, *, revive: bool = True) -> R:
         """Carry out an operation over a port.
 
         Args:
@@ -234,7 +234,7 @@ class AsyncSharedBus:
             ProtocolError, DriverTimeout: as :func:`orinkit.abh3.session.multipacket.exchange`.
             TransportError: as :meth:`run`.
         """
-        turn = self._turns.setdefault((host.address, host.host), AsyncTurn())
+        turn = self._turns.setdefault((host.address, host.host), AsyncDriverLock())
         async with turn.lock:
             afresh = not turn.clean
             turn.clean = False  # if this one is broken off, it is the next one that tells the driver
@@ -258,4 +258,4 @@ def _is_any(frame: CanFrame) -> bool:  # noqa: ARG001 - as every predicate
 
 
 def _is_broadcast(frame: CanFrame) -> bool:
-    return ids.Id.parse(frame.id).pf == ids.BROADCAST
+    return ids.FrameId.parse(frame.id).pf == ids.BROADCAST

@@ -12,16 +12,16 @@ from types import TracebackType
 from typing import Any, Final, Generic, Literal, Self, TypeVar, overload
 
 from orinkit.abh3.api._sync.shared import SharedBus
-from orinkit.abh3.api.keepalive_runner import Keeper
+from orinkit.abh3.api.keepalive_runner import PeriodicCall
 from orinkit.abh3.session import parameter_value, telabh3
 from orinkit.abh3.session.host import Host
-from orinkit.abh3.session.keepalive import End, Heart, watched
-from orinkit.abh3.session.parameter_value import Reading
+from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, watched
+from orinkit.abh3.session.parameter_value import ParameterValue
 from orinkit.abh3.table.checks import check_seconds
-from orinkit.abh3.table.decoder import Decoded
+from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
 from orinkit.can.frame import CanOperation
-from orinkit.can.shared_bus import CanPort
+from orinkit.can.shared_bus import CanReceiver
 from orinkit.core.errors import DriverTimeout, OrinError
 from orinkit.transport.link_errors import closed
 
@@ -56,10 +56,10 @@ class Driver(Generic[F, S]):
         self.bus = bus
         self.host = host
         self._owner = owner
-        self._port: CanPort = bus.enter(self)
+        self._port: CanReceiver = bus.enter(self)
         self._lock = threading.RLock()
-        self._heart: Heart | None = None
-        self._keeper: Keeper | None = None
+        self._heart: KeepAliveTimer | None = None
+        self._keeper: PeriodicCall | None = None
         self._ended: DriverTimeout | None = None
 
     def __enter__(self) -> Self:
@@ -287,7 +287,7 @@ class Driver(Generic[F, S]):
         self.touch()
         return self.bus.exchange(message, self.host)
 
-    def read_parameter(self, address: int) -> Reading:
+    def read_parameter(self, address: int) -> ParameterValue:
         """Read a parameter of the driver.
 
         Args:
@@ -317,7 +317,7 @@ class Driver(Generic[F, S]):
         word = parameter_value.word_of(address, value, raw=raw)
         (self._ask(telabh3.write_parameter(address, word))).confirmed()
 
-    def read_monitor(self, address: int) -> Reading:
+    def read_monitor(self, address: int) -> ParameterValue:
         """Read a value that the driver monitors; as :meth:`read_parameter`.
 
         Args:
@@ -329,7 +329,7 @@ class Driver(Generic[F, S]):
         """Return an identification of the driver, by default its version; as :meth:`read_parameter`."""
         return (self._ask(telabh3.read_identification(number))).confirmed()
 
-    def _ask(self, request: bytes) -> telabh3.Reply:
+    def _ask(self, request: bytes) -> telabh3.TelReply:
         """Send a TelABH3 text and return the driver's answer, which knows what it is about."""
         answer = self.exchange_message(request)
         return telabh3.parse_reply(answer, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
@@ -350,11 +350,11 @@ class Driver(Generic[F, S]):
         Raises:
             InvalidValue: a number is not positive, or more than an hour; the period is below 1 ms, or not below the patience.
         """
-        heart = Heart(period, patience, idle, monotonic())
+        heart = KeepAliveTimer(period, patience, idle, monotonic())
         self._check_open()
         self.end_keep_alive()
         self._heart = heart
-        self._keeper = Keeper(self._beat, self._left, f"orinkit-abh3-{self.address}")
+        self._keeper = PeriodicCall(self._beat, self._left, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
         """End it; the driver stops by itself if no commands come. One that has ended by itself is told of no more."""
@@ -363,7 +363,7 @@ class Driver(Generic[F, S]):
         if keeper is not None:
             keeper.join()
 
-    def _take_keeper(self) -> Keeper | None:
+    def _take_keeper(self) -> PeriodicCall | None:
         keeper, self._keeper, self._heart = self._keeper, None, None
         if keeper is not None:
             keeper.stop()
@@ -396,7 +396,7 @@ class Driver(Generic[F, S]):
                 return None
             return max(0.0, heart.due - monotonic())
 
-    def _send_again(self, heart: Heart) -> None:
+    def _send_again(self, heart: KeepAliveTimer) -> None:
         began = monotonic()
         try:
             answered = self.bus.run(self.host.repeat(heart.period), self._port, revive=False)
@@ -404,15 +404,15 @@ class Driver(Generic[F, S]):
             answered = False
         heart.sent(began, answered=answered)
 
-    def _end(self, end: End, heart: Heart) -> None:
+    def _end(self, end: KeepAliveEnd, heart: KeepAliveTimer) -> None:
         self._heart = None
-        if end is End.SILENT:
+        if end is KeepAliveEnd.SILENT:
             self._ended = DriverTimeout("keep_alive", heart.patience, self.address)
         self._part()
 
     # --- the bus ------------------------------------------------------------------------------------------------------
 
-    def listen(self, seconds: float | None = None) -> Iterator[Decoded]:
+    def listen(self, seconds: float | None = None) -> Iterator[DecodedFrame]:
         """Yield every frame on the bus, decoded, those of others too; as :meth:`MotorBus.listen`."""
         return self.bus.listen(seconds, dialect=self.host.dialect, hosts=(self.host.host,))
 

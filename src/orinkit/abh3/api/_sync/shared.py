@@ -17,13 +17,13 @@ from orinkit.abh3.session.host import Host, broadcasts_of_all
 from orinkit.abh3.session.multipacket import exchange
 from orinkit.abh3.table import ids
 from orinkit.abh3.table.checks import check_seconds
-from orinkit.abh3.table.decoder import Decoded, Decoder
+from orinkit.abh3.table.decoder import DecodedFrame, Decoder
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.records import AnyRecord
 from orinkit.abh3.table.signals import Dialect, dialect_of
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
-from orinkit.can.shared_bus import CanLine, CanPort, run_can
+from orinkit.can.shared_bus import CanReceiver, SharedCanBus, run_can
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _HEARD: Final = 4096
 _SLICE: Final = 3600.0
 
 
-class Member(Protocol):
+class BusMember(Protocol):
     """A driver, as far as its bus is concerned."""
 
     host: Host[Any]
@@ -48,7 +48,7 @@ class Member(Protocol):
         """Have the driver come to rest, if it was asked to move."""
 
 
-class Turn:
+class DriverLock:
     """Whose turn it is to exchange messages with a driver.
 
     Attributes:
@@ -71,11 +71,11 @@ class SharedBus:
         url: of the bus, or what python-can says of a bus that was given.
     """
 
-    def __init__(self, line: CanLine) -> None:
+    def __init__(self, line: SharedCanBus) -> None:
         self._line = line
         self._lock = threading.RLock()
-        self._members: WeakSet[Member] = WeakSet()
-        self._turns: dict[tuple[int, int], Turn] = {}
+        self._members: WeakSet[BusMember] = WeakSet()
+        self._turns: dict[tuple[int, int], DriverLock] = {}
         self.url = str(line)
 
     @classmethod
@@ -83,9 +83,9 @@ class SharedBus:
         """Open a bus, as :func:`open_bus`."""
         bus = given_bus(at)
         if bus is not None:
-            return cls(CanLine(Bus(bus, own=False)))
+            return cls(SharedCanBus(Bus(bus, own=False)))
         assert at is None or isinstance(at, str)
-        return cls(CanLine.open(bus_address(at, settings)))
+        return cls(SharedCanBus.open(bus_address(at, settings)))
 
     def __enter__(self) -> Self:
         return self
@@ -140,7 +140,7 @@ class SharedBus:
         dialect: str | Dialect = "v1",
         hosts: Iterable[int] = (2,),
         load_unit: float = 1.0,
-    ) -> Iterator[Decoded]:
+    ) -> Iterator[DecodedFrame]:
         """Yield every frame on the bus, decoded: those of others, not what is sent from here.
 
         Some interfaces (udp_multicast) give back what is sent from here too.
@@ -182,14 +182,14 @@ class SharedBus:
 
     # --- for drivers --------------------------------------------------------------------------------------------------
 
-    def enter(self, member: Member) -> CanPort:
+    def enter(self, member: BusMember) -> CanReceiver:
         """Return a port for a driver, which is told what happens to the bus; it is closed when the driver's object goes."""
         self._members.add(member)
         port = self.port_for(member.host)
         finalize(member, port.close).atexit = False
         return port
 
-    def port_for(self, host: Host[Any]) -> CanPort:
+    def port_for(self, host: Host[Any]) -> CanReceiver:
         """Return a port that gets the frames of one driver."""
         return self._line.port(host.accepts)
 
@@ -198,7 +198,7 @@ class SharedBus:
         wanted = host.address, host.host
         return any((member.host.address, member.host.host) == wanted and not member.closed for member in self._members)
 
-    def run(self, operation: CanOperation[R], port: CanPort, *, revive: bool = True) -> R:
+    def run(self, operation: CanOperation[R], port: CanReceiver, *, revive: bool = True) -> R:
         """Carry out an operation over a port.
 
         Args:
@@ -234,7 +234,7 @@ class SharedBus:
             ProtocolError, DriverTimeout: as :func:`orinkit.abh3.session.multipacket.exchange`.
             TransportError: as :meth:`run`.
         """
-        turn = self._turns.setdefault((host.address, host.host), Turn())
+        turn = self._turns.setdefault((host.address, host.host), DriverLock())
         with turn.lock:
             afresh = not turn.clean
             turn.clean = False  # if this one is broken off, it is the next one that tells the driver
@@ -258,4 +258,4 @@ def _is_any(frame: CanFrame) -> bool:  # noqa: ARG001 - as every predicate
 
 
 def _is_broadcast(frame: CanFrame) -> bool:
-    return ids.Id.parse(frame.id).pf == ids.BROADCAST
+    return ids.FrameId.parse(frame.id).pf == ids.BROADCAST

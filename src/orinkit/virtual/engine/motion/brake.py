@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.virtual.engine.motion.joint_path import Joints
 
 
@@ -22,7 +22,7 @@ class Brake:
         cycle: seconds of a :meth:`step`.
     """
 
-    def __init__(self, model: Model, before: Sequence[float], joints: Joints, cycle: float) -> None:
+    def __init__(self, model: ArmModel, before: Sequence[float], joints: Joints, cycle: float) -> None:
         self._joints = joints
         self._ways = tuple([b - a for a, b in zip(before, joints, strict=True)])
         self._part = 1.0  # of the velocity at the beginning

@@ -29,7 +29,7 @@ _MOST_PARTS: Final = 20_000  # in which a curve is measured
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class CartesianPath:
     """The way of the TCP.
 
     Attributes:
@@ -47,7 +47,7 @@ class Course:
     greatest_turn: float
 
 
-def line(start: Array, end: Array) -> Course:
+def line(start: Array, end: Array) -> CartesianPath:
     """Return the straight way between two frames, turning about one axis all the way.
 
     Raises:
@@ -63,7 +63,7 @@ def line(start: Array, end: Array) -> Course:
     return _even(frames, float(np.linalg.norm(way)), angle)
 
 
-def arc(start: Array, via: Array, end: Array) -> Course:
+def arc(start: Array, via: Array, end: Array) -> CartesianPath:
     """Return the circular way from one frame through a point to another frame.
 
     The orientation turns evenly from that of the start to that of the end, about one axis; that of the point on the
@@ -95,7 +95,7 @@ def arc(start: Array, via: Array, end: Array) -> Course:
     return _even(frames, float(np.linalg.norm(centre)) * sweep, angle)
 
 
-def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_orientation: bool) -> Course:
+def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_orientation: bool) -> CartesianPath:
     """Return the way of a turn about an axis, by the right-hand rule.
 
     Args:
@@ -128,7 +128,7 @@ def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_or
     return _even(frames, float(np.linalg.norm(arm)) * math.radians(abs(degrees)), abs(turns))
 
 
-def curve(points: Sequence[Array]) -> Course:
+def curve(points: Sequence[Array]) -> CartesianPath:
     """Return the free curve through frames, the first of which is where the TCP is.
 
     Positions and orientations (as quaternions) are natural cubic splines over the distances of the points, so velocity
@@ -184,15 +184,17 @@ def _checked(frame: Array) -> Array:
     return frame
 
 
-def _even(frames: Callable[[Array], Array], length: float, angle: float) -> Course:
-    return Course(frames, length, angle, length, angle)
+def _even(frames: Callable[[Array], Array], length: float, angle: float) -> CartesianPath:
+    return CartesianPath(frames, length, angle, length, angle)
 
 
-def _measured(frames: Callable[[Array], Array], parts: int) -> Course:
+def _measured(frames: Callable[[Array], Array], parts: int) -> CartesianPath:
     made = frames(np.linspace(0, 1, parts + 1))
     far = np.linalg.norm(np.diff(made[:, :3, 3], axis=0), axis=1)
     turn = angles_between(made[:-1], made[1:])
-    return Course(frames, float(far.sum()), float(turn.sum()), float(far.max()) * parts, float(turn.max()) * parts)
+    return CartesianPath(
+        frames, float(far.sum()), float(turn.sum()), float(far.max()) * parts, float(turn.max()) * parts
+    )
 
 
 def _frames(rotations: Array, positions: Array, u: Array, end: Array | None) -> Array:

@@ -16,7 +16,7 @@ from orinkit.arms.kinematics import Kinematics
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
-from orinkit.virtual.engine.motion.cartesian_path import Course, angles_between
+from orinkit.virtual.engine.motion.cartesian_path import CartesianPath, angles_between
 from orinkit.virtual.engine.motion.profile import Array
 
 Joints: TypeAlias = tuple[float, ...]
@@ -122,7 +122,7 @@ Path: TypeAlias = JointPath | TablePath
 
 def table_path(
     kinematics: Kinematics,
-    course: Course,
+    course: CartesianPath,
     tool: Array,
     start: Joints,
     extra_end: Sequence[float] | None = None,

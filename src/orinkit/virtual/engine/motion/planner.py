@@ -14,16 +14,16 @@ from typing import Final
 
 import numpy as np
 
-from orinkit.arms import Axis, Model
+from orinkit.arms import ArmModel, AxisModel
 from orinkit.arms.kinematics import Kinematics
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.poses import PassMark
 from orinkit.virtual.engine.motion import cartesian_path as courses
-from orinkit.virtual.engine.motion.cartesian_path import Course
+from orinkit.virtual.engine.motion.cartesian_path import CartesianPath
 from orinkit.virtual.engine.motion.joint_path import JointPath, Joints, Path, singular, table_path
-from orinkit.virtual.engine.motion.profile import Array, Profile
+from orinkit.virtual.engine.motion.profile import Array, MotionProfile
 from orinkit.virtual.engine.motion.soft_limits import check_end, check_way
 
 LONGEST: Final = 36_000.0
@@ -80,7 +80,7 @@ class Motion:
 
     __slots__ = ("length", "mark", "pass_time", "path", "profile", "rates")
 
-    def __init__(self, path: Path, profile: Profile, rates: Rates, mark: PassMark, length: float | None) -> None:
+    def __init__(self, path: Path, profile: MotionProfile, rates: Rates, mark: PassMark, length: float | None) -> None:
         self.path = path
         self.profile = profile
         self.rates = rates
@@ -268,7 +268,7 @@ def _tcp(kinematics: Kinematics, start: Sequence[float], tool: Array) -> Array:
 def _plan_course(
     kinematics: Kinematics,
     start: Sequence[float],
-    course: Course,
+    course: CartesianPath,
     tool: Array,
     rates: Rates,
     mark: PassMark,
@@ -278,7 +278,7 @@ def _plan_course(
     ends = start[6:] if extra_end is None else extra_end
     extra = [(abs(b - a), axis) for a, b, axis in zip(start[6:], ends, model.axes[6:], strict=True)]
     if course.length <= _STILL and course.angle <= _STILL and all(way == 0 for way, _ in extra):
-        return Motion(JointPath(start, start), Profile.instant(), rates, mark, 0.0)
+        return Motion(JointPath(start, start), MotionProfile.instant(), rates, mark, 0.0)
     check_end(model, (*start[:6], *ends), first=6)  # before inverse kinematics looks at a NaN
     law = _law(_course_limits(model, course, extra), rates)
     path = table_path(kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, law, rates))
@@ -287,7 +287,7 @@ def _plan_course(
     return _timed(kinematics, path, _within_joints(model, path, law, rates), rates, mark, tool, course.length)
 
 
-def _course_limits(model: Model, course: Course, extra: Sequence[tuple[float, Axis]]) -> list[_Limits]:
+def _course_limits(model: ArmModel, course: CartesianPath, extra: Sequence[tuple[float, AxisModel]]) -> list[_Limits]:
     limits = [_Limits(axis.velocity / way, axis.acceleration / way) for way, axis in extra if way > 0]
     if (far := course.greatest_rate) > _STILL:
         limits.append(_Limits(model.path_speed / far, model.path_acceleration / far))
@@ -296,19 +296,19 @@ def _course_limits(model: Model, course: Course, extra: Sequence[tuple[float, Ax
     return limits
 
 
-def _law(limits: Sequence[_Limits], rates: Rates) -> Profile:
+def _law(limits: Sequence[_Limits], rates: Rates) -> MotionProfile:
     if not limits:
-        return Profile.instant()
+        return MotionProfile.instant()
     velocity = min(limit.velocity for limit in limits) * rates.speed
     acceleration = min(limit.acceleration for limit in limits)
     accel, decel = acceleration * rates.accel, acceleration * rates.decel
     if min(velocity, accel * LONGEST, decel * LONGEST) * LONGEST < 1:  # longer than that in any case
         raise _too_long()
     ceiling = 1e9  # of a way next to nothing; the time law smooths it anyway
-    return Profile.trapezoid(min(velocity, ceiling), min(accel, ceiling), min(decel, ceiling))
+    return MotionProfile.trapezoid(min(velocity, ceiling), min(accel, ceiling), min(decel, ceiling))
 
 
-def _within_joints(model: Model, path: Path, profile: Profile, rates: Rates) -> Profile:
+def _within_joints(model: ArmModel, path: Path, profile: MotionProfile, rates: Rates) -> MotionProfile:
     # Time stretched by k divides velocities by k and accelerations by k^2: no need to try.
     motion = Motion(path, profile, rates, AT_TARGET, None)
     times = np.concatenate((np.linspace(0, profile.duration, _SAMPLES), profile.moments(path.probes)))
@@ -323,7 +323,7 @@ def _within_joints(model: Model, path: Path, profile: Profile, rates: Rates) -> 
     return profile.stretched(profile.duration * stretch)
 
 
-def _hopeless(model: Model, rows: Array, profile: Profile, rates: Rates) -> bool:
+def _hopeless(model: ArmModel, rows: Array, profile: MotionProfile, rates: Rates) -> bool:
     # From one row to the next the joints cannot be slower than on the average.
     steps = len(rows) - 1
     pace = profile.sampled(profile.moments((np.arange(steps) + 0.5) / steps))[1]
@@ -332,14 +332,14 @@ def _hopeless(model: Model, rows: Array, profile: Profile, rates: Rates) -> bool
     return _too_slow(float((fast / most).max()), profile)
 
 
-def _too_slow(stretch: float, profile: Profile) -> bool:
+def _too_slow(stretch: float, profile: MotionProfile) -> bool:
     return stretch > _SINGULAR_STRETCH and profile.duration * stretch > _SINGULAR_TIME
 
 
 def _timed(
     kinematics: Kinematics,
     path: Path,
-    profile: Profile,
+    profile: MotionProfile,
     rates: Rates,
     mark: PassMark,
     tool: Array | None,

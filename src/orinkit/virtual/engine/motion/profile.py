@@ -40,7 +40,7 @@ class Knot(NamedTuple):
     jerk: float
 
 
-class Profile:
+class MotionProfile:
     """A time law s(t): 0 until t = 0, exactly 1 from ``duration`` on, never beyond.
 
     Attributes:
@@ -60,7 +60,7 @@ class Profile:
     @classmethod
     def trapezoid(
         cls, velocity: float, acceleration: float, deceleration: float, smoothing: float = SMOOTHING
-    ) -> Profile:
+    ) -> MotionProfile:
         """Return the fastest law within limits.
 
         Args:
@@ -89,11 +89,11 @@ class Profile:
         return cls(*_smoothed(top, rise, cruise, fall, smoothing))
 
     @classmethod
-    def instant(cls) -> Profile:
+    def instant(cls) -> MotionProfile:
         """Return the law of a motion that has nowhere to go."""
         return cls((), 0.0, 0.0)
 
-    def stretched(self, duration: float) -> Profile:
+    def stretched(self, duration: float) -> MotionProfile:
         """Return the same law made slower, or itself if it lasts that long already.
 
         Raises:
@@ -105,7 +105,7 @@ class Profile:
             return self
         k = duration / self.duration
         knots = tuple(Knot(t * k, s, v / k, a / k**2, j / k**3) for t, s, v, a, j in self.knots)
-        return Profile(knots, duration, self.slowing * k)
+        return MotionProfile(knots, duration, self.slowing * k)
 
     def at(self, time: float) -> float:
         """Return s, 0 to 1."""

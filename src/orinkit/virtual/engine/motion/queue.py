@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from orinkit.arms import Model
+from orinkit.arms import ArmModel
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -114,7 +114,7 @@ class MotionQueue:
         state: what it does.
     """
 
-    def __init__(self, model: Model, joints: Sequence[float], cycle: float = CYCLE) -> None:
+    def __init__(self, model: ArmModel, joints: Sequence[float], cycle: float = CYCLE) -> None:
         if not (math.isfinite(cycle) and cycle > 0):
             raise ValueError(tr("a cycle is a number of seconds above 0, not {cycle!r}", cycle=cycle))
         self._model = model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orinkit.arms import Axis, Model
+from orinkit.arms import ArmModel, AxisModel
 from orinkit.arms.kinematics.figures import LIMIT_TOLERANCE
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
@@ -10,7 +10,7 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.engine.motion.joint_path import Joints, Path
 
 
-def check_end(model: Model, end: Joints, first: int = 0) -> None:
+def check_end(model: ArmModel, end: Joints, first: int = 0) -> None:
     """Check the joints, from the one of index ``first`` on, where a motion ends.
 
     Raises:
@@ -21,7 +21,7 @@ def check_end(model: Model, end: Joints, first: int = 0) -> None:
             raise error_for(hresult.TARGET_OVER_SOFT_LIMIT_AXIS1 + number, _range_text(value, axis))
 
 
-def check_way(model: Model, path: Path) -> None:
+def check_way(model: ArmModel, path: Path) -> None:
     """Check the joints on the way; an axis that starts beyond its limit may come back.
 
     Raises:
@@ -37,7 +37,7 @@ def check_way(model: Model, path: Path) -> None:
             raise error_for(hresult.SOFT_LIMIT_OVER_AXIS1 + number, _range_text(float(farthest), axis))
 
 
-def _range_text(value: float, axis: Axis) -> str:
+def _range_text(value: float, axis: AxisModel) -> str:
     unit = "mm" if axis.linear else "deg"
     return tr(
         "{value:.6g}, the limits are {lower:g} to {upper:g} {unit}",

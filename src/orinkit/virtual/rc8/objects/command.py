@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
-from orinkit.cao.provider import CommandObject, Later, not_found
+from orinkit.cao.provider import CommandObject, Deferred, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.engine.timers import Timer
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import controller_commands, robot_commands
 from orinkit.virtual.rc8.objects.extension import CONTROLLER_COMMANDS as HAND_COMMANDS
 from orinkit.virtual.rc8.objects.extension import EXTENSION_COMMANDS, HAND_NAME
@@ -40,7 +40,7 @@ class CommandState(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class CommandRoute:
     """Where a command goes.
 
     Attributes:
@@ -48,14 +48,14 @@ class Route:
         stop: brings to rest what it has begun, so that its promise is broken; returns whether there was such a thing.
     """
 
-    run: Callable[[Caller, Variant], Any]
-    stop: Callable[[Caller, int], bool]
+    run: Callable[[ClientContext, Variant], Any]
+    stop: Callable[[ClientContext, int], bool]
 
 
 class RC8Command(CommandObject):
     """One client's command."""
 
-    def __init__(self, caller: Caller, name: str, route: Route) -> None:
+    def __init__(self, caller: ClientContext, name: str, route: CommandRoute) -> None:
         super().__init__(name, attribute=int(caller.access), help=caller.state.say("Command") + f" {name}")
         self._caller = caller
         self._route = route
@@ -65,11 +65,11 @@ class RC8Command(CommandObject):
         self._result: Any = None
         self._error: BaseException | None = None
         self._ending = 0  # the code with which it is being cancelled
-        self._inner: Later[Any] | None = None
-        self._over = Later[None]()
+        self._inner: Deferred[Any] | None = None
+        self._over = Deferred[None]()
         self._timer: Timer | None = None
 
-    def execute(self, mode: int) -> Later[None] | None:
+    def execute(self, mode: int) -> Deferred[None] | None:
         """Execute it with its parameters: 0 answers when it is over, with its error if it failed, 1 at once.
 
         Raises:
@@ -85,7 +85,7 @@ class RC8Command(CommandObject):
         self._begin()
         return self._over if mode == WAIT else None
 
-    def cancel(self) -> Later[None] | None:
+    def cancel(self) -> Deferred[None] | None:
         """Cancel it; answers when what it has begun is at rest. One that is not being executed stays as it is."""
         return self._end(hresult.E_CANCEL) if self._state is CommandState.EXECUTING else None
 
@@ -138,35 +138,35 @@ class RC8Command(CommandObject):
     def _begin(self) -> None:
         self._state = CommandState.EXECUTING
         self._result, self._error, self._ending = None, None, 0
-        self._over = Later[None]()
+        self._over = Deferred[None]()
         try:
             answer = self._route.run(self._caller, self._parameters)
         except Exception as error:  # noqa: BLE001 - it is the command that has failed, not Command_Execute
             self._settle(CommandState.FAILED, error=error)
             return
-        if not isinstance(answer, Later):
+        if not isinstance(answer, Deferred):
             self._settle(CommandState.DONE, answer)
             return
-        if self._timeout and not answer.done:
+        if self._timeout and not answer.done():
             self._timer = self._caller.state.timers.after(self._timeout, lambda: self._time_up(answer))
         self._inner = answer
-        answer.when_done(lambda: self._answered(answer))
+        answer.add_done_callback(lambda: self._answered(answer))
 
-    def _time_up(self, inner: Later[Any]) -> None:
+    def _time_up(self, inner: Deferred[Any]) -> None:
         if inner is self._inner:
             self._end(hresult.E_TIMEOUT)
 
-    def _end(self, code: int) -> Later[None]:
+    def _end(self, code: int) -> Deferred[None]:
         """Cancel what is being executed; returns what is kept when it is over."""
-        over = Later[None]()
-        self._over.when_done(over.finish)
+        over = Deferred[None]()
+        self._over.add_done_callback(over.set_result)
         if not self._ending:
             self._ending = code
             if not self._route.stop(self._caller, code):
                 self._cancelled()
         return over
 
-    def _answered(self, inner: Later[Any]) -> None:
+    def _answered(self, inner: Deferred[Any]) -> None:
         if inner is not self._inner:  # it was given up
             return
         if self._ending:
@@ -188,12 +188,12 @@ class RC8Command(CommandObject):
             self._timer.cancel()
             self._timer = None
         if error is None:
-            self._over.finish()
+            self._over.set_result()
         else:
-            self._over.fail(error)
+            self._over.set_exception(error)
 
 
-def find_command(caller: Caller, name: str) -> RC8Command:
+def find_command(caller: ClientContext, name: str) -> RC8Command:
     """Return the command of a name, in upper or lower case.
 
     Raises:
@@ -211,22 +211,22 @@ def command_names() -> list[str]:
     ]
 
 
-def _route(name: str) -> Route:
+def _route(name: str) -> CommandRoute:
     owner, _, command = (part.strip().lower() for part in name.rpartition("."))
     if not owner and command in controller_commands.COMMANDS:
         stop = _stop_hand if command in _OF_HAND else _nothing
-        return Route(lambda caller, parameter: controller_commands.execute(caller, command, parameter), stop)
+        return CommandRoute(lambda caller, parameter: controller_commands.execute(caller, command, parameter), stop)
     if owner == HAND_NAME.lower() and command in EXTENSION_COMMANDS:
-        return Route(EXTENSION_COMMANDS[command].execute, _stop_hand)
+        return CommandRoute(EXTENSION_COMMANDS[command].execute, _stop_hand)
     if owner in ("", *_ROBOTS):
         if command in robot_commands.ROBOT_COMMANDS:
-            return Route(lambda caller, parameter: robot_commands.execute(caller, command, parameter), _stop_arm)
+            return CommandRoute(lambda caller, parameter: robot_commands.execute(caller, command, parameter), _stop_arm)
         if command in _NOT_OF_ROBOT:
             raise error_for(hresult.E_NOTIMPL, f"{name:.40}")
     raise not_found(f"{name:.40}")
 
 
-def _stop_arm(caller: Caller, code: int) -> bool:
+def _stop_arm(caller: ClientContext, code: int) -> bool:
     arm = caller.state.arm
     if arm.holder is not caller or not (arm.busy or arm.slave.pending):
         return False
@@ -234,7 +234,7 @@ def _stop_arm(caller: Caller, code: int) -> bool:
     return True
 
 
-def _stop_hand(caller: Caller, code: int) -> bool:
+def _stop_hand(caller: ClientContext, code: int) -> bool:
     hand = caller.state.hand
     if not hand.busy:
         return False
@@ -242,5 +242,5 @@ def _stop_hand(caller: Caller, code: int) -> bool:
     return True
 
 
-def _nothing(_caller: Caller, _code: int) -> bool:
+def _nothing(_caller: ClientContext, _code: int) -> bool:
     return False

@@ -19,7 +19,7 @@ from orinkit.cao.provider import (
 )
 from orinkit.core import hresult
 from orinkit.values.variant import Variant
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.events import EventQueue
 from orinkit.virtual.rc8.objects import controller_commands
 from orinkit.virtual.rc8.objects.command import command_names, find_command
@@ -47,7 +47,7 @@ class RC8Controller(ControllerObject):
         events: the events that wait for this client, ``None`` where it wants none.
     """
 
-    def __init__(self, caller: Caller, option: str) -> None:
+    def __init__(self, caller: ClientContext, option: str) -> None:
         state = caller.state
         text = state.say("Virtual RC8 robot controller")
         super().__init__(caller.origin.caller, attribute=int(caller.access), help=text)

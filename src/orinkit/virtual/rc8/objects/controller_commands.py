@@ -14,10 +14,10 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value, Variant
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.extension import CONTROLLER_COMMANDS as HAND_COMMANDS
-from orinkit.virtual.rc8.state import State
-from orinkit.virtual.rc8.switches import Mode, TokenKind
+from orinkit.virtual.rc8.state import RC8State
+from orinkit.virtual.rc8.switches import ModeSwitch, TokenKind
 from orinkit.virtual.rc8.variables import conversion
 
 _SERIAL_NUMBER: Final = 0
@@ -26,7 +26,7 @@ _BATTERY_PASSED: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class ControllerCommand:
     """One command.
 
     Attributes:
@@ -36,11 +36,11 @@ class Command:
     """
 
     name: str
-    run: Callable[[Caller, Variant], Any]
+    run: Callable[[ClientContext, Variant], Any]
     writes: bool = False
 
 
-def execute(caller: Caller, name: str, parameter: Variant) -> Any:
+def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
@@ -58,43 +58,43 @@ def execute(caller: Caller, name: str, parameter: Variant) -> Any:
     return command.run(caller, parameter)
 
 
-def _clear_error(caller: Caller, _: Variant) -> Value:
+def _clear_error(caller: ClientContext, _: Variant) -> Value:
     caller.state.clear_errors(caller.origin)
     return None
 
 
-def _error_description(caller: Caller, parameter: Variant) -> Value:
+def _error_description(caller: ClientContext, parameter: Variant) -> Value:
     code = conversion.whole(parameter)
     if not -(2**31) <= code < 2**32:
         raise error_for(hresult.E_INVALIDARG, tr("{code} has more than 32 bits", code=code))
     return caller.state.faults.describe(code)
 
 
-def _current_error_count(caller: Caller, _: Variant) -> Value:
+def _current_error_count(caller: ClientContext, _: Variant) -> Value:
     return len(caller.state.faults.current)
 
 
-def _current_error(caller: Caller, parameter: Variant) -> Value:
+def _current_error(caller: ClientContext, parameter: Variant) -> Value:
     return caller.state.faults.current.at(conversion.whole(parameter)).as_current()
 
 
-def _error_log_count(caller: Caller, _: Variant) -> Value:
+def _error_log_count(caller: ClientContext, _: Variant) -> Value:
     return len(caller.state.faults.log)
 
 
-def _error_log(caller: Caller, parameter: Variant) -> Value:
+def _error_log(caller: ClientContext, parameter: Variant) -> Value:
     return caller.state.faults.log.at(conversion.whole(parameter)).as_logged()
 
 
-def _operation_log_count(caller: Caller, _: Variant) -> Value:
+def _operation_log_count(caller: ClientContext, _: Variant) -> Value:
     return len(caller.state.operations)
 
 
-def _operation_log(caller: Caller, parameter: Variant) -> Value:
+def _operation_log(caller: ClientContext, parameter: Variant) -> Value:
     return caller.state.operations.at(conversion.whole(parameter)).as_logged()
 
 
-def _system_info(caller: Caller, parameter: Variant) -> Value:
+def _system_info(caller: ClientContext, parameter: Variant) -> Value:
     state, item = caller.state, conversion.whole(parameter)
     if item == _SERIAL_NUMBER:
         return state.identity.serial_no
@@ -106,7 +106,7 @@ def _system_info(caller: Caller, parameter: Variant) -> Value:
     )
 
 
-def system_state(state: State) -> int:
+def system_state(state: RC8State) -> int:
     """Return the 32 bits of SysState; a bit of what this controller does not have yet is 0."""
     switches = state.switches
     bits = {
@@ -114,15 +114,15 @@ def system_state(state: State) -> int:
         1: state.faults.code != 0,
         2: state.arm.motor.on,
         3: True,  # initialised: a client that asks is past the start
-        4: switches.mode is Mode.AUTOMATIC,
-        5: switches.mode is Mode.AUTOMATIC and switches.token.kind is not TokenKind.TP,
+        4: switches.mode is ModeSwitch.AUTOMATIC,
+        5: switches.mode is ModeSwitch.AUTOMATIC and switches.token.kind is not TokenKind.TP,
         6: state.battery_passed,
         10: switches.emergency_stop,
         11: switches.auto_enable,
         12: switches.protective_stop,
         13: state.arm.stopping,
         17: True,  # CALSET: a virtual arm has nothing to adjust
-        18: switches.mode is Mode.MANUAL,
+        18: switches.mode is ModeSwitch.MANUAL,
         19: state.tasks.cycle_complete,
         20: state.arm.busy,
         21: not state.arm.settled,
@@ -131,11 +131,11 @@ def system_state(state: State) -> int:
     return sum(1 << bit for bit, on in bits.items() if on)
 
 
-def _system_state(caller: Caller, _: Variant) -> Value:
+def _system_state(caller: ClientContext, _: Variant) -> Value:
     return system_state(caller.state)
 
 
-def _manual_reset(caller: Caller, _: Variant) -> Value:
+def _manual_reset(caller: ClientContext, _: Variant) -> Value:
     """Leave the safety state: here the stop itself is all there is to leave."""
     switches = caller.state.switches
     if switches.emergency_stop:
@@ -145,27 +145,27 @@ def _manual_reset(caller: Caller, _: Variant) -> Value:
     return None
 
 
-def _torque_off(caller: Caller, _: Variant) -> Value:
+def _torque_off(caller: ClientContext, _: Variant) -> Value:
     return caller.state.switches.torque_off
 
 
-COMMANDS: Final[dict[str, Command]] = {
+COMMANDS: Final[dict[str, ControllerCommand]] = {
     command.name.lower(): command
     for command in (
-        Command("ClearError", _clear_error, writes=True),
-        Command("GetErrorDescription", _error_description),
-        Command("GetCurErrorCount", _current_error_count),
-        Command("GetCurErrorInfo", _current_error),
-        Command("GetErrorLogCount", _error_log_count),
-        Command("GetErrorLog", _error_log),
-        Command("GetOprLogCount", _operation_log_count),
-        Command("GetOprLog", _operation_log),
-        Command("SysInfo", _system_info),
-        Command("SysState", _system_state),
-        Command("StoState", _torque_off),
-        Command("ManualReset", _manual_reset, writes=True),
-        Command("ManualResetPreparation", _manual_reset, writes=True),
-        Command("ResetStoState", _manual_reset, writes=True),
-        *(Command(each.name, each.execute, each.writes) for each in HAND_COMMANDS),
+        ControllerCommand("ClearError", _clear_error, writes=True),
+        ControllerCommand("GetErrorDescription", _error_description),
+        ControllerCommand("GetCurErrorCount", _current_error_count),
+        ControllerCommand("GetCurErrorInfo", _current_error),
+        ControllerCommand("GetErrorLogCount", _error_log_count),
+        ControllerCommand("GetErrorLog", _error_log),
+        ControllerCommand("GetOprLogCount", _operation_log_count),
+        ControllerCommand("GetOprLog", _operation_log),
+        ControllerCommand("SysInfo", _system_info),
+        ControllerCommand("SysState", _system_state),
+        ControllerCommand("StoState", _torque_off),
+        ControllerCommand("ManualReset", _manual_reset, writes=True),
+        ControllerCommand("ManualResetPreparation", _manual_reset, writes=True),
+        ControllerCommand("ResetStoState", _manual_reset, writes=True),
+        *(ControllerCommand(each.name, each.execute, each.writes) for each in HAND_COMMANDS),
     )
 }

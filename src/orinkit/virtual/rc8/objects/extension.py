@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from orinkit.cao.provider import ExtensionObject, Later, not_found
+from orinkit.cao.provider import Deferred, ExtensionObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.hand import Hand
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.variables import conversion
@@ -44,7 +44,7 @@ class HandCommand:
     writes: bool = True
     simulated: bool = True
 
-    def execute(self, caller: Caller, parameter: Variant) -> Any:
+    def execute(self, caller: ClientContext, parameter: Variant) -> Any:
         """Execute it for a client.
 
         Raises:
@@ -60,7 +60,7 @@ class HandCommand:
 class Hand0(ExtensionObject):
     """One client's view of the hand as an extension."""
 
-    def __init__(self, caller: Caller, name: str) -> None:
+    def __init__(self, caller: ClientContext, name: str) -> None:
         super().__init__(name, attribute=int(caller.access), help=caller.state.say("Electric hand"))
         self._caller = caller
 
@@ -76,7 +76,7 @@ class Hand0(ExtensionObject):
         return found.execute(self._caller, parameter)
 
 
-def find_extension(caller: Caller, name: str) -> Hand0:
+def find_extension(caller: ClientContext, name: str) -> Hand0:
     """Return an extension by its name, in upper or lower case.
 
     Raises:
@@ -93,7 +93,7 @@ def find_extension(caller: Caller, name: str) -> Hand0:
 # --- what the commands do ---------------------------------------------------------------------------------------------
 
 
-def _begun(move: Later[None], at_once: bool) -> Later[None] | None:
+def _begun(move: Deferred[None], at_once: bool) -> Deferred[None] | None:
     return None if at_once else move
 
 
@@ -118,27 +118,27 @@ def _numbers(parameter: Variant, *names: str) -> tuple[list[float], bool]:
     return [conversion.double(each) for each in given], at_once
 
 
-def _move_to(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _move_to(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (position, speed), at_once = _numbers(parameter, "mm", "%")
     return _begun(hand.move(position, speed), at_once)
 
 
-def _move_by(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _move_by(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (distance, speed), at_once = _numbers(parameter, "mm", "%")
     return _begun(hand.move(hand.position + distance, speed), at_once)
 
 
-def _hold_to(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _hold_to(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (position, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
     return _begun(hand.move(position, speed, force), at_once)
 
 
-def _hold_by(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _hold_by(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (distance, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
     return _begun(hand.move(hand.position + distance, speed, force), at_once)
 
 
-def _grip(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _grip(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     given, at_once = _options(parameter)
     if len(given) != 2:
         raise error_for(
@@ -149,17 +149,17 @@ def _grip(hand: Hand, parameter: Variant) -> Later[None] | None:
     return _begun(hand.grip(force, closing=closing), at_once)
 
 
-def _chuck(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _chuck(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (number,), at_once = _numbers(parameter, "n")
     return _begun(hand.chuck(parameters.whole(number)), at_once)
 
 
-def _unchuck(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _unchuck(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (number,), at_once = _numbers(parameter, "n")
     return _begun(hand.unchuck(parameters.whole(number)), at_once)
 
 
-def _to_origin(hand: Hand, parameter: Variant) -> Later[None] | None:
+def _to_origin(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     _, at_once = _options(parameter)
     return _begun(hand.to_origin(), at_once)
 

@@ -13,18 +13,18 @@ from datetime import datetime
 from typing import Final, TypeAlias
 
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Blocking, FileObject, VariableObject, not_found, not_implemented
+from orinkit.cao.provider import BlockingCall, FileObject, VariableObject, not_found, not_implemented
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.types import UI1_ARRAY, VarType, type_name
 from orinkit.values.variant import Value, Variant
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
 from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
 from orinkit.virtual.rc8.files.store import Staged
 
-Run: TypeAlias = Callable[[Caller, str, str], str | Blocking]
+Run: TypeAlias = Callable[[ClientContext, str, str], str | BlockingCall]
 """Starts a program for a client: the client, the file's name from the root folder, the option; gives the task's name."""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
@@ -36,7 +36,7 @@ _SLICE: Final = 64 * 1024
 _LARGEST_SIZE: Final = 2**31 - 1  # of VT_I4, for a file that the store did not write
 
 
-def find_file(caller: Caller, store: FileStore, name: str, option: str, run: Run | None = None) -> RC8File:
+def find_file(caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None = None) -> RC8File:
     r"""Return the file or folder of that name; ``""``, ``"\"`` and ``"/"`` are the root folder.
 
     Args:
@@ -86,7 +86,7 @@ class RC8File(FileObject):
         run: starts programs.
     """
 
-    def __init__(self, caller: Caller, store: FileStore, path: str, run: Run | None = None) -> None:
+    def __init__(self, caller: ClientContext, store: FileStore, path: str, run: Run | None = None) -> None:
         super().__init__(_last_part(path))
         self._caller = caller
         self._store = store
@@ -141,7 +141,7 @@ class RC8File(FileObject):
 
     # --- what happens to it ---------------------------------------------------------------------------------------
 
-    def copy(self, name: str, option: str) -> Blocking | None:  # noqa: ARG002
+    def copy(self, name: str, option: str) -> BlockingCall | None:  # noqa: ARG002
         """Copy the file to a name that is free; into a folder, if the name ends in a separator.
 
         Raises:
@@ -159,7 +159,7 @@ class RC8File(FileObject):
             with self._caller.state.cycles:
                 self._store.copy(path, target, staged)
 
-        return Blocking(copy)
+        return BlockingCall(copy)
 
     def delete(self, option: str) -> None:
         """Delete it; a folder that is not empty only with the option ``@Recursive=1``.
@@ -184,7 +184,7 @@ class RC8File(FileObject):
         self._path = self._store.path(target)
         self.name = _last_part(self._path)
 
-    def run(self, option: str) -> str | Blocking:
+    def run(self, option: str) -> str | BlockingCall:
         """Run the program; the name of its task is returned.
 
         Raises:
@@ -232,7 +232,7 @@ class RC8File(FileObject):
         """The extension in lower case, ``pcs``, ``""`` where it has none; ``folder`` for a folder."""
         return _FOLDER_TYPE if self._is_folder() else extension(self._path)
 
-    def get_value(self) -> Value | Blocking:
+    def get_value(self) -> Value | BlockingCall:
         """The content.
 
         Text is VT_BSTR: read as UTF-8, with or without a byte order mark, which is left out. A file whose extension says
@@ -248,9 +248,9 @@ class RC8File(FileObject):
         def read() -> Variant:
             return _content(self._store.read(path), text=extension(path) in _TEXTS)
 
-        return read() if self._store.size(path) < _LARGE else Blocking(read)
+        return read() if self._store.size(path) < _LARGE else BlockingCall(read)
 
-    def put_value(self, value: Variant) -> Blocking | None:
+    def put_value(self, value: Variant) -> BlockingCall | None:
         """Set the content: text, which is kept as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
 
         Raises:
@@ -269,7 +269,7 @@ class RC8File(FileObject):
             with self._caller.state.cycles:
                 self._write(path, staged)
 
-        return Blocking(write)
+        return BlockingCall(write)
 
     def _write(self, path: str, data: bytes | Staged) -> None:
         if not self._store.exists(path):

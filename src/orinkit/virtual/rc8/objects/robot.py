@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from orinkit.cao.provider import Later, RobotObject, VariableObject
+from orinkit.cao.provider import Deferred, RobotObject, VariableObject
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
@@ -17,7 +17,7 @@ from orinkit.rc8.pose_arguments import read_targets
 from orinkit.values.poses import PassMark, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant
 from orinkit.virtual.engine.motion.queue import Ticket
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import robot_commands
 from orinkit.virtual.rc8.objects.robot_variables import find_robot_variable, robot_variable_names
 from orinkit.virtual.rc8.robot import parameters
@@ -37,7 +37,7 @@ _ON_A_LINE: Final = 1e-6  # sine of the angle between two sides of a triangle th
 class RC8Robot(RobotObject):
     """One client's view of the robot; the arm is given back when the last one of the client is released."""
 
-    def __init__(self, caller: Caller, name: str) -> None:
+    def __init__(self, caller: ClientContext, name: str) -> None:
         text = caller.state.say("Robot of a virtual RC8")
         super().__init__(name, attribute=int(caller.access), help=f"{text} ({caller.state.arm.model.name})")
         self._caller = caller
@@ -48,7 +48,7 @@ class RC8Robot(RobotObject):
 
     # --- motion -------------------------------------------------------------------------------------------------
 
-    def move(self, interpolation: int, pose: Variant, option: str) -> Later[None] | None:
+    def move(self, interpolation: int, pose: Variant, option: str) -> Deferred[None] | None:
         """Move to a pose (RC8 3.3.4); answers when it is done, at once with NEXT."""
         require("Move", self._arm, self._caller)
         options = parse_options(option)
@@ -57,31 +57,31 @@ class RC8Robot(RobotObject):
             return self._begun(self._moves.follow(*number, options), options)
         return self._begun(self._moves.move(interpolation, read_targets(pose), options), options)
 
-    def drive(self, axis: int, value: float, option: str) -> Later[None] | None:
+    def drive(self, axis: int, value: float, option: str) -> Deferred[None] | None:
         """Move one joint by degrees (mm for a linear one)."""
         require("Drive", self._arm, self._caller)
         options = parse_options(option)
         return self._begun(self._moves.drive([(axis, value)], False, None, options), options)
 
-    def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Later[None] | None:
+    def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Deferred[None] | None:
         """Rotate by degrees in a plane of the work frame (or one of three points) about a pivot."""
         require("Rotate", self._arm, self._caller)
         options = parse_options(option)
         axis = self._normal(plane)
         return self._begun(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
 
-    def go_home(self) -> Later[None]:
+    def go_home(self) -> Deferred[None]:
         """Move to the home pose."""
         require("GoHome", self._arm, self._caller)
         return self._arm.when_done(self._moves.home()[-1])
 
-    def halt(self, option: str) -> Later[None]:  # noqa: ARG002 - has none
+    def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - has none
         """Stop the motion and abandon it, whoever started it; answers when the arm stands."""
         require("Halt", self._arm, self._caller)
         self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
         return self._arm.when_still()
 
-    def hold(self, option: str) -> Later[None]:  # noqa: ARG002
+    def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
         """Pause the motion, whoever started it; answers when the arm stands."""
         require("Hold", self._arm, self._caller)
         self._arm.hold()
@@ -136,7 +136,7 @@ class RC8Robot(RobotObject):
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
-    def _begun(self, tickets: Sequence[Ticket], options: MotionOptions) -> Later[None] | None:
+    def _begun(self, tickets: Sequence[Ticket], options: MotionOptions) -> Deferred[None] | None:
         return None if options.next else self._arm.when_done(tickets[-1])
 
     def _normal(self, plane: Variant) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
@@ -18,10 +18,10 @@ from orinkit.rc8.motion_options import MotionOptions, parse_options
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.engine.motion.queue import Ticket
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import slave_commands as slave
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
 from orinkit.virtual.rc8.robot.speeds import SQUARE
 from orinkit.virtual.rc8.variables import conversion
@@ -42,12 +42,12 @@ class RobotCommand:
     """
 
     name: str
-    run: Callable[[Caller, Variant], Any]
+    run: Callable[[ClientContext, Variant], Any]
     reads: bool = True
     in_slave: bool = False
 
 
-def execute(caller: Caller, name: str, parameter: Variant) -> Any:
+def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
@@ -67,7 +67,7 @@ def execute(caller: Caller, name: str, parameter: Variant) -> Any:
 # --- arm and motor ----------------------------------------------------------------------------------------------------
 
 
-def _take_arm(caller: Caller, parameter: Variant) -> Later[None] | None:
+def _take_arm(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     arm = caller.state.arm
     group, keep = parameters.whole_numbers(parameter, 0, 0)
     settings = parameters.flag(keep)
@@ -80,18 +80,18 @@ def _take_arm(caller: Caller, parameter: Variant) -> Later[None] | None:
     return None
 
 
-def _give_arm(caller: Caller, _: Variant) -> None:
+def _give_arm(caller: ClientContext, _: Variant) -> None:
     require("GiveArm", caller.state.arm, caller)
     caller.state.arm.give()
 
 
-def _arm_state(caller: Caller, parameter: Variant) -> int:
+def _arm_state(caller: ClientContext, parameter: Variant) -> int:
     (group,) = parameters.whole_numbers(parameter, _MINE)
     holder = caller.state.arm.holder
     return int(holder is caller if group == _MINE else holder is not None)
 
 
-def _motor(caller: Caller, parameter: Variant) -> Later[None] | None:
+def _motor(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     on, no_wait = (parameters.flag(value) for value in parameters.whole_numbers(parameter, None, 0))
     require("Motor on" if on else "Motor off", caller.state.arm, caller)
     done = caller.state.arm.switch_motor(on)
@@ -101,19 +101,19 @@ def _motor(caller: Caller, parameter: Variant) -> Later[None] | None:
 # --- speeds -----------------------------------------------------------------------------------------------------------
 
 
-def _ext_speed(caller: Caller, parameter: Variant) -> None:
+def _ext_speed(caller: ClientContext, parameter: Variant) -> None:
     require("ExtSpeed", caller.state.arm, caller)
     caller.state.arm.speeds.set_external(*parameters.numbers(parameter, None, SQUARE, SQUARE))
 
 
-def _of_arm(read: Callable[[Arm], object], vt: int) -> Callable[[Caller, Variant], Value]:
+def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContext, Variant], Value]:
     return lambda caller, _: Variant(vt, read(caller.state.arm))
 
 
 # --- motions ----------------------------------------------------------------------------------------------------------
 
 
-def _begun(caller: Caller, tickets: list[Ticket], options: MotionOptions) -> Later[None] | None:
+def _begun(caller: ClientContext, tickets: list[Ticket], options: MotionOptions) -> Deferred[None] | None:
     return None if options.next else caller.state.arm.when_done(tickets[-1])
 
 
@@ -128,7 +128,7 @@ def _options(given: list[Variant]) -> MotionOptions:
     return parse_options(",".join(texts))
 
 
-def _approach(caller: Caller, parameter: Variant) -> Later[None] | None:
+def _approach(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     require("Approach", caller.state.arm, caller)
     given = _at_least(parameter, 3)
     mark, distance = parameters.marked_number(given[2])
@@ -138,7 +138,7 @@ def _approach(caller: Caller, parameter: Variant) -> Later[None] | None:
     return _begun(caller, tickets, options)
 
 
-def _depart(caller: Caller, parameter: Variant) -> Later[None] | None:
+def _depart(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     require("Depart", caller.state.arm, caller)
     given = _at_least(parameter, 2)
     mark, distance = parameters.marked_number(given[1])
@@ -146,8 +146,8 @@ def _depart(caller: Caller, parameter: Variant) -> Later[None] | None:
     return _begun(caller, caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options), options)
 
 
-def _drive(name: str, absolute: bool) -> Callable[[Caller, Variant], Later[None] | None]:
-    def run(caller: Caller, parameter: Variant) -> Later[None] | None:
+def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Deferred[None] | None]:
+    def run(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
         require(name, caller.state.arm, caller)
         given = _at_least(parameter, 1)
         if isinstance(given[0].value, str):
@@ -162,7 +162,7 @@ def _drive(name: str, absolute: bool) -> Callable[[Caller, Variant], Later[None]
     return run
 
 
-def _rotate_hand(caller: Caller, parameter: Variant) -> Later[None] | None:
+def _rotate_hand(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     require("RotateH", caller.state.arm, caller)
     given = _at_least(parameter, 1)
     mark, angle = parameters.marked_number(given[0])
@@ -170,13 +170,13 @@ def _rotate_hand(caller: Caller, parameter: Variant) -> Later[None] | None:
     return _begun(caller, caller.state.moves.rotate_hand(angle, mark, options), options)
 
 
-def _motion_skip(caller: Caller, _: Variant) -> Later[None]:
+def _motion_skip(caller: ClientContext, _: Variant) -> Deferred[None]:
     require("MotionSkip", caller.state.arm, caller)
     caller.state.arm.skip()
     return caller.state.arm.when_still()
 
 
-def _motion_complete(caller: Caller, parameter: Variant) -> bool:
+def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
     _, mode = parameters.whole_numbers(parameter, _MINE, 0)
     arm = caller.state.arm
     return arm.settled if parameters.flag(mode) else not arm.busy
@@ -195,8 +195,8 @@ def _at_least(parameter: Variant, count: int) -> list[Variant]:
 # --- frames and paths -------------------------------------------------------------------------------------------------
 
 
-def _define(name: str, tool: bool) -> Callable[[Caller, Variant], None]:
-    def run(caller: Caller, parameter: Variant) -> None:
+def _define(name: str, tool: bool) -> Callable[[ClientContext, Variant], None]:
+    def run(caller: ClientContext, parameter: Variant) -> None:
         arm = caller.state.arm
         require(name, arm, caller)
         given = _at_least(parameter, 2)
@@ -209,8 +209,8 @@ def _define(name: str, tool: bool) -> Callable[[Caller, Variant], None]:
     return run
 
 
-def _defined(tool: bool) -> Callable[[Caller, Variant], Value]:
-    def run(caller: Caller, parameter: Variant) -> Value:
+def _defined(tool: bool) -> Callable[[ClientContext, Variant], Value]:
+    def run(caller: ClientContext, parameter: Variant) -> Value:
         space = caller.state.arm.space
         (number,) = parameters.whole_numbers(parameter, None)
         values = (space.tools if tool else space.works).values(number)
@@ -219,41 +219,41 @@ def _defined(tool: bool) -> Callable[[Caller, Variant], Value]:
     return run
 
 
-def _add_path_point(caller: Caller, parameter: Variant) -> None:
+def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
     given = _at_least(parameter, 2)
     caller.state.moves.add_path_point(conversion.whole(given[0]), parameters.pose(given[1]))
 
 
-def _clear_path(caller: Caller, parameter: Variant) -> None:
+def _clear_path(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
     caller.state.moves.clear_path(*parameters.whole_numbers(parameter, None))
 
 
-def _path_length(caller: Caller, parameter: Variant) -> int:
+def _path_length(caller: ClientContext, parameter: Variant) -> int:
     return caller.state.moves.path_length(*parameters.whole_numbers(parameter, None))
 
 
 # --- control log ------------------------------------------------------------------------------------------------------
 
 
-def _start_log(caller: Caller, _: Variant) -> None:
+def _start_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
     caller.state.arm.log.running = True
     caller.state.cycles.wake()
 
 
-def _stop_log(caller: Caller, _: Variant) -> None:
+def _stop_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
     caller.state.arm.log.running = False
 
 
-def _clear_log(caller: Caller, _: Variant) -> None:
+def _clear_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
     caller.state.arm.log.clear()
 
 
-def _log_record(caller: Caller, parameter: Variant) -> Value:
+def _log_record(caller: ClientContext, parameter: Variant) -> Value:
     (index,) = parameters.whole_numbers(parameter, None)
     log = caller.state.arm.log
     try:
@@ -264,7 +264,7 @@ def _log_record(caller: Caller, parameter: Variant) -> Value:
         ) from None
 
 
-def _told(answer: queries.Answer) -> Callable[[Caller, Variant], Variant]:
+def _told(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant]:
     return lambda caller, parameter: answer(caller.state.arm, parameter)
 
 

@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from orinkit.cao.provider import Later, VariableObject, not_found
+from orinkit.cao.provider import Deferred, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_
 from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
-from orinkit.virtual.rc8.client_context import Caller
-from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot import state_report
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.translations import Translate
 from orinkit.virtual.rc8.variables import conversion
@@ -33,9 +33,9 @@ class RobotVariable:
 
     name: str
     vt: int
-    read: Callable[[Arm], Any]
+    read: Callable[[RC8Arm], Any]
     text: str
-    write: Callable[[Caller, Variant], Later[None] | None] | None = None
+    write: Callable[[ClientContext, Variant], Deferred[None] | None] | None = None
     kind: str = ""
 
     def help(self, say: Translate) -> str:
@@ -46,30 +46,30 @@ class RobotVariable:
         return f"{what} ({type_name(self.vt)})"
 
 
-def _servo(caller: Caller, given: Variant) -> Later[None]:
+def _servo(caller: ClientContext, given: Variant) -> Deferred[None]:
     on = conversion.boolean(given)
     require("Motor on" if on else "Motor off", caller.state.arm, caller)
     return caller.state.arm.switch_motor(on)
 
 
-def _tool(caller: Caller, given: Variant) -> None:
+def _tool(caller: ClientContext, given: Variant) -> None:
     require("Change", caller.state.arm, caller)
     tools = caller.state.arm.space.tools
     tools.current = tools.check(conversion.whole(given))
 
 
-def _work(caller: Caller, given: Variant) -> None:
+def _work(caller: ClientContext, given: Variant) -> None:
     require("Change", caller.state.arm, caller)
     works = caller.state.arm.space.works
     works.current = works.check(conversion.whole(given))
 
 
-def _external(caller: Caller, given: Variant) -> None:
+def _external(caller: ClientContext, given: Variant) -> None:
     require("ExtSpeed", caller.state.arm, caller)
     caller.state.arm.speeds.set_external(conversion.double(given))
 
 
-def _poses(prefix: str, source: Callable[[Arm], state_report.Source], text: str) -> tuple[RobotVariable, ...]:
+def _poses(prefix: str, source: Callable[[RC8Arm], state_report.Source], text: str) -> tuple[RobotVariable, ...]:
     return (
         RobotVariable(f"@{prefix}_POSITION", _R8_ARRAY, lambda arm: source(arm).position(), text, kind="P"),
         RobotVariable(f"@{prefix}_ANGLE", _R8_ARRAY, lambda arm: source(arm).angles(), text, kind="J"),
@@ -105,8 +105,8 @@ ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
 class RobotSystem(VariableObject):
     """A system variable of the robot, held by a client."""
 
-    def __init__(self, caller: Caller, name: str, entry: RobotVariable) -> None:
-        own = Access.READ_WRITE if entry.write else Access.READ
+    def __init__(self, caller: ClientContext, name: str, entry: RobotVariable) -> None:
+        own = AccessRight.READ_WRITE if entry.write else AccessRight.READ
         super().__init__(name, attribute=int(own & caller.access), help=entry.help(caller.state.say))
         self._caller = caller
         self._entry = entry
@@ -118,7 +118,7 @@ class RobotSystem(VariableObject):
         self._read = self._caller.state.calendar.now()
         return Variant(self._entry.vt, self._entry.read(self._caller.state.arm))
 
-    def put_value(self, value: Variant) -> Later[None] | None:
+    def put_value(self, value: Variant) -> Deferred[None] | None:
         """Set the value.
 
         Raises:
@@ -140,7 +140,7 @@ class RobotSystem(VariableObject):
         return self._read.microsecond
 
 
-def find_robot_variable(caller: Caller, name: str) -> VariableObject:
+def find_robot_variable(caller: ClientContext, name: str) -> VariableObject:
     """Return the robot's variable of that name, in upper or lower case.
 
     Raises:

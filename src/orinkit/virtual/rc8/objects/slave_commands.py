@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Final
 
-from orinkit.cao.provider import Coded, Later
+from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core.errors import CallError
-from orinkit.core.hresult import Family
+from orinkit.core.hresult import CodeFamily
 from orinkit.rc8.slave_formats import (
     OFF,
     SetPoint,
@@ -19,19 +19,19 @@ from orinkit.rc8.slave_formats import (
 )
 from orinkit.rc8.slave_lateness import build_lateness
 from orinkit.values.variant import Value, Variant
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.slave_feedback import answer_of, require_sources
 from orinkit.virtual.rc8.robot.slave_mode import io
 from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
-from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Command
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import PlannedSetPoint
 from orinkit.virtual.rc8.robot.target import Joints
 
-_MALFORMED: Final = (Family.GENERAL, Family.CAO)
+_MALFORMED: Final = (CodeFamily.GENERAL, CodeFamily.CAO)
 
 
-def change_mode(caller: Caller, parameter: Variant) -> Later[None] | None:
+def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     """Turn slave mode on; with 0 off, which is answered when the buffer is empty and the arm stands.
 
     Raises:
@@ -45,19 +45,19 @@ def change_mode(caller: Caller, parameter: Variant) -> Later[None] | None:
     return arm.slave.leave() if mode is None and arm.slave.on else None
 
 
-def get_mode(caller: Caller, _: Variant) -> int:
+def get_mode(caller: ClientContext, _: Variant) -> int:
     """Return the number of the mode, 0 for off."""
     mode = caller.state.arm.slave.mode
     return OFF if mode is None else mode.number
 
 
-def get_lateness(caller: Caller, parameter: Variant) -> Variant:
+def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
     """Return how late the set-points of the stream are, or those of the last one were: :mod:`orinkit.rc8.slave_lateness`."""
     (leave_out,) = parameters.whole_numbers(parameter, 0)
     return build_lateness(caller.state.arm.slave.lateness(leave_out))
 
 
-def set_send_format(caller: Caller, parameter: Variant) -> None:
+def set_send_format(caller: ClientContext, parameter: Variant) -> None:
     """Set what this client's slvMove carries beside the pose.
 
     Raises:
@@ -69,7 +69,7 @@ def set_send_format(caller: Caller, parameter: Variant) -> None:
     caller.formats.send = wanted
 
 
-def set_receive_format(caller: Caller, parameter: Variant) -> None:
+def set_receive_format(caller: ClientContext, parameter: Variant) -> None:
     """Set what this client's slvMove is answered.
 
     Raises:
@@ -83,7 +83,7 @@ def set_receive_format(caller: Caller, parameter: Variant) -> None:
     caller.formats.receive = wanted
 
 
-def move(caller: Caller, parameter: Variant) -> Value | Coded | Later[Value]:
+def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | Deferred[Value]:
     """Take a set-point; the answer is where the arm is, in this client's format.
 
     Raises:
@@ -100,11 +100,11 @@ def move(caller: Caller, parameter: Variant) -> Value | Coded | Later[Value]:
     if point.window is not None:
         io.require_window(state.variables, point.window)
     slave.require_room()
-    command = Command(_joints(caller, slave.mode, point), outputs)
+    command = PlannedSetPoint(_joints(caller, slave.mode, point), outputs)
     return slave.put(command, partial(answer_of, arm, state.variables, formats.receive, point.window))
 
 
-def _joints(caller: Caller, mode: SlaveMode, point: SetPoint) -> Joints:
+def _joints(caller: ClientContext, mode: SlaveMode, point: SetPoint) -> Joints:
     arm, slave = caller.state.arm, caller.state.arm.slave
     try:
         return joints_of(arm.space, mode.kind, point, slave.newest)

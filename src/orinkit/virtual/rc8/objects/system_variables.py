@@ -10,8 +10,8 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.values.variant import Variant, VarType, type_name
-from orinkit.virtual.rc8.client_context import Caller
-from orinkit.virtual.rc8.state import Operation, State
+from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.state import Operation, RC8State
 from orinkit.virtual.rc8.translations import Translate
 from orinkit.virtual.rc8.variables import conversion, types
 
@@ -31,9 +31,9 @@ class SystemVariable:
 
     name: str
     vt: int
-    read: Callable[[State], Any]
+    read: Callable[[RC8State], Any]
     text: str
-    write: Callable[[Caller, Variant], None] | None = None
+    write: Callable[[ClientContext, Variant], None] | None = None
     values: Mapping[str, str] = field(default_factory=dict)
 
     def help(self, say: Translate) -> str:
@@ -41,12 +41,12 @@ class SystemVariable:
         return f"{say(self.text, **self.values)} ({type_name(self.vt)})"
 
 
-def _milliseconds(state: State) -> int:
+def _milliseconds(state: RC8State) -> int:
     """Milliseconds since power-on; after 24.8 days it goes on from the lowest VT_I4, as a 32-bit counter does."""
     return (int(state.seconds * 1000) + 2**31) % 2**32 - 2**31
 
 
-def _clear_error(caller: Caller, given: Variant) -> None:
+def _clear_error(caller: ClientContext, given: Variant) -> None:
     code = conversion.whole(given)
     if code != 0:
         raise error_for(
@@ -56,7 +56,7 @@ def _clear_error(caller: Caller, given: Variant) -> None:
     caller.state.clear_errors(caller.origin)
 
 
-def _set_time(caller: Caller, given: Variant) -> None:
+def _set_time(caller: ClientContext, given: Variant) -> None:
     state = caller.state
     moment = conversion.moment(given)
     state.calendar.set(moment)
@@ -64,7 +64,7 @@ def _set_time(caller: Caller, given: Variant) -> None:
     state.log(Operation.SET_TIME, text, caller.origin)
 
 
-def _set_lock(caller: Caller, given: Variant) -> None:
+def _set_lock(caller: ClientContext, given: Variant) -> None:
     caller.state.machine_lock(conversion.boolean(given), caller.origin)
 
 

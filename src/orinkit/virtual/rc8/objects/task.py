@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, TypeVar
 
-from orinkit.cao.provider import Blocking, TaskObject, VariableObject, not_found
+from orinkit.cao.provider import BlockingCall, TaskObject, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.values.variant import Value, Variant, VarType
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, milliseconds
 
@@ -23,7 +23,7 @@ E = TypeVar("E", bound=IntEnum)
 class RC8Task(TaskObject):
     """One client's view of a task."""
 
-    def __init__(self, caller: Caller, task: Task, name: str) -> None:
+    def __init__(self, caller: ClientContext, task: Task, name: str) -> None:
         text = caller.state.say("Task of the program")
         super().__init__(name, attribute=int(caller.access), help=f"{text} {task.name}{SUFFIX}")
         self._caller = caller
@@ -34,7 +34,7 @@ class RC8Task(TaskObject):
     def _task(self) -> Task:
         return self._state.tasks.named(self._path)
 
-    def start(self, mode: int, option: str) -> Blocking | None:  # noqa: ARG002 - has none
+    def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - has none
         """Start (RC8 3.2.2): 1 one cycle, 2 continuous, 3 one statement; one that is suspended goes on.
 
         A large program is loaded in a thread, for nothing else may have to wait for it.
@@ -45,7 +45,7 @@ class RC8Task(TaskObject):
         wanted = _mode(TaskMode, mode)
         require("Task_Start", self._state.arm, self._caller)
         if self._state.tasks.is_large(self._task):
-            return Blocking(lambda: self._load_and_start(wanted))
+            return BlockingCall(lambda: self._load_and_start(wanted))
         self._state.start_task(self._task, wanted, self._caller.origin)
         return None
 
@@ -143,7 +143,7 @@ TASK_VARIABLES: Final[dict[str, TaskVariable]] = {
 class TaskVariableObject(VariableObject):
     """A variable of a task, held by a client; it can only be read."""
 
-    def __init__(self, caller: Caller, served: RC8Task, entry: TaskVariable) -> None:
+    def __init__(self, caller: ClientContext, served: RC8Task, entry: TaskVariable) -> None:
         super().__init__(entry.name, attribute=1, help=caller.state.say(entry.text))
         self._caller = caller
         self._served = served
@@ -155,7 +155,7 @@ class TaskVariableObject(VariableObject):
         return Variant(self._entry.vt, self._entry.read(self._served))
 
 
-def find_task(caller: Caller, name: str) -> RC8Task:
+def find_task(caller: ClientContext, name: str) -> RC8Task:
     """Return the task of a program for a client.
 
     Raises:
@@ -165,7 +165,7 @@ def find_task(caller: Caller, name: str) -> RC8Task:
     return RC8Task(caller, caller.state.tasks.find(name), name)
 
 
-def run_file(caller: Caller, name: str, option: str) -> str | Blocking:  # noqa: ARG001 - has none
+def run_file(caller: ClientContext, name: str, option: str) -> str | BlockingCall:  # noqa: ARG001 - has none
     """Run a program for File_Run: one cycle; returns the name of its task.
 
     Raises:
@@ -180,7 +180,7 @@ def run_file(caller: Caller, name: str, option: str) -> str | Blocking:  # noqa:
         loading.run()
         return served.task.name
 
-    return Blocking(run)
+    return BlockingCall(run)
 
 
 def _mode(kind: type[E], mode: int) -> E:

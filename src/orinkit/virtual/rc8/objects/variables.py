@@ -8,16 +8,16 @@ from orinkit.cao.provider import VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.values.variant import Value, Variant, VarType, type_name
-from orinkit.virtual.rc8.client_context import Caller
+from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.system_variables import SYSTEM_VARIABLES, SystemVariable
-from orinkit.virtual.rc8.permission import Access
+from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.variables import conversion
 from orinkit.virtual.rc8.variables.types import CLASSES, VariableClass, io_area, read_name
 
 _SYSTEM_PREFIX = "@"
 
 
-def find_variable(caller: Caller, name: str) -> VariableObject:
+def find_variable(caller: ClientContext, name: str) -> VariableObject:
     """Return the variable of that name, in upper or lower case.
 
     Raises:
@@ -28,14 +28,14 @@ def find_variable(caller: Caller, name: str) -> VariableObject:
         entry = SYSTEM_VARIABLES.get(wanted.upper())
         if entry is None:
             raise not_found(name)
-        return System(caller, name, entry)
+        return SystemVariableObject(caller, name, entry)
     meaning = read_name(wanted)
     if meaning is None:
         raise not_found(name)
     if meaning.index is None:
-        return AnyIndex(caller, name, meaning.kind)
+        return IndexedVariable(caller, name, meaning.kind)
     caller.state.variables.check(meaning.kind, meaning.index)
-    return User(caller, name, meaning.kind, meaning.index)
+    return UserVariable(caller, name, meaning.kind, meaning.index)
 
 
 def variable_names() -> list[str]:
@@ -43,14 +43,14 @@ def variable_names() -> list[str]:
     return [*SYSTEM_VARIABLES, *(f"{name}*" for name in CLASSES)]
 
 
-class User(VariableObject):
+class UserVariable(VariableObject):
     """A user variable or I/O points at a fixed index.
 
     Its attribute has bit 1 (readable) and bit 2 (writable) as this client's permission has them. Its date and
     microsecond are those of the last write, by whomever.
     """
 
-    def __init__(self, caller: Caller, name: str, kind: VariableClass, index: int) -> None:
+    def __init__(self, caller: ClientContext, name: str, kind: VariableClass, index: int) -> None:
         super().__init__(name, attribute=int(caller.access), help=_help(caller, kind, str(index)))
         if kind.bits:
             self.help += f" ({caller.state.say(io_area(index))})"
@@ -82,10 +82,10 @@ class User(VariableObject):
         return self._variables.written(self._kind, self._index)
 
 
-class AnyIndex(User):
+class IndexedVariable(UserVariable):
     """A class of variables, ``I*``: the ID is the index, 0 until it is set."""
 
-    def __init__(self, caller: Caller, name: str, kind: VariableClass) -> None:
+    def __init__(self, caller: ClientContext, name: str, kind: VariableClass) -> None:
         super().__init__(caller, name, kind, 0)
         self.help = _help(caller, kind, "*")
         self.id = Variant(VarType.I4, 0)
@@ -102,15 +102,15 @@ class AnyIndex(User):
         self.id = id
 
 
-class System(VariableObject):
+class SystemVariableObject(VariableObject):
     """A system variable.
 
     Its attribute has bit 1 (readable) and bit 2 (writable) as the variable and this client's permission allow. Its
     date and microsecond are those of the client's last read through this object, the present where it has not read.
     """
 
-    def __init__(self, caller: Caller, name: str, entry: SystemVariable) -> None:
-        own = Access.READ_WRITE if entry.write else Access.READ
+    def __init__(self, caller: ClientContext, name: str, entry: SystemVariable) -> None:
+        own = AccessRight.READ_WRITE if entry.write else AccessRight.READ
         super().__init__(name, attribute=int(own & caller.access), help=entry.help(caller.state.say))
         self._caller = caller
         self._entry = entry
@@ -147,6 +147,6 @@ class System(VariableObject):
         return self._read or self._caller.state.calendar.now()
 
 
-def _help(caller: Caller, kind: VariableClass, index: str) -> str:
+def _help(caller: ClientContext, kind: VariableClass, index: str) -> str:
     what = caller.state.say(kind.text)
     return f"{kind.name}{index}: {what} ({type_name(kind.vt)})"

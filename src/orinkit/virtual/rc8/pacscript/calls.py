@@ -7,7 +7,7 @@ from typing import Any, Final, TypeAlias
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Frame, Op
-from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.errors import CompileError
 from orinkit.virtual.rc8.pacscript.expression_compiler import ExpressionCompiler
 from orinkit.virtual.rc8.pacscript.lvalues import reference
 from orinkit.virtual.rc8.pacscript.scope import Routine, Variable, check_count
@@ -83,9 +83,9 @@ def _bind(expressions: ExpressionCompiler, routine: Routine, parameter: Variable
     return lambda f: convert(value(f))
 
 
-def _wrong_type(routine: Routine, parameter: Variable, argument: Expression) -> Refusal:
+def _wrong_type(routine: Routine, parameter: Variable, argument: Expression) -> CompileError:
     kind = parameter.type.name.capitalize()
-    return Refusal(
+    return CompileError(
         tr(
             "{name} of {routine} is ByRef and takes a variable of type {kind}",
             name=parameter.name,

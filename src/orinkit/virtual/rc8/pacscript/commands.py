@@ -11,7 +11,7 @@ from orinkit.core.i18n import tr
 from orinkit.rc8.motion_options import MAX_PERCENT
 from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Evaluate, Frame, Op
-from orinkit.virtual.rc8.pacscript.errors import Refusal, out_of_range
+from orinkit.virtual.rc8.pacscript.errors import CompileError, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import Expressions
 from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.pacscript.lvalues import as_target, store
@@ -59,7 +59,7 @@ def compile_set_point(expressions: Expressions, node: SetPoint) -> None:
     """
     name = node.target if isinstance(node.target, Name) else node.target.name
     if isinstance(node.target, Apply) or not name.key.startswith("io"):
-        raise Refusal(
+        raise CompileError(
             tr("an I/O point like IO[128] is wanted, not {name}", name=name.text),
             name.at,
         )

@@ -17,9 +17,9 @@ from orinkit.virtual.rc8.pacscript.commands import (
     compile_set_point,
     compile_take_arm,
 )
-from orinkit.virtual.rc8.pacscript.errors import PacScriptError, Refusal
+from orinkit.virtual.rc8.pacscript.errors import CompileError, PacScriptError
 from orinkit.virtual.rc8.pacscript.expressions import Expressions, whole_at
-from orinkit.virtual.rc8.pacscript.flow import Flow
+from orinkit.virtual.rc8.pacscript.flow import FlowCompiler
 from orinkit.virtual.rc8.pacscript.lvalues import store
 from orinkit.virtual.rc8.pacscript.motions import compile_motion
 from orinkit.virtual.rc8.pacscript.parser import parse
@@ -67,7 +67,7 @@ def compile_program(source: str, file: str) -> Program:
     try:
         linked = compiler.compile(statements)
         main = compiler.main()
-    except Refusal as refusal:
+    except CompileError as refusal:
         raise PacScriptError(refusal.message, file, *refusal.at) from None
     lines = sorted({line for line, starts in zip(linked.lines, linked.starts, strict=True) if starts})
     subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
@@ -79,7 +79,7 @@ class _Compiler:
         self.scope = Scope()
         self.code = Code()
         self.expressions = Expressions(self.scope, self.code)
-        self.flow = Flow(self.expressions)
+        self.flow = FlowCompiler(self.expressions)
 
     def compile(self, statements: tuple[Statement, ...]) -> Linked:
         self._collect(statements)
@@ -87,16 +87,16 @@ class _Compiler:
             self._statement(statement)
         if self.flow.blocks:
             block = self.flow.blocks[-1]
-            raise Refusal(tr("{word} has no {closing}", word=block.word, closing=block.closing), block.at)
+            raise CompileError(tr("{word} has no {closing}", word=block.word, closing=block.closing), block.at)
         return self.code.link()
 
     def main(self) -> Routine:
         """Return Sub Main."""
         main = self.scope.routines.get(_MAIN)
         if main is None or main.word != "Sub":
-            raise Refusal(tr("there is no Sub Main"), Place(1, 1))
+            raise CompileError(tr("there is no Sub Main"), Place(1, 1))
         if main.parameters:
-            raise Refusal(tr("Sub Main has no parameters"), main.name.at)
+            raise CompileError(tr("Sub Main has no parameters"), main.name.at)
         return main
 
     # --- what is known before anything is compiled
@@ -132,7 +132,7 @@ class _Compiler:
 
     def _statement(self, node: Statement) -> None:
         if self.scope.routine is None and not isinstance(node, tree.Routine | tree.Constants):
-            raise Refusal(tr("this has to be in a Sub"), node.at)
+            raise CompileError(tr("this has to be in a Sub"), node.at)
         self.code.statement(node.at.line)
         self._refuse_before_case(node)
         match node:
@@ -222,7 +222,7 @@ class _Compiler:
             return
         if isinstance(node, tree.Marker) and node.word in ("Case Else", "End Select"):
             return
-        raise Refusal(
+        raise CompileError(
             tr("a Case has to come first in the Select Case of line {line}", line=block.at.line),
             node.at,
         )
@@ -231,7 +231,7 @@ class _Compiler:
         for item in node.items:
             sizes = tuple(self._size(size) for size in item.sizes)
             if len(sizes) > MAX_DIMENSIONS:
-                raise Refusal(
+                raise CompileError(
                     tr(
                         "{name}: an array has at most {most} dimensions",
                         name=item.name.text,
@@ -240,7 +240,7 @@ class _Compiler:
                     item.name.at,
                 )
             if sizes and item.value is not None:
-                raise Refusal(
+                raise CompileError(
                     tr("an array cannot be given a value in Dim"),
                     item.value.at,
                 )
@@ -252,7 +252,7 @@ class _Compiler:
         highest = whole_at(self.expressions.known(node), node.at)
         if 0 <= highest < MAX_ELEMENTS:
             return highest + 1
-        raise Refusal(
+        raise CompileError(
             tr("the highest index of an array is 0 to {highest}", highest=MAX_ELEMENTS - 1),
             node.at,
         )
@@ -263,7 +263,7 @@ class _Compiler:
             try:
                 value = find_type(item.type).convert(value)
             except CallError as error:
-                raise Refusal(error.detail, item.value.at) from None
+                raise CompileError(error.detail, item.value.at) from None
             self.scope.add_constant(item.name, value)
 
     def _assign(self, target: tree.Target, value_node: tree.Expression) -> None:
@@ -282,7 +282,7 @@ class _Compiler:
     def _call(self, node: tree.Call) -> None:
         name = node.target
         if not isinstance(name, tree.Name):
-            raise Refusal(tr("a Sub is wanted here"), node.at)
+            raise CompileError(tr("a Sub is wanted here"), node.at)
         routine = self.scope.routines.get(name.key)
         if routine is None:
             raise unknown_routine(name)

@@ -57,7 +57,7 @@ class ProgramFault(Exception):
         return f"{self.file}:{self.line}: 0x{self.code:08X} {info.name}: {info.text}{detail}"
 
 
-class Refusal(Exception):
+class CompileError(Exception):
     """A place of the source and what is wrong there; loading makes a :class:`PacScriptError` of it."""
 
     def __init__(self, message: str, at: tuple[int, int]) -> None:
@@ -66,9 +66,9 @@ class Refusal(Exception):
         self.at = at
 
 
-def not_supported(word: str, at: tuple[int, int]) -> Refusal:
+def not_supported(word: str, at: tuple[int, int]) -> CompileError:
     """Return the refusal of something that PacScript has and this interpreter has not."""
-    return Refusal(tr("{word} is not supported here", word=word), at)
+    return CompileError(tr("{word} is not supported here", word=word), at)
 
 
 def mismatch(text: str) -> CallError:

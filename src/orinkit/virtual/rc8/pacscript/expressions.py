@@ -17,7 +17,7 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.calls import emit_call
 from orinkit.virtual.rc8.pacscript.code import Code, Evaluate, Frame
-from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.errors import CompileError
 from orinkit.virtual.rc8.pacscript.functions import Function
 from orinkit.virtual.rc8.pacscript.keywords import POINT_KINDS
 from orinkit.virtual.rc8.pacscript.scope import (
@@ -111,7 +111,7 @@ class Expressions:
             case Binary():
                 return self._binary(node)
             case Listed():
-                raise Refusal(tr("a list in parentheses cannot stand here"), node.at)
+                raise CompileError(tr("a list in parentheses cannot stand here"), node.at)
 
     def value(self, node: Expression) -> Evaluate:
         """Return what gives the value of an expression."""
@@ -133,7 +133,7 @@ class Expressions:
         """
         compiled = self.compile(node)
         if compiled.constant is None:
-            raise Refusal(tr("a constant is wanted here"), node.at)
+            raise CompileError(tr("a constant is wanted here"), node.at)
         return compiled.constant
 
     def call(self, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool) -> int:
@@ -143,7 +143,7 @@ class Expressions:
             the slot where its result will be, -1 without one.
         """
         if self.polled:
-            raise Refusal(
+            raise CompileError(
                 tr("{name} cannot be called in a condition that is waited for", name=routine.name.text),
                 at,
             )
@@ -194,7 +194,7 @@ class Expressions:
     def _variable(self, variable: Variable, node: Name) -> Compiled:
         slot = variable.slot
         if variable.sizes:
-            raise Refusal(
+            raise CompileError(
                 tr("{name} is an array; an element is {name}(0)", name=node.text),
                 node.at,
             )
@@ -244,7 +244,7 @@ class Expressions:
 
     def _routine(self, routine: Routine, name: Name, arguments: tuple[Expression, ...]) -> Compiled:
         if routine.result is None:
-            raise Refusal(tr("{name} is a Sub and has no value", name=name.text), name.at)
+            raise CompileError(tr("{name} is a Sub and has no value", name=name.text), name.at)
         return Compiled(itemgetter(self.call(routine, name.at, arguments, result=True)))
 
     # --- operators
@@ -331,7 +331,7 @@ def whole_at(value: AnyValue, at: Place) -> int:
     try:
         return whole(value)
     except CallError as error:
-        raise Refusal(error.detail, at) from None
+        raise CompileError(error.detail, at) from None
 
 
 def bad_index(variable: Variable, index: int) -> int:

@@ -9,7 +9,7 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree, values
 from orinkit.virtual.rc8.pacscript.blocks import Block, ForBlock, IfBlock, LoopBlock, RoutineBlock, SelectBlock
 from orinkit.virtual.rc8.pacscript.code import MACHINE, RETURNS, Evaluate, Frame, Make, Op, Spot
-from orinkit.virtual.rc8.pacscript.errors import Refusal, out_of_range
+from orinkit.virtual.rc8.pacscript.errors import CompileError, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import RELATIONS
 from orinkit.virtual.rc8.pacscript.lvalues import Store, store
 from orinkit.virtual.rc8.pacscript.scope import Routine
@@ -35,7 +35,7 @@ _Jumps: TypeAlias = list[tuple[tree.Name, tuple[Block, ...]]]
 _B = TypeVar("_B", bound=Block)
 
 
-class Flow:
+class FlowCompiler:
     """Compiles blocks and jumps.
 
     Attributes:
@@ -156,7 +156,7 @@ class Flow:
         """Next."""
         block = self._close(ForBlock, "For", "Next", node.at)
         if node.target is not None and block.target is not None and _written(node.target) != _written(block.target):
-            raise Refusal(
+            raise CompileError(
                 tr(
                     "Next {name} cannot close For {opened} of line {line}",
                     name=_written(node.target),
@@ -184,7 +184,7 @@ class Flow:
         """Loop or Wend."""
         block = self._close(LoopBlock, "Do" if word == "Loop" else "While", word, at)
         if test is not None and block.tested:
-            raise Refusal(
+            raise CompileError(
                 tr("the condition is at the Do of line {line} already", line=block.at.line),
                 at,
             )
@@ -259,7 +259,7 @@ class Flow:
         known = self._labels.setdefault(node.name.key, _Label(Spot()))
         if known.path is not None:
             text = node.name.text
-            raise Refusal(tr("label {label} is there twice", label=text), node.at)
+            raise CompileError(tr("label {label} is there twice", label=text), node.at)
         known.path = tuple(self.blocks)
         self._code.put(known.spot)
 
@@ -298,7 +298,7 @@ class Flow:
     def _next_branch(self, word: str, at: Place) -> IfBlock:
         block = self._innermost(IfBlock, "If", word, at)
         if block.otherwise is None:
-            raise Refusal(
+            raise CompileError(
                 tr("{word} after the Else of the If of line {line}", word=word, line=block.at.line),
                 at,
             )
@@ -309,7 +309,7 @@ class Flow:
     def _next_case(self, word: str, at: Place) -> SelectBlock:
         block = self._innermost(SelectBlock, "Select Case", word, at)
         if block.begun and block.following is None:
-            raise Refusal(
+            raise CompileError(
                 tr("{word} after the Case Else of the Select Case of line {line}", word=word, line=block.at.line),
                 at,
             )
@@ -347,13 +347,13 @@ class Flow:
         for name, path in self._jumps:
             there = self._labels[name.key].path
             if there is None:
-                raise Refusal(
+                raise CompileError(
                     tr("there is no label {label} in this Sub", label=name.text),
                     name.at,
                 )
             if there != path[: len(there)]:
                 block = next(one for one in reversed(there) if one not in path)
-                raise Refusal(
+                raise CompileError(
                     tr(
                         "label {label} is inside the {word} of line {line}, which cannot be jumped into",
                         label=name.text,
@@ -420,12 +420,12 @@ def _return_from_gosub(f: Frame) -> int:
     raise out_of_range(tr("Return without Gosub"))
 
 
-def _misplaced(word: str, at: Place, opening: str) -> Refusal:
-    return Refusal(tr("{word} without {opening}", word=word, opening=opening), at)
+def _misplaced(word: str, at: Place, opening: str) -> CompileError:
+    return CompileError(tr("{word} without {opening}", word=word, opening=opening), at)
 
 
-def _not_closed(block: Block, at: Place, word: str) -> Refusal:
-    return Refusal(
+def _not_closed(block: Block, at: Place, word: str) -> CompileError:
+    return CompileError(
         tr(
             "{word} cannot stand here: the {opening} of line {line} has no {closing}",
             word=word,

@@ -22,7 +22,7 @@ Plane: TypeAlias = Literal["XY", "YZ", "ZX", "XYH", "YZH", "ZXH"]
 """Planes of the work frame, or with H of the tool's."""
 
 
-class World(Protocol):
+class HostInterface(Protocol):
     """The controller as a program sees it. Every method may raise :class:`orinkit.core.errors.CallError`.
 
     What starts a motion returns at once, and the program goes on when the :data:`Wait` that it returns is over; with

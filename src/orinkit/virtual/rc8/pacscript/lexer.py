@@ -14,7 +14,7 @@ from lark import Token
 from lark.lexer import Lexer, LexerState
 
 from orinkit.core.i18n import tr
-from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported
+from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported
 from orinkit.virtual.rc8.pacscript.keywords import DIRECTIVES, KEYWORDS, PAIRS, REFUSED, STARTERS, canonical
 
 MAX_SOURCE: Final = 256 * 1024
@@ -144,13 +144,13 @@ class _Scan:
     def _number(self, text: str) -> Token:
         end = self.at + len(text)
         if end < len(self.text) and (self.text[end].isalnum() or self.text[end] == "_"):
-            raise Refusal(tr("{text} is not a number", text=self.text[self.at : end + 1]), self.place)
+            raise CompileError(tr("{text} is not a number", text=self.text[self.at : end + 1]), self.place)
         return self._token("NUMBER", text)
 
     def _label(self, defines: bool) -> Token:
         found = _LABEL.match(self.text, self.at)
         if found is None:
-            raise Refusal(tr("a label needs a name behind *"), self.place)
+            raise CompileError(tr("a label needs a name behind *"), self.place)
         end = found.end() if defines else found.end(1)
         return self._token("LABEL" if defines else "NAME", found.group(1), end - self.at)
 
@@ -163,7 +163,7 @@ class _Scan:
             raise not_supported(DIRECTIVES[word], self.place)
         pragma = _PRAGMA.match(self.text, found.end())
         if pragma is None:
-            raise Refusal(
+            raise CompileError(
                 tr('only #Pragma Encoding("...") is supported here'),
                 self.place,
             )
@@ -194,22 +194,22 @@ class _Scan:
         self.at += len(value) if length is None else length
         return Token(kind, value, line=line, column=column)
 
-    def _stray(self) -> Refusal:
+    def _stray(self) -> CompileError:
         sign = self.text[self.at]
         if sign == '"':
-            return Refusal(tr("the text has no closing quotation mark"), self.place)
+            return CompileError(tr("the text has no closing quotation mark"), self.place)
         shown = sign if sign.isprintable() else f"U+{ord(sign):04X}"
-        return Refusal(tr("{shown} cannot be used here", shown=shown), self.place)
+        return CompileError(tr("{shown} cannot be used here", shown=shown), self.place)
 
 
 def _normal(source: str) -> str:
     if len(source) > MAX_SOURCE:
-        raise Refusal(
+        raise CompileError(
             tr("the program has more than {most} characters", most=MAX_SOURCE),
             (1, 1),
         )
     text = source.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > MAX_LINE or len(line.encode("utf-8", "replace")) > MAX_LINE:
-            raise Refusal(tr("the line has more than {most} bytes", most=MAX_LINE), (number, 1))
+            raise CompileError(tr("the line has more than {most} bytes", most=MAX_LINE), (number, 1))
     return text + "\n"

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.code import WORLD, Frame
-from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.errors import CompileError
 from orinkit.virtual.rc8.pacscript.expression_compiler import ExpressionCompiler
 from orinkit.virtual.rc8.pacscript.keywords import POINT_KINDS
 from orinkit.virtual.rc8.pacscript.scope import BY_CLASS, TypeOf, known_class, split_number, unknown
@@ -45,7 +45,7 @@ def as_target(node: Expression) -> Target:
     """
     if isinstance(node, Name | Apply | Index):
         return node
-    raise Refusal(tr("a variable is wanted here"), node.at)
+    raise CompileError(tr("a variable is wanted here"), node.at)
 
 
 def store(expressions: ExpressionCompiler, target: Target) -> Store:
@@ -96,7 +96,7 @@ def _local(expressions: ExpressionCompiler, target: Target, *, refuse: bool = Tr
     variable = expressions.scope.variable(name.key)
     if variable is None:
         if refuse and expressions.scope.constant(name.key) is not None:
-            raise Refusal(
+            raise CompileError(
                 tr("{name} is a constant and cannot be changed", name=name.text),
                 name.at,
             )
@@ -105,12 +105,12 @@ def _local(expressions: ExpressionCompiler, target: Target, *, refuse: bool = Tr
     if isinstance(target, Apply):
         if not variable.sizes:
             if refuse:
-                raise Refusal(tr("{name} is no array", name=name.text), name.at)
+                raise CompileError(tr("{name} is no array", name=name.text), name.at)
             return None
         offset = expressions.element(variable, target)
         return variable.type, lambda f: (f[slot], offset(f))
     if variable.sizes:
-        raise Refusal(
+        raise CompileError(
             tr("{name} is an array; only an element can stand here", name=name.text),
             name.at,
         )

@@ -12,7 +12,7 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.code import DONE, WAIT, Frame
 from orinkit.virtual.rc8.pacscript.compiler import Program, compile_program
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, out_of_range
-from orinkit.virtual.rc8.pacscript.host_interface import Wait, World
+from orinkit.virtual.rc8.pacscript.host_interface import HostInterface, Wait
 from orinkit.virtual.rc8.pacscript.scope import MAX_ELEMENTS
 
 __all__ = ["MAX_CALLS", "Machine", "MachineState", "Program", "compile_program"]
@@ -47,7 +47,7 @@ class Machine:
         frame: the variables of the Sub that runs; for the instructions.
     """
 
-    def __init__(self, program: Program, world: World) -> None:
+    def __init__(self, program: Program, world: HostInterface) -> None:
         self.program = program
         self._world = world
         self._ops = program.linked.ops

@@ -12,7 +12,7 @@ from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, P
 from orinkit.virtual.rc8.pacscript import values
 from orinkit.virtual.rc8.pacscript.code import WORLD, Evaluate, Frame
 from orinkit.virtual.rc8.pacscript.commands import percent, waiting
-from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported, out_of_range
+from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import Expressions
 from orinkit.virtual.rc8.pacscript.functions import joint_index
 from orinkit.virtual.rc8.pacscript.tree import Binary, ExtraJoints, Item, Listed, Mark, Motion, Name, Place
@@ -82,7 +82,7 @@ def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options
         elif isinstance(value, Binary) and value.operator == "EQUAL" and isinstance(value.left, Name):
             _add_option(expressions, node, value.left, value, options)
         elif options.next or options.fields:
-            raise Refusal(tr("a pose cannot stand behind an option"), item.at)
+            raise CompileError(tr("a pose cannot stand behind an option"), item.at)
         else:
             items.append(item)
     return items, options
@@ -93,7 +93,7 @@ def _add_option(expressions: Expressions, node: Motion, name: Name, value: Binar
     if name.key in _REFUSED_OPTIONS:
         raise not_supported(f"{node.word} {_REFUSED_OPTIONS[name.key]} =", name.at)
     if where is None or (where == "pose" and node.word != "Rotate"):
-        raise Refusal(
+        raise CompileError(
             tr("{option} is no option of {word}", option=name.text, word=node.word),
             name.at,
         )
@@ -150,7 +150,7 @@ def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
 
 def _approach(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
     if parts[0].mark is not None:
-        raise Refusal(
+        raise CompileError(
             tr("the pass mark of Approach belongs to the length"),
             parts[0].at,
         )
@@ -175,7 +175,7 @@ def _interpolation(node: Motion, items: list[Item]) -> int:
     allowed = _INTERPOLATIONS.values() if node.word == "Move" else (1, 2)
     if number_of is None or number_of not in allowed:
         letters = "P, L, C, S" if node.word == "Move" else "P, L"
-        raise Refusal(
+        raise CompileError(
             tr("{word} wants {letters} first", word=node.word, letters=letters),
             first.at,
         )
@@ -192,7 +192,7 @@ def _drive(expressions: Expressions, node: Motion, items: list[Item], options: _
     for item in items:
         _refuse_extra(item)
         if item.mark is not None and item is not items[0]:
-            raise Refusal(tr("a pass mark cannot stand here"), item.at)
+            raise CompileError(tr("a pass mark cannot stand here"), item.at)
     pairs = _pairs(expressions, items)
     waiting(expressions, lambda f: f[WORLD].drive(pairs(f), absolute, mark(f), options.build(f)))
 
@@ -208,7 +208,7 @@ def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tup
 
 def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame], tuple[int, float]]:
     if not isinstance(node, Listed) or len(node.items) != 2:
-        raise Refusal(tr("a joint and a value are wanted: (1, 10)"), at)
+        raise CompileError(tr("a joint and a value are wanted: (1, 10)"), at)
     joint, value = (expressions.value(item) for item in node.items)
 
     def run(f: Frame) -> tuple[int, float]:
@@ -230,19 +230,19 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
         raise not_supported(tr("Rotate about three points"), plane.at)
     name = plane.text.upper() if isinstance(plane, Name) else ""
     if name not in _PLANES:
-        raise Refusal(
+        raise CompileError(
             tr("the plane of Rotate is {planes}", planes=", ".join(_PLANES)),
             items[0].at,
         )
     for item in items:
         _refuse_extra(item)
     if items[0].mark or (len(items) > 2 and items[2].mark):
-        raise Refusal(tr("the pass mark of Rotate belongs to the angle"), node.at)
+        raise CompileError(tr("the pass mark of Rotate belongs to the angle"), node.at)
     angle, mark = _amount(expressions, items[1])
     centre = items[2].value if len(items) > 2 else None
     pivot = expressions.value(centre) if centre is not None else None
     if pivot is None and name.endswith("H"):
-        raise Refusal(tr("Rotate {name} wants a pivot", name=name), node.at)
+        raise CompileError(tr("Rotate {name} wants a pivot", name=name), node.at)
 
     def begin(f: Frame) -> Callable[[], bool]:
         turn = float(number(angle(f)))
@@ -347,9 +347,9 @@ def _require(node: Motion, items: Sequence[Item], least: int, most: int, what: s
     if least <= len(items) <= most:
         return
     at = items[most].at if len(items) > most else node.at
-    raise Refusal(tr("{word} wants {what}", word=node.word, what=what), at)
+    raise CompileError(tr("{word} wants {what}", word=node.word, what=what), at)
 
 
 def _refuse_extra(item: Item) -> None:
     if item.extra is not None:
-        raise Refusal(tr("Ex and ExA cannot stand here"), item.extra.at)
+        raise CompileError(tr("Ex and ExA cannot stand here"), item.extra.at)

@@ -11,7 +11,7 @@ from lark.exceptions import UnexpectedToken
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree
-from orinkit.virtual.rc8.pacscript.errors import PacScriptError, Refusal
+from orinkit.virtual.rc8.pacscript.errors import CompileError, PacScriptError
 from orinkit.virtual.rc8.pacscript.grammar import GRAMMAR
 from orinkit.virtual.rc8.pacscript.keywords import canonical
 from orinkit.virtual.rc8.pacscript.lexer import PacScriptLexer
@@ -42,7 +42,7 @@ def parse(source: str, file: str) -> tuple[Statement, ...]:
     except UnexpectedToken as error:
         line, column = _place(error.token)
         raise PacScriptError(_unexpected(error), file, line, column) from None
-    except Refusal as refusal:
+    except CompileError as refusal:
         raise PacScriptError(refusal.message, file, *refusal.at) from None
 
 
@@ -189,7 +189,7 @@ class _Builder(Transformer[Token, Any]):
     def call_more(self, target: tree.Target, values: tuple[Expression, ...]) -> tree.Call:
         if isinstance(target, tree.Apply) and len(target.arguments) == 1:
             return tree.Call(target.at, target.name, (*target.arguments, *values))
-        raise Refusal(tr("a comma cannot stand here"), target.at)
+        raise CompileError(tr("a comma cannot stand here"), target.at)
 
     def motion(self, word: Token, *items: tree.Item) -> tree.Motion:
         return tree.Motion(_place(word), canonical(word), items)
@@ -209,7 +209,7 @@ class _Builder(Transformer[Token, Any]):
                 return tree.Mark(at, what.upper(), None)
         elif not isinstance(what, tree.Listed):
             return tree.Mark(what.at, "n", what)
-        raise Refusal(
+        raise CompileError(
             tr("a pass mark is @0, @P, @E or @ and a radius in mm"),
             _place(what) if isinstance(what, Token) else what.at,
         )
@@ -292,4 +292,4 @@ def _number(token: Token) -> int | float:
         value = float(text)
         if math.isfinite(value):
             return value
-    raise Refusal(tr("{token} is too large", token=_shorten(token)), _place(token))
+    raise CompileError(tr("{token} is too large", token=_shorten(token)), _place(token))

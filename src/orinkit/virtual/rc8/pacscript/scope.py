@@ -10,7 +10,7 @@ from typing import Any, Final
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, Frame, Spot
-from orinkit.virtual.rc8.pacscript.errors import Refusal, not_supported
+from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported
 from orinkit.virtual.rc8.pacscript.keywords import (
     CONSTANTS,
     GLOBAL_KINDS,
@@ -163,7 +163,7 @@ class Scope:
         self._refuse_second(name, taken or (key in self.routines and not own) or key in self.shared)
         routine.elements += math.prod(sizes) if sizes else 0
         if routine.elements > MAX_ELEMENTS:
-            raise Refusal(
+            raise CompileError(
                 tr(
                     "{name}: the arrays of a Sub have at most {most} elements",
                     name=name.text,
@@ -205,12 +205,12 @@ class Scope:
         """
         key = name.key
         if NUMBERED.fullmatch(key):
-            raise Refusal(
+            raise CompileError(
                 tr("{name} is the name of a global variable and cannot be declared", name=name.text),
                 name.at,
             )
         if key in _RESERVED:
-            raise Refusal(
+            raise CompileError(
                 tr("{name} is a word of PacScript and cannot be declared", name=name.text),
                 name.at,
             )
@@ -218,7 +218,7 @@ class Scope:
     @staticmethod
     def _refuse_second(name: Name, taken: bool) -> None:
         if taken:
-            raise Refusal(tr("{name} is declared twice", name=name.text), name.at)
+            raise CompileError(tr("{name} is declared twice", name=name.text), name.at)
 
 
 _RESERVED: Final = (
@@ -242,7 +242,7 @@ def find_type(name: Name | None) -> TypeOf:
         return VARIANT
     kind = _TYPES.get("integer" if name.key == "long" else name.key)
     if kind is None:
-        raise Refusal(tr("there is no type {name}", name=name.text), name.at)
+        raise CompileError(tr("there is no type {name}", name=name.text), name.at)
     return kind
 
 
@@ -263,32 +263,32 @@ def known_class(name: Name) -> str:
         return kind
     if name.key in REFUSED:
         raise not_supported(REFUSED[name.key], name.at)
-    raise Refusal(
+    raise CompileError(
         tr("{name}[ ] is no global variable; the elements of an array are {name}( )", name=name.text),
         name.at,
     )
 
 
-def unknown_routine(name: Name) -> Refusal:
+def unknown_routine(name: Name) -> CompileError:
     """Return the refusal of a statement that is no command, and no call of a Sub that there is."""
     if name.key in REFUSED:
         return not_supported(REFUSED[name.key], name.at)
-    return Refusal(
+    return CompileError(
         tr("there is no command, Sub or Function {name}", name=name.text),
         name.at,
     )
 
 
-def unknown(name: Name, *, applied: bool) -> Refusal:
+def unknown(name: Name, *, applied: bool) -> CompileError:
     """Return the refusal of a word that means nothing."""
     if name.key in REFUSED:
         return not_supported(REFUSED[name.key], name.at)
     if applied:
-        return Refusal(
+        return CompileError(
             tr("there is no array or Function {name}", name=name.text),
             name.at,
         )
-    return Refusal(tr("{name} is not declared", name=name.text), name.at)
+    return CompileError(tr("{name} is not declared", name=name.text), name.at)
 
 
 def check_count(name: Name, given: int, least: int, most: int) -> None:
@@ -300,7 +300,7 @@ def check_count(name: Name, given: int, least: int, most: int) -> None:
     if least <= given <= most:
         return
     wanted = f"{least}" if least == most else tr("{least} to {most}", least=least, most=most)
-    raise Refusal(
+    raise CompileError(
         tr(
             "the number of arguments of {name} is {wanted}, not {given}",
             name=name.text,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from orinkit.core.i18n import tr
-from orinkit.virtual.rc8.pacscript.errors import Refusal
+from orinkit.virtual.rc8.pacscript.errors import CompileError
 
 MAX_DEPTH: Final = 100
 """How deep an expression may be nested."""
@@ -117,7 +117,7 @@ def depth_over(at: Place, *parts: Expression) -> int:
     """
     depth = 1 + max((part.depth for part in parts), default=0)
     if depth > MAX_DEPTH:
-        raise Refusal(tr("the expression is nested too deeply"), at)
+        raise CompileError(tr("the expression is nested too deeply"), at)
     return depth
 
 

@@ -7,23 +7,23 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from orinkit.arms import Model
-from orinkit.cao.provider import Later
+from orinkit.arms import ArmModel
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
-from orinkit.virtual.engine.control_loop import Cycles
+from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.motion.planner import Motion
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState, Ticket, TicketState
 from orinkit.virtual.engine.servo import ControlLog, Servo
-from orinkit.virtual.rc8.error_list import Faults
+from orinkit.virtual.rc8.error_list import ErrorList
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.motor import Motor
-from orinkit.virtual.rc8.robot.slave_mode.slave_mode import Slave
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.robot.speeds import Speeds
-from orinkit.virtual.rc8.robot.target import Space
+from orinkit.virtual.rc8.robot.target import FrameContext
 from orinkit.virtual.rc8.switches import Switches
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 
 _PASSED = (TicketState.PASSED, TicketState.DONE)
 
@@ -35,10 +35,10 @@ class _Waiting:
     ticket: Ticket
     passing: bool
     arrived: bool
-    done: Later[None]
+    done: Deferred[None]
 
 
-class Arm:
+class RC8Arm:
     """The arm and everything that moves it.
 
     Args:
@@ -60,7 +60,7 @@ class Arm:
     """
 
     def __init__(
-        self, model: Model, cycles: Cycles, switches: Switches, faults: Faults, variables: Variables,
+        self, model: ArmModel, cycles: ControlLoop, switches: Switches, faults: ErrorList, variables: VariableTable,
         seconds: Callable[[], float], fault: Callable[[int, str], None],
     ) -> None:  # fmt: skip
         self.model = model
@@ -69,18 +69,18 @@ class Arm:
         self.seconds = seconds
         self.motor = Motor()
         self.speeds = Speeds()
-        self.space = Space(model, variables)
+        self.space = FrameContext(model, variables)
         self.queue = MotionQueue(model, model.home)
         self.servo = Servo(model, model.home)
         self.log = ControlLog()
-        self.slave = Slave(self, cycles, variables, fault)
+        self.slave = RC8SlaveMode(self, cycles, variables, fault)
         self.holder: Operator | None = None
         self.held = False
         self._cycles = cycles
         self._objects: Counter[Operator] = Counter()
         self._waiting: list[_Waiting] = []
-        self._still: list[Later[None]] = []
-        self._takers: list[tuple[Operator, Later[None]]] = []  # who waits for it to stand still, to take it
+        self._still: list[Deferred[None]] = []
+        self._takers: list[tuple[Operator, Deferred[None]]] = []  # who waits for it to stand still, to take it
         self._stop_code: int | None = None  # while it is being brought to rest; 0: a motion that is skipped
         self._cut = False
 
@@ -110,7 +110,7 @@ class Arm:
             self.speeds.reset()
             self.space.tools.current = self.space.works.current = 0
 
-    def take_later(self, operator: Operator, *, keep: bool, check: Callable[[], None]) -> Later[None]:
+    def take_later(self, operator: Operator, *, keep: bool, check: Callable[[], None]) -> Deferred[None]:
         """Give the arm to an operator when nothing moves any more.
 
         Args:
@@ -118,22 +118,22 @@ class Arm:
             keep: as :meth:`take`.
             check: raises an exception if the operator may not have it at that moment; the promise is broken with it.
         """
-        promise = Later[None]()
+        promise = Deferred[None]()
         self._takers.append((operator, promise))
 
         def take() -> None:
             self._takers.remove((operator, promise))
-            if promise.done:  # it has gone meanwhile
+            if promise.done():  # it has gone meanwhile
                 return
             try:
                 check()
             except Exception as error:  # noqa: BLE001 - told to the operator
-                promise.fail(error)
+                promise.set_exception(error)
             else:
                 self.take(operator, keep=keep)
-                promise.finish()
+                promise.set_result()
 
-        self.when_still().when_done(take)
+        self.when_still().add_done_callback(take)
         return promise
 
     def give(self) -> None:
@@ -155,7 +155,7 @@ class Arm:
         self._objects.pop(operator, None)
         for taker, promise in self._takers:
             if taker is operator:
-                promise.fail(error_for(hresult.E_ABORT))
+                promise.set_exception(error_for(hresult.E_ABORT))
         if self.holder is operator:
             self.holder = None
             self.stop(hresult.STOPPED_DURING_PC_MOTION)
@@ -169,19 +169,19 @@ class Arm:
         self._cycles.wake()
         return ticket
 
-    def when_done(self, ticket: Ticket) -> Later[None]:
+    def when_done(self, ticket: Ticket) -> Deferred[None]:
         """Return what is kept when a motion is over, as its pass mark has it; broken when it is stopped."""
         mark = ticket.motion.mark.mode
-        wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Later[None]())
+        wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Deferred[None]())
         if not self._finish(wait):
             self._waiting.append(wait)
         return wait.done
 
-    def when_still(self) -> Later[None]:
+    def when_still(self) -> Deferred[None]:
         """Return what is kept when nothing moves any more; a paused motion counts as still."""
-        done = Later[None]()
+        done = Deferred[None]()
         if self._at_rest():
-            done.finish()
+            done.set_result()
         else:
             self._still.append(done)
         return done
@@ -228,7 +228,7 @@ class Arm:
         if self.busy:
             self.stop(hresult.S_OK)
 
-    def switch_motor(self, on: bool) -> Later[None]:
+    def switch_motor(self, on: bool) -> Deferred[None]:
         """Begin to switch the motor; kept when that is done.
 
         Raises:
@@ -270,7 +270,7 @@ class Arm:
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
         for done in (*(promise for _, promise in self._takers), *(wait.done for wait in self._waiting), *self._still):
-            done.fail(gone)
+            done.set_exception(gone)
         self._waiting, self._still, self._takers = [], [], []
         self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
         self.motor.cut()
@@ -307,15 +307,15 @@ class Arm:
         state = wait.ticket.state
         if state is TicketState.STOPPED:
             if self._stop_code == hresult.S_OK:
-                wait.done.finish()
+                wait.done.set_result()
             else:
-                wait.done.fail(error_for(self._stop_code or hresult.STOPPED_DURING_PC_MOTION))
+                wait.done.set_exception(error_for(self._stop_code or hresult.STOPPED_DURING_PC_MOTION))
             return True
         if state is TicketState.DONE and (not wait.arrived or self.servo.settled):
-            wait.done.finish()
+            wait.done.set_result()
             return True
         if wait.passing and state in _PASSED:
-            wait.done.finish()
+            wait.done.set_result()
             return True
         return False
 
@@ -331,4 +331,4 @@ class Arm:
         if self._still and self._at_rest():
             still, self._still = self._still, []
             for done in still:
-                done.finish()
+                done.set_result()

@@ -12,9 +12,9 @@ from typing import Final, TypeAlias
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
-from orinkit.virtual.rc8.switches import Mode
+from orinkit.virtual.rc8.switches import ModeSwitch
 
 
 class Condition(Enum):
@@ -43,14 +43,14 @@ class Condition(Enum):
     SLAVE = "slave mode on"
 
 
-Check: TypeAlias = Callable[[Arm, Operator], int]
+Check: TypeAlias = Callable[[RC8Arm, Operator], int]
 
 
-def _mode(arm: Arm, _: Operator) -> int:
-    return 0 if arm.switches.mode is Mode.AUTOMATIC else hresult.AUTO_MODE_REQUIRED
+def _mode(arm: RC8Arm, _: Operator) -> int:
+    return 0 if arm.switches.mode is ModeSwitch.AUTOMATIC else hresult.AUTO_MODE_REQUIRED
 
 
-def _free(arm: Arm, operator: Operator) -> int:
+def _free(arm: RC8Arm, operator: Operator) -> int:
     if arm.holder is None or arm.holder is operator:
         return 0
     if arm.holder.program:
@@ -58,33 +58,33 @@ def _free(arm: Arm, operator: Operator) -> int:
     return hresult.ARM_GROUP_TAKEN if operator.program else hresult.ARM_NOT_TAKEN
 
 
-def _arm(arm: Arm, operator: Operator) -> int:
+def _arm(arm: RC8Arm, operator: Operator) -> int:
     return 0 if arm.holder is operator else hresult.ARM_NOT_TAKEN
 
 
-def _resumer(arm: Arm, operator: Operator) -> int:
+def _resumer(arm: RC8Arm, operator: Operator) -> int:
     """A program that is paused with its arm cannot go on by itself: whoever paused it may have it go on."""
     return 0 if arm.holder is not None and arm.holder.program else _arm(arm, operator)
 
 
 def _still(code: int) -> Check:
-    def check(arm: Arm, _: Operator) -> int:
+    def check(arm: RC8Arm, _: Operator) -> int:
         return code if arm.busy else 0
 
     return check
 
 
-def _standing(arm: Arm, _: Operator) -> int:
+def _standing(arm: RC8Arm, _: Operator) -> int:
     if arm.held and arm.busy:
         return hresult.ROBOT_PAUSED
     return hresult.ROBOT_MOVING if arm.busy else 0
 
 
-def _not_slave_client(arm: Arm, operator: Operator) -> int:
+def _not_slave_client(arm: RC8Arm, operator: Operator) -> int:
     return hresult.REFUSED_IN_SLAVE_MODE if arm.slave.owner is operator else 0
 
 
-def _not_slave_elsewhere(arm: Arm, operator: Operator) -> int:
+def _not_slave_elsewhere(arm: RC8Arm, operator: Operator) -> int:
     return hresult.REFUSED_IN_SLAVE_MODE if arm.slave.on and arm.slave.owner is not operator else 0
 
 
@@ -153,7 +153,7 @@ NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
 """The conditions of every commanding function, by its name."""
 
 
-def refusal(name: str, arm: Arm, operator: Operator) -> int:
+def refusal(name: str, arm: RC8Arm, operator: Operator) -> int:
     """Return the code with which a function is refused at this moment, 0 if it is not."""
     for condition in NEEDS[name]:
         code = _CHECKS[condition](arm, operator)
@@ -162,7 +162,7 @@ def refusal(name: str, arm: Arm, operator: Operator) -> int:
     return 0
 
 
-def require(name: str, arm: Arm, operator: Operator) -> None:
+def require(name: str, arm: RC8Arm, operator: Operator) -> None:
     """Check that a function may be carried out at this moment.
 
     Raises:

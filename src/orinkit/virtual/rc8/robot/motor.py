@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final
 
-from orinkit.cao.provider import Later
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 
@@ -31,7 +31,7 @@ class Motor:
     def __init__(self) -> None:
         self.state = MotorState.OFF
         self._cycles = 0
-        self._waiting: list[Later[None]] = []
+        self._waiting: list[Deferred[None]] = []
 
     @property
     def on(self) -> bool:
@@ -43,13 +43,13 @@ class Motor:
         """Whether it is on its way from one state to the other."""
         return self._cycles > 0
 
-    def switch(self, on: bool) -> Later[None]:
+    def switch(self, on: bool) -> Deferred[None]:
         """Begin to switch; the promise is kept when it is on, or off.
 
         Raises:
             CallError: MOTOR_SWITCHING_OFF, it cannot go on while it is going off.
         """
-        done = Later[None]()
+        done = Deferred[None]()
         if on:
             if self.state is MotorState.SWITCHING_OFF:
                 raise error_for(hresult.MOTOR_SWITCHING_OFF)
@@ -61,7 +61,7 @@ class Motor:
         if self.switching:
             self._waiting.append(done)
         else:
-            done.finish()
+            done.set_result()
         return done
 
     def cut(self) -> None:
@@ -85,9 +85,9 @@ class Motor:
     def _arrive(self) -> None:
         waiting, self._waiting = self._waiting, []
         for done in waiting:
-            done.finish()
+            done.set_result()
 
     def _break_off(self, code: int) -> None:
         waiting, self._waiting = self._waiting, []
         for done in waiting:
-            done.fail(error_for(code))
+            done.set_exception(error_for(code))

@@ -16,11 +16,11 @@ from orinkit.values.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
 from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.engine.motion.planner import Motion, Rates
 from orinkit.virtual.engine.motion.queue import ROOM, Ticket
-from orinkit.virtual.rc8.robot.arm import Arm
-from orinkit.virtual.rc8.robot.speeds import FULL, Trio
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, Goal, Joints, Space, check_distance
+from orinkit.virtual.rc8.robot.arm import RC8Arm
+from orinkit.virtual.rc8.robot.speeds import FULL, SpeedSet
+from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Goal, Joints, check_distance
 from orinkit.virtual.rc8.robot.tools import IDENTITY, Matrix
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 PTP: Final = 1
@@ -51,14 +51,14 @@ class Moves:
         report: is told of a motion error that stops the controller: code and detail.
     """
 
-    def __init__(self, arm: Arm, variables: Variables, report: Callable[[int, str], None]) -> None:
+    def __init__(self, arm: RC8Arm, variables: VariableTable, report: Callable[[int, str], None]) -> None:
         self._arm = arm
         self._variables = variables
         self._report = report
         self._paths: dict[int, list[Target]] = {}
 
     @property
-    def _space(self) -> Space:
+    def _space(self) -> FrameContext:
         return self._arm.space
 
     # --- motions ------------------------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ class Moves:
         """Return the point of a pose, or of a vector, in the base frame, mm.
 
         Raises:
-            CallError: as :meth:`Space.numbers`.
+            CallError: as :meth:`FrameContext.numbers`.
         """
         if target.kind == "V":
             values = target.value
@@ -296,7 +296,7 @@ class Moves:
         A program's error becomes the controller's anyway, with its line.
         """
         holder = self._arm.holder
-        stops = error.code >> 24 & 0xF >= _RAISED_LEVEL and error.info.family is hresult.Family.MOTION
+        stops = error.code >> 24 & 0xF >= _RAISED_LEVEL and error.info.family is hresult.CodeFamily.MOTION
         if stops and not (holder is not None and holder.program):
             self._report(error.code, error.detail)
         return error
@@ -304,7 +304,7 @@ class Moves:
     def _path_rates(self, options: MotionOptions) -> Rates:
         return self._rates(self._arm.speeds.path, options)
 
-    def _rates(self, internal: Trio, options: MotionOptions) -> Rates:
+    def _rates(self, internal: SpeedSet, options: MotionOptions) -> Rates:
         external = self._arm.speeds.external
         speed, accel, decel = (
             self._amount(given, default)

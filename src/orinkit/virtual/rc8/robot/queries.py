@@ -17,7 +17,7 @@ from orinkit.values.poses import Kind, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8.robot import parameters, state_report
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.state_report import Numbers, Source
 from orinkit.virtual.rc8.robot.target import figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
@@ -29,7 +29,7 @@ _SINGULAR: Final = -2
 _IN_USE: Final = -1
 _COUNTS: Final[Mapping[str, Sequence[int]]] = {"P": (6, 7), "J": (6, 7, 8), "T": (9, 10)}
 
-Answer = Callable[[Arm, Variant], Variant]
+Answer = Callable[[RC8Arm, Variant], Variant]
 
 POSES: Final[Mapping[str, Callable[[Source], Numbers]]] = {
     "Pos": Source.position,
@@ -39,17 +39,17 @@ POSES: Final[Mapping[str, Callable[[Source], Numbers]]] = {
 """What follows Cur, HighCur and Dest in a command's name, and how it is read."""
 
 
-def pose(source: Callable[[Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
+def pose(source: Callable[[RC8Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
     """Return a command that answers with a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, read(source(arm)))
 
 
-def stamped_pose(source: Callable[[Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
+def stamped_pose(source: Callable[[RC8Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
     """Return a command that answers with ms since power-on and a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, state_report.stamped(arm.seconds(), read(source(arm))))
 
 
-def figure(source: Callable[[Arm], Source]) -> Answer:
+def figure(source: Callable[[RC8Arm], Source]) -> Answer:
     """Return a command that answers with a figure."""
     return lambda arm, _: Variant(VarType.I4, source(arm).figure())
 
@@ -57,7 +57,7 @@ def figure(source: Callable[[Arm], Source]) -> Answer:
 def convert(given: Kind, wanted: Kind) -> Answer:
     """Return a command that converts a pose of one type into another: J2P, P2J ..."""
 
-    def run(arm: Arm, parameter: Variant) -> Variant:
+    def run(arm: RC8Arm, parameter: Variant) -> Variant:
         target = _named(parameter, given)
         if target.kind != given:
             raise error_for(
@@ -84,7 +84,7 @@ def _named(parameter: Variant, kind: Kind) -> Target:
     return Target(kind, target.value)
 
 
-def _retyped(arm: Arm, target: Target, wanted: Kind) -> Numbers:
+def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
     """P as T or T as P: the same frame, within reach or not; the figure stays as it was given."""
     kind, values = arm.space.numbers(target, arm.servo.command)
     frame = arm.space.pose(kind, values, 0)
@@ -92,7 +92,7 @@ def _retyped(arm: Arm, target: Target, wanted: Kind) -> Numbers:
     return [*map(float, made), float(figure_of(kind, values))]
 
 
-def dev(arm: Arm, parameter: Variant) -> Variant:
+def dev(arm: RC8Arm, parameter: Variant) -> Variant:
     """Dev: a pose moved along and turned about the axes of the work frame by another."""
     first, second, fig = _two(arm, parameter)
     moved = np.eye(4)
@@ -101,13 +101,13 @@ def dev(arm: Arm, parameter: Variant) -> Variant:
     return _position(moved, fig)
 
 
-def dev_hand(arm: Arm, parameter: Variant) -> Variant:
+def dev_hand(arm: RC8Arm, parameter: Variant) -> Variant:
     """DevH: a pose moved along and turned about the axes of its own tool by another."""
     first, second, fig = _two(arm, parameter)
     return _position(np.asarray(first @ second), fig)
 
 
-def _two(arm: Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
+def _two(arm: RC8Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
     """Return two poses in the work frame, and the figure of the first."""
     base, offset = parameters.poses(parameter, 2)
     kind, values = arm.space.numbers(base, arm.servo.command)
@@ -126,7 +126,7 @@ def _position(frame: Matrix, fig: float) -> Variant:
     return Variant(_R8_ARRAY, [*map(float, frames.position_of_matrix(frame)), fig])
 
 
-def out_range(arm: Arm, parameter: Variant) -> Variant:
+def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
     """OutRange: 0 for a pose within reach, bits of the axes beyond their limits, -1 out of reach, -2 singular."""
     space, start = arm.space, arm.servo.command
     target, rest = parameters.pose_and_rest(parameter, 2)
@@ -148,7 +148,7 @@ _LOAD: Final = 4
 _TIP_SPEED: Final = 17
 
 
-def servo_data(arm: Arm, parameter: Variant) -> Variant:
+def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
     """GetSrvData: 2 deviation (deg), 4 load (%), 17 speed of the tool's tip (mm/s, first number)."""
     (item,) = parameters.whole_numbers(parameter, None)
     if item == _DEVIATION:
@@ -163,7 +163,7 @@ def servo_data(arm: Arm, parameter: Variant) -> Variant:
     )
 
 
-def _tip_speed(arm: Arm) -> float:
+def _tip_speed(arm: RC8Arm) -> float:
     now, velocity = arm.servo.encoder, arm.servo.velocity()
     before = tuple(joint - rate * PERIOD for joint, rate in zip(now, velocity, strict=True))
     return math.dist(arm.space.tcp(now)[:3, 3], arm.space.tcp(before)[:3, 3]) / PERIOD
@@ -179,7 +179,7 @@ CALCULATIONS: Final[Mapping[str, Answer]] = {
 """Commands that programs have as functions too, by name."""
 
 
-def calculate(arm: Arm, name: str, given: Sequence[Variant]) -> Variant:
+def calculate(arm: RC8Arm, name: str, given: Sequence[Variant]) -> Variant:
     """Return what a calculation gives for the arguments of a program's function.
 
     Raises:

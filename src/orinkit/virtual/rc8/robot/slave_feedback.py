@@ -9,20 +9,20 @@ from typing import Any, Final, NamedTuple
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_fields import POSE_MASK, POSE_PARTS, RECEIVED, Field
+from orinkit.rc8.slave_fields import POSE_MASK, POSE_PARTS, RECEIVED, SlaveField
 from orinkit.rc8.slave_formats import ReceiveFormat, SlaveAnswer, UserWindow, build_answer
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.robot import state_report
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.slave_mode import io
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 
 _MILLI: Final = 1_000
 _MICRO: Final = 1_000_000
 _LARGEST_TIME: Final = 0x7FFF_FFFF  # then it begins at 0 again: µs after 36 minutes
 
 
-class Moment(NamedTuple):
+class FeedbackSnapshot(NamedTuple):
     """What values of an answer are taken from.
 
     Attributes:
@@ -33,14 +33,14 @@ class Moment(NamedTuple):
         window: the user I/O that was asked for.
     """
 
-    arm: Arm
+    arm: RC8Arm
     here: state_report.Source
-    variables: Variables
+    variables: VariableTable
     receive: ReceiveFormat
     window: UserWindow | None
 
 
-def answer_of(arm: Arm, variables: Variables, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
+def answer_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
     """Return the answer in a client's format; poses are those of the encoders, as CurPos, CurJnt and CurTrn.
 
     Args:
@@ -49,7 +49,7 @@ def answer_of(arm: Arm, variables: Variables, receive: ReceiveFormat, window: Us
         receive: the format.
         window: the user I/O that was asked for.
     """
-    moment = Moment(arm, state_report.current(arm), variables, receive, window)
+    moment = FeedbackSnapshot(arm, state_report.current(arm), variables, receive, window)
     rows = _rows_of(receive.number)
     return build_answer(receive, SlaveAnswer.of({row.name: SOURCES[row.name](moment) for row in rows}))
 
@@ -66,27 +66,27 @@ def require_sources(receive: ReceiveFormat) -> None:
 
 
 @lru_cache(maxsize=256)
-def _rows_of(number: int) -> tuple[Field, ...]:
+def _rows_of(number: int) -> tuple[SlaveField, ...]:
     kinds = POSE_PARTS[number & POSE_MASK]
     return tuple(row for row in RECEIVED if row.kind in kinds or row.receive & number)
 
 
-def _timestamp(moment: Moment) -> int:
+def _timestamp(moment: FeedbackSnapshot) -> int:
     """Return when the last cycle was, since power-on."""
     unit = _MICRO if moment.receive.microseconds else _MILLI
     return round(moment.arm.seconds() * unit) & _LARGEST_TIME
 
 
-def _user(moment: Moment) -> bytes | None:
+def _user(moment: FeedbackSnapshot) -> bytes | None:
     return None if moment.window is None else io.user(moment.variables, moment.window)
 
 
-def _currents(moment: Moment) -> tuple[float, ...]:
+def _currents(moment: FeedbackSnapshot) -> tuple[float, ...]:
     arm = moment.arm
     return tuple(state_report.eight(arm.servo.sample(arm.motor.on).current))
 
 
-SOURCES: Final[dict[str, Callable[[Moment], Any]]] = {
+SOURCES: Final[dict[str, Callable[[FeedbackSnapshot], Any]]] = {
     "time": _timestamp,
     "joints": lambda moment: tuple(moment.here.angles()),
     "position": lambda moment: tuple(moment.here.position()),

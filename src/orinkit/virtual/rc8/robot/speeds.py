@@ -16,7 +16,7 @@ _LEAST: Final = 0.01
 
 
 @dataclass(slots=True)
-class Trio:
+class SpeedSet:
     """Speed, acceleration and deceleration in percent of the largest."""
 
     speed: float = FULL
@@ -34,13 +34,13 @@ class Speeds:
         external: ``@EXTSPEED``, ``@EXTACCEL``, ``@EXTDECEL``; they hold for every motion.
     """
 
-    path: Trio = field(default_factory=Trio)
-    joint: Trio = field(default_factory=Trio)
-    external: Trio = field(default_factory=Trio)
+    path: SpeedSet = field(default_factory=SpeedSet)
+    joint: SpeedSet = field(default_factory=SpeedSet)
+    external: SpeedSet = field(default_factory=SpeedSet)
 
     def reset(self) -> None:
         """Set the internal ones to 100 %, as TakeArm does without ``Keep`` (RC8 3.3.2)."""
-        self.path, self.joint = Trio(), Trio()
+        self.path, self.joint = SpeedSet(), SpeedSet()
 
     def set_internal(self, speed: float, *, joint_only: bool = False) -> None:
         """Set the internal speed: of both kinds of motion, or only of point-to-point ones."""
@@ -60,7 +60,7 @@ class Speeds:
     def set_external(self, speed: float, accel: float = SQUARE, decel: float = SQUARE) -> None:
         """Set the external speeds: -1 keeps one, -2 sets an acceleration to speed squared by 100, the default."""
         trio = self.external
-        new = Trio(trio.speed if speed == KEEP else percent(speed), trio.accel, trio.decel)
+        new = SpeedSet(trio.speed if speed == KEEP else percent(speed), trio.accel, trio.decel)
         square = max(_LEAST, new.speed * new.speed / FULL)
         if accel != KEEP:
             new.accel = square if accel == SQUARE else percent(accel)

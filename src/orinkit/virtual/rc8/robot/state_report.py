@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from orinkit.virtual.engine.servo import AXES
-from orinkit.virtual.rc8.robot.arm import Arm
+from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.target import Joints
 
 Numbers = list[float]
@@ -17,7 +17,7 @@ _MILLISECONDS: Final = 1000
 class Source:
     """Joints of the arm as P, J or T, in the tool and work frames in use."""
 
-    arm: Arm
+    arm: RC8Arm
     joints: Joints
 
     def position(self) -> Numbers:
@@ -37,12 +37,12 @@ class Source:
         return self.arm.space.kinematics.figure(self.joints)
 
 
-def current(arm: Arm) -> Source:
+def current(arm: RC8Arm) -> Source:
     """Where the encoders are."""
     return Source(arm, arm.servo.encoder)
 
 
-def destination(arm: Arm) -> Source:
+def destination(arm: RC8Arm) -> Source:
     """Where the running motion ends; where the command stands when nothing moves."""
     return Source(arm, arm.queue.target)
 

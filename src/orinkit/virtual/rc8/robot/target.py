@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from orinkit.arms import Model, frames
+from orinkit.arms import ArmModel, frames
 from orinkit.arms.kinematics import Kinematics
 from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
 from orinkit.core import hresult
@@ -15,7 +15,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.poses import Extra, Kind, Target
 from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_frames
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 ROBOT_AXES: Final = 6
@@ -45,7 +45,7 @@ class Goal(NamedTuple):
     straight: bool = False
 
 
-class Space:
+class FrameContext:
     """The arm's frames and its kinematics: what a pose means.
 
     Attributes:
@@ -53,7 +53,7 @@ class Space:
         kinematics: of the arm.
     """
 
-    def __init__(self, model: Model, variables: Variables) -> None:
+    def __init__(self, model: ArmModel, variables: VariableTable) -> None:
         self.model = model
         self.kinematics = Kinematics(model)
         self.tools: FrameSet = tool_frames()

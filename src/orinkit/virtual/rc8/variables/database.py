@@ -51,7 +51,7 @@ class StateError(OrinError):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StoredVariable:
     """One variable as it is kept.
 
     Attributes:
@@ -67,7 +67,7 @@ class Row:
     written: datetime
 
 
-class Store:
+class VariableDatabase:
     """The open file.
 
     Args:
@@ -88,7 +88,7 @@ class Store:
         except (OSError, sqlite3.Error) as error:
             raise _refused(self.path, error) from error
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[StoredVariable]:
         """Return every row.
 
         Raises:
@@ -181,9 +181,9 @@ class Store:
             )
         )
 
-    def _row(self, kind: str, index: int, value: str, written: str) -> Row:
+    def _row(self, kind: str, index: int, value: str, written: str) -> StoredVariable:
         try:
-            return Row(kind, operator.index(index), json.loads(value), datetime.fromisoformat(written))
+            return StoredVariable(kind, operator.index(index), json.loads(value), datetime.fromisoformat(written))
         except (TypeError, ValueError, RecursionError) as error:
             raise self.damaged(kind, index, error) from error
 

@@ -11,7 +11,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType, trusted
-from orinkit.virtual.rc8.variables.database import Row, Store
+from orinkit.virtual.rc8.variables.database import StoredVariable, VariableDatabase
 from orinkit.virtual.rc8.variables.types import CLASSES, USER_CLASSES, VariableClass
 
 DEFAULT_COUNT: Final = 100
@@ -22,7 +22,7 @@ _SIGNED_FORMATS: Final = {8: "<B", 16: "<h", 32: "<i"}
 _UNSIGNED_FORMATS: Final = {8: "<B", 16: "<H", 32: "<I"}
 
 
-class Variables:
+class VariableTable:
     """All of them, shared by all clients. Only what has been written is held; the rest has its class's default.
 
     Args:
@@ -37,7 +37,11 @@ class Variables:
     """
 
     def __init__(
-        self, counts: Mapping[str, int] | None, io_points: int, store: Store | None, now: Callable[[], datetime]
+        self,
+        counts: Mapping[str, int] | None,
+        io_points: int,
+        store: VariableDatabase | None,
+        now: Callable[[], datetime],
     ) -> None:
         self.counts = _read_counts(counts or {})
         self.io_points = _within(io_points, "IO", _MOST_IO_POINTS)
@@ -139,7 +143,7 @@ class Variables:
         if self._store is not None:
             self._store.save(kind, values, written)
 
-    def _load(self, store: Store) -> None:
+    def _load(self, store: VariableDatabase) -> None:
         for row in store.rows():
             if not 0 <= row.index < self._count(row.kind):
                 continue  # of a class or beyond a count that this controller does not have: stays in the file
@@ -154,7 +158,7 @@ class Variables:
         return self.io_points if kind == "IO" else self.counts.get(kind, 0)
 
 
-def _stored_value(store: Store, row: Row) -> Any:
+def _stored_value(store: VariableDatabase, row: StoredVariable) -> Any:
     kind = CLASSES[row.kind]
     try:
         return kind.convert(Variant(kind.vt, row.value))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from orinkit.rc8.slave_formats import ReceiveFormat, Send
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits
 
-_POSE_ONLY: Final = Send(0)
+_POSE_ONLY: Final = SendBits(0)
 _JOINTS: Final = ReceiveFormat()
 
 
@@ -20,5 +20,5 @@ class Formats:
         receive: what it is answered.
     """
 
-    send: Send = _POSE_ONLY
+    send: SendBits = _POSE_ONLY
     receive: ReceiveFormat = _JOINTS

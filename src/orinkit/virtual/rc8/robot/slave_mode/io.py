@@ -11,9 +11,9 @@ from typing import Final
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
-from orinkit.rc8.slave_fields import OUTPUTS, PARAMETERS, RECEIVED, Form
-from orinkit.rc8.slave_formats import ReceiveFormat, Send, SetPoint, UserWindow
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.rc8.slave_fields import OUTPUTS, PARAMETERS, RECEIVED, FieldType
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SetPoint, UserWindow
+from orinkit.virtual.rc8.variables.table import VariableTable
 
 _BYTE: Final = 8
 _MINI: Final = (0, 32)  # first point, how many
@@ -25,7 +25,7 @@ _BACK: Final = {"mini": _MINI, "hand": _HAND_OUT}
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
+class OutputRange:
     """Points that a set-point sets.
 
     Attributes:
@@ -39,7 +39,7 @@ class Output:
     states: int
 
 
-def require_sent(variables: Variables, send: Send) -> None:
+def require_sent(variables: VariableTable, send: SendBits) -> None:
     """Check that the points of a send format are there; those of user I/O are told with each set-point.
 
     Raises:
@@ -50,7 +50,7 @@ def require_sent(variables: Variables, send: Send) -> None:
             _require(variables, *_OUT[row.name])
 
 
-def require_received(variables: Variables, receive: ReceiveFormat) -> None:
+def require_received(variables: VariableTable, receive: ReceiveFormat) -> None:
     """Check that the points of a receive format are there, as :func:`require_sent`.
 
     Raises:
@@ -61,7 +61,7 @@ def require_received(variables: Variables, receive: ReceiveFormat) -> None:
             _require(variables, *_BACK[row.name])
 
 
-def require_window(variables: Variables, window: UserWindow) -> None:
+def require_window(variables: VariableTable, window: UserWindow) -> None:
     """Check that the user I/O that an answer is to have is there.
 
     Raises:
@@ -70,7 +70,7 @@ def require_window(variables: Variables, window: UserWindow) -> None:
     _require(variables, window.offset, window.size * _BYTE)
 
 
-def outputs_of(variables: Variables, point: SetPoint) -> tuple[Output, ...]:
+def outputs_of(variables: VariableTable, point: SetPoint) -> tuple[OutputRange, ...]:
     """Return what a set-point sets.
 
     Raises:
@@ -81,7 +81,7 @@ def outputs_of(variables: Variables, point: SetPoint) -> tuple[Output, ...]:
         value = getattr(point, row.name)
         if value is None or not row.send:
             continue
-        if row.form is Form.BYTES:
+        if row.form is FieldType.BYTES:
             first, states = value
             found.append(_output(first, len(states) * _BYTE, int.from_bytes(states, "little")))
         else:
@@ -91,27 +91,27 @@ def outputs_of(variables: Variables, point: SetPoint) -> tuple[Output, ...]:
     return tuple(found)
 
 
-def mini(variables: Variables) -> int:
+def mini(variables: VariableTable) -> int:
     """Return the mini I/O, points 0 to 31, as a VT_I4."""
     states = variables.points(*_MINI)
     return states - (1 << 32) if states >> 31 else states
 
 
-def hand(variables: Variables) -> int:
+def hand(variables: VariableTable) -> int:
     """Return the hand I/O: inputs 48 to 55 in the lowest byte, outputs 64 to 71 in the next."""
     return variables.points(*_HAND_IN) | variables.points(*_HAND_OUT) << _BYTE
 
 
-def user(variables: Variables, window: UserWindow) -> bytes:
+def user(variables: VariableTable, window: UserWindow) -> bytes:
     """Return the bytes of user I/O that were asked for."""
     return variables.points(window.offset, window.size * _BYTE).to_bytes(window.size, "little")
 
 
-def _output(first: int, count: int, states: int) -> Output:
-    return Output(first, count, states & (1 << count) - 1)
+def _output(first: int, count: int, states: int) -> OutputRange:
+    return OutputRange(first, count, states & (1 << count) - 1)
 
 
-def _require(variables: Variables, first: int, count: int) -> None:
+def _require(variables: VariableTable, first: int, count: int) -> None:
     if not 0 <= first <= variables.io_points - count:
         last, most = first + count - 1, variables.io_points - 1
         raise error_for(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from orinkit.arms import Axis, Model
+from orinkit.arms import ArmModel, AxisModel
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.control_loop import PERIOD
@@ -24,14 +24,14 @@ _LINKED: Final = (SlaveLimit.SERVO_EXTERNAL, SlaveLimit.COMMAND_EXTERNAL)
 _SERVO: Final = (SlaveLimit.SERVO, SlaveLimit.SERVO_EXTERNAL)
 
 
-class Fault(NamedTuple):
+class SlaveFault(NamedTuple):
     """Why a command is not carried out: code, and details in words."""
 
     code: int
     detail: str
 
 
-class Limits:
+class SlaveLimits:
     """What "153: b-CAP Slave speed setting" allows at this moment.
 
     Args:
@@ -40,12 +40,12 @@ class Limits:
         speeds: of the arm; the external ones count where the setting says so.
     """
 
-    def __init__(self, model: Model, switches: Switches, speeds: Speeds) -> None:
+    def __init__(self, model: ArmModel, switches: Switches, speeds: Speeds) -> None:
         self._axes = model.axes
         self._switches = switches
         self._speeds = speeds
 
-    def fault(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> Fault | None:
+    def fault(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
         """Return what is wrong with a command: velocities come before accelerations, lower axes before higher ones.
 
         Args:
@@ -75,6 +75,6 @@ class Limits:
         return part * external.speed / FULL, part * external.accel / FULL
 
 
-def _fault(code: int, axis: Axis, value: float, most: float, order: int) -> Fault:
+def _fault(code: int, axis: AxisModel, value: float, most: float, order: int) -> SlaveFault:
     unit = ("mm" if axis.linear else "deg") + ("/s" if order == 1 else "/s^2")
-    return Fault(code, tr("{value:.6g} {unit}; the limit is {most:.6g}", value=value, unit=unit, most=most))
+    return SlaveFault(code, tr("{value:.6g} {unit}; the limit is {most:.6g}", value=value, unit=unit, most=most))

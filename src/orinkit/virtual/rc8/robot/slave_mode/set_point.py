@@ -12,13 +12,13 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.slave_formats import PoseKind, SetPoint
 from orinkit.values.poses import Extra
 from orinkit.virtual.engine.motion.soft_limits import check_end
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, Joints, Space, figure_of
+from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Joints, figure_of
 
 # where the arm moves already it is no refusal
 _AS_STOP: Final = {hresult.TARGET_OUT_OF_RANGE: hresult.OUT_OF_WORKING_RANGE}
 
 
-def joints_of(space: Space, kind: PoseKind, point: SetPoint, start: Joints) -> Joints:
+def joints_of(space: FrameContext, kind: PoseKind, point: SetPoint, start: Joints) -> Joints:
     """Return where a set-point puts the arm, all axes.
 
     A pose without figure is held as near to the start as it can be. Extra axes move only where the set-point names them.
@@ -41,7 +41,7 @@ def joints_of(space: Space, kind: PoseKind, point: SetPoint, start: Joints) -> J
     return joints
 
 
-def _solved(space: Space, kind: PoseKind, values: tuple[float, ...], start: Joints) -> Joints:
+def _solved(space: FrameContext, kind: PoseKind, values: tuple[float, ...], start: Joints) -> Joints:
     figure = figure_of(kind, values)
     try:
         flange = space.pose(kind, values) @ frames.inverse_of(space.tools.matrix())

@@ -8,24 +8,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
-from orinkit.arms import Model
-from orinkit.cao.provider import Coded, Later
+from orinkit.arms import ArmModel
+from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.rc8.slave_formats import SlaveMode
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.catch_up import gentlest
-from orinkit.virtual.engine.control_loop import Cycles
-from orinkit.virtual.engine.elastic_time import Look, Pace, left_late, not_waited, waited_in_vain
+from orinkit.virtual.engine.control_loop import ControlLoop
+from orinkit.virtual.engine.elastic_time import CyclePacer, Look, left_late, not_waited, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
 from orinkit.virtual.rc8.robot.arm_owner import Operator
-from orinkit.virtual.rc8.robot.slave_mode.io import Output
-from orinkit.virtual.rc8.robot.slave_mode.limits import Limits
+from orinkit.virtual.rc8.robot.slave_mode.io import OutputRange
+from orinkit.virtual.rc8.robot.slave_mode.limits import SlaveLimits
 from orinkit.virtual.rc8.robot.speeds import Speeds
 from orinkit.virtual.rc8.switches import Switches
-from orinkit.virtual.rc8.variables.table import Variables
+from orinkit.virtual.rc8.variables.table import VariableTable
 
 logger = logging.getLogger("orinkit.rc8")
 
@@ -39,7 +39,7 @@ Told: TypeAlias = Callable[[], Value]
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class PlannedSetPoint:
     """A set-point as it is carried out.
 
     Attributes:
@@ -48,23 +48,23 @@ class Command:
     """
 
     joints: Joints
-    outputs: tuple[Output, ...] = ()
+    outputs: tuple[OutputRange, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class _Waiting:
     """A slvMove that is answered when there is room for its set-point (mode 2)."""
 
-    command: Command
+    command: PlannedSetPoint
     told: Told
-    promise: Later[Value]
+    promise: Deferred[Value]
 
 
 class StreamedArm(Protocol):
     """The arm that slave mode moves."""
 
     @property
-    def model(self) -> Model:
+    def model(self) -> ArmModel:
         """The arm's model."""
 
     @property
@@ -90,7 +90,7 @@ class StreamedArm(Protocol):
         """Stop at once, and fail waiting calls with a code."""
 
 
-class Slave:
+class RC8SlaveMode:
     """Slave mode of one arm. It is off at the beginning.
 
     Args:
@@ -108,7 +108,7 @@ class Slave:
     """
 
     def __init__(
-        self, arm: StreamedArm, cycles: Cycles, variables: Variables, fault: Callable[[int, str], None]
+        self, arm: StreamedArm, cycles: ControlLoop, variables: VariableTable, fault: Callable[[int, str], None]
     ) -> None:
         self.mode: SlaveMode | None = None
         self.owner: Operator | None = None
@@ -118,11 +118,11 @@ class Slave:
         self._cycles = cycles
         self._variables = variables
         self._fault = fault
-        self._limits = Limits(arm.model, arm.switches, arm.speeds)
-        self._buffer: deque[Command] = deque()
+        self._limits = SlaveLimits(arm.model, arm.switches, arm.speeds)
+        self._buffer: deque[PlannedSetPoint] = deque()
         self._waiting: deque[_Waiting] = deque()
-        self._leaving: list[Later[None]] = []  # who waits for the end of the mode
-        self._pace: Pace | None = None  # of the present stream, or of the last one
+        self._leaving: list[Deferred[None]] = []  # who waits for the end of the mode
+        self._pace: CyclePacer | None = None  # of the present stream, or of the last one
 
     # --- state --------------------------------------------------------------------------------------------------
 
@@ -175,21 +175,21 @@ class Slave:
         Args:
             owner: who does.
             mode: which.
-            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.Pace`.
+            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
         self.lenient = 0
-        self._pace = self._cycles.pace = Pace(self._cycles, self, look, strict=self._arm.switches.strict_time)
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, look, strict=self._arm.switches.strict_time)
 
-    def leave(self) -> Later[None]:
+    def leave(self) -> Deferred[None]:
         """Turn it off when the buffer is empty and the arm is at rest; kept then."""
-        done = Later[None]()
+        done = Deferred[None]()
         self._leaving.append(done)
         self._resume()
         self.settle()
-        if not done.done:
+        if not done.done():
             self._cycles.wake()
         return done
 
@@ -202,13 +202,13 @@ class Slave:
         if self.mode is not None and self.mode.buffering == QUEUE and len(self._buffer) >= ROOM:
             raise error_for(hresult.E_BUF_FULL)
 
-    def put(self, command: Command, told: Told) -> Value | Coded | Later[Value]:
+    def put(self, command: PlannedSetPoint, told: Told) -> Value | ResultWithCode | Deferred[Value]:
         """Take a set-point into the buffer; returns the answer, in mode 2 a promise of it where there is no room."""
         self.newest = command.joints
         if self.overwrites:
             self._buffer.clear()
         elif len(self._buffer) >= ROOM:
-            waiting = _Waiting(command, told, Later[Value]())
+            waiting = _Waiting(command, told, Deferred[Value]())
             self._waiting.append(waiting)
             return waiting.promise
         self._buffer.append(command)
@@ -216,7 +216,7 @@ class Slave:
             self._resume()
         self._cycles.wake()
         full = len(self._buffer) == ROOM and self.mode is not None and self.mode.buffering == QUEUE
-        return Coded(hresult.S_BUF_FULL, told()) if full else told()
+        return ResultWithCode(hresult.S_BUF_FULL, told()) if full else told()
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
@@ -239,15 +239,15 @@ class Slave:
         """Fill up the buffer, answer whose turn it is; to be called at the end of a cycle."""
         while self._waiting and len(self._buffer) < ROOM:
             waiting = self._waiting.popleft()
-            if waiting.promise.done:  # it was cancelled
+            if waiting.promise.done():  # it was cancelled
                 continue
             self._buffer.append(waiting.command)
-            waiting.promise.finish(waiting.told())
+            waiting.promise.set_result(waiting.told())
         if self._leaving and not self._buffer and not self._arm.busy:
             leaving = self._leaving
             self._turn_off()
             for done in leaving:
-                done.finish()
+                done.set_result()
 
     def bridge(self, most: int) -> int:
         """Lead to the set-point of mode 1 in at most so many cycles.
@@ -261,7 +261,7 @@ class Slave:
         if self._limits.fault(queue.before, queue.joints, goal.joints, lenient=False) is None:
             return 1  # nothing is missing, or it does not matter
         *way, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
-        self._buffer = deque([*map(Command, way), goal])
+        self._buffer = deque([*map(PlannedSetPoint, way), goal])
         return len(self._buffer)
 
     def end(self, code: int) -> None:
@@ -269,9 +269,9 @@ class Slave:
         moves, leaving = list(self._waiting), self._leaving
         self._turn_off()
         for move in moves:
-            move.promise.fail(error_for(code))
+            move.promise.set_exception(error_for(code))
         for done in leaving:
-            done.fail(error_for(code))
+            done.set_exception(error_for(code))
 
     def fail(self, code: int, detail: str = "") -> None:
         """Raise an error of the controller that ends slave mode and brings the arm to rest (RC8 4.7)."""
@@ -281,7 +281,7 @@ class Slave:
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
-    def _carry_out(self, command: Command) -> None:
+    def _carry_out(self, command: PlannedSetPoint) -> None:
         if self._lead_to(command.joints):
             try:
                 for output in command.outputs:
