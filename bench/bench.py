@@ -41,7 +41,7 @@ def codec(count: int) -> None:
     framer = packet.Framer()
 
     def decode() -> object:  # what the client does with a reply: cut it out, look at its head, read its result
-        frame = framer.take(REPLY)
+        frame = framer.feed(REPLY)
         assert frame is not None
         packet.HEADER.unpack_from(frame)
         return variant_bytes.decode(frame, packet.HEADER.size, len(frame) - 1)

@@ -43,7 +43,7 @@ REPLACEMENTS = (
     (r"\b_async\b", "_sync"),
     (r"\barun\b", "run"),
     (r"\barun_can\b", "run_can"),
-    (r"\basay_goodbye\b", "say_goodbye"),
+    (r"\basend_close\b", "send_close"),
     (r"\bapause\b", "pause"),
     (r"\batake_now\b", "take_now"),
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),

@@ -11,7 +11,7 @@ from orinkit import functions as f
 from orinkit.bcap import packet
 from orinkit.bcap.client import BcapConversation as BcapConversation
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, BcapProfile
+from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, BcapProfile
 from orinkit.cao.call_limits import AT_ONCE, PER_SECOND
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult, i18n
@@ -32,7 +32,7 @@ class Told:
         self.wire = wire
         clock = lambda: self.now  # noqa: E731
         self.conversation: Any = (
-            EcapConversation(clock=clock) if wire is None else BcapConversation(wire=wire, clock=clock)
+            EcapConversation(clock=clock) if wire is None else BcapConversation(profile=wire, clock=clock)
         )
 
     def call(self, deadline: float | None, tries: int = 3) -> tuple[Any, float]:

@@ -14,7 +14,7 @@ from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Execute, Reset, Send, ServerConversation
-from orinkit.bcap.wire import DATAGRAM, LINE, SILENCE
+from orinkit.bcap.profiles import DATAGRAM, LINE, SILENCE
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
@@ -60,7 +60,7 @@ class Call:
 
 @pytest.fixture(params=[DATAGRAM, LINE], ids=["udp", "serial"])
 def conversation(request):
-    return BcapConversation(wire=request.param)
+    return BcapConversation(profile=request.param)
 
 
 def test_a_try_has_a_new_serial_and_the_first_ones_in_the_reserved_field(conversation):
@@ -105,7 +105,7 @@ def test_executing_allows_as_many_tries_again(conversation):
 
 def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
     """Its table 3-5: "wait for a while"; whatever is busy at a first try is something else."""
-    conversation = BcapConversation(wire=LINE, dialect=VE026A)
+    conversation = BcapConversation(profile=LINE, dialect=VE026A)
     call = Call(conversation, tries=2)
     call.feed(None)
     call.feed(call.reply(2, code=hresult.E_ROBOTISBUSY))
@@ -117,7 +117,7 @@ def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
 
 
 def test_a_ve026a_that_goes_on_being_busy_is_told_of_in_time():
-    conversation = BcapConversation(wire=LINE, dialect=VE026A)
+    conversation = BcapConversation(profile=LINE, dialect=VE026A)
     call = Call(conversation, tries=3)
     for serial in (2, 3):
         call.feed(None)
@@ -144,7 +144,7 @@ def test_an_answer_tells_whether_it_echoes(conversation):
 
 def test_silence_that_brings_nothing_costs_one_try_only():
     """Noise before a packet of somebody else: its end is the end of one try."""
-    conversation = BcapConversation(wire=LINE)
+    conversation = BcapConversation(profile=LINE)
     call = Call(conversation, tries=3)
     for number in (2, 3):
         call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(99, 1))
@@ -172,14 +172,14 @@ def test_rubbish_and_ends(conversation):
 
 
 def test_an_answer_behind_noise_is_found_when_the_line_is_silent():
-    conversation = BcapConversation(wire=LINE)
+    conversation = BcapConversation(profile=LINE)
     call = Call(conversation)
     call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(1, 42))
     assert call.result(None) == 42
 
 
 def test_a_long_answer_over_a_slow_line_is_waited_for():
-    conversation = BcapConversation(wire=LINE)
+    conversation = BcapConversation(profile=LINE)
     call = Call(conversation)
     answer = call.reply(1, "x" * 500)
     call.feed(answer[:10])
@@ -220,7 +220,7 @@ def test_serials_begin_anew(conversation):
 
 
 def test_what_does_not_fit_a_datagram_is_not_sent():
-    conversation = BcapConversation(wire=DATAGRAM)
+    conversation = BcapConversation(profile=DATAGRAM)
     text = "x" * ((488 - 14 - 14) // 2)
     assert Call(conversation, 3, text, function=f.variable_put_value).sent.arguments == [3, text]
     with pytest.raises(InvalidValue, match="at most 504"):
@@ -228,7 +228,7 @@ def test_what_does_not_fit_a_datagram_is_not_sent():
 
 
 def test_a_dialect_that_is_known_later():
-    conversation = BcapConversation(wire=LINE)
+    conversation = BcapConversation(profile=LINE)
     code = Variant(VarType.ERROR, 0x600B)
     long = len(packet.encode(Packet(*_sent(conversation, code)), crc=True))
     conversation.dialect = VE026A
@@ -316,8 +316,8 @@ class World:
         self.now = 0.0
         self.events = []
         self.numbers = itertools.count()
-        self.client = BcapConversation(wire=wire)
-        self.server = ServerConversation(wire=wire)
+        self.client = BcapConversation(profile=wire)
+        self.server = ServerConversation(profile=wire)
         self.executed = []  # arguments of every call that was carried out
         self.heard = 0.0
         self.slow = slow
@@ -453,7 +453,7 @@ def test_a_farewell(conversation):
 
 
 def test_a_farewell_ends_what_is_at_work():
-    client, server = BcapConversation(wire=DATAGRAM), ServerConversation(wire=DATAGRAM)
+    client, server = BcapConversation(profile=DATAGRAM), ServerConversation(profile=DATAGRAM)
     operation = client.call(f.controller_execute, (2, "x", 0), TRY)
     (call,) = server.receive(next(operation)[0], 0.0)
     reset, stop = server.receive(client.farewell()[0][0], 0.0)

@@ -10,7 +10,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
-from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
+from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
 from orinkit.values.codec import PacketLimits
@@ -25,10 +25,10 @@ CALL = 101  # Variable_GetValue
 class Line:
     """A conversation and the packets of a client, with or without a checksum."""
 
-    def __init__(self, wire=DATAGRAM, **parameters):
+    def __init__(self, profile=DATAGRAM, **parameters):
         self.wire = wire
         self.now = NOW
-        self.server = ServerConversation(wire=wire, **parameters)
+        self.server = ServerConversation(profile=wire, **parameters)
 
     def data(self, serial, reserved=0, function=CALL, *arguments):
         return packet.encode(Packet(serial, function, list(arguments), reserved), crc=self.wire.crc)

@@ -14,7 +14,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.client import encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.serial_framer import LEAST, LineFramer
-from orinkit.bcap.wire import DATAGRAM, LINE, STREAM, DatagramFramer
+from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, DatagramFramer
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import DIALECTS, VE026A
 from orinkit.cao.functions import FUNCTIONS

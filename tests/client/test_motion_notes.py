@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit.bcap.wire import DATAGRAM, LINE, STREAM
+from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
 from orinkit.cao.transport_profile import TransportProfile
 from orinkit.client._shared.motion import note_broken_off, note_closed, note_failure
 from orinkit.core import i18n

@@ -11,7 +11,7 @@ import pytest
 import orinkit
 from orinkit import aio
 from orinkit import functions as f
-from orinkit.bcap.wire import DATAGRAM
+from orinkit.bcap.profiles import DATAGRAM
 from orinkit.core.errors import InvalidHandle
 from orinkit.server import udp
 from orinkit.server.threaded import Server
@@ -29,7 +29,7 @@ def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silent: bool) ->
         address = parse_address(server.url)
         link: Any = both.run((links if both.loop is None else aio_links).open_link(address, 10.0))
         kind: Any = orinkit.Client if both.loop is None else aio.AsyncClient
-        client = kind(link, wire=wire, timeout=10.0)
+        client = kind(link, profile=wire, timeout=10.0)
         both.run(client.call(f.controller_connect, "", Recorder.provider_names[0], "", ""))
         if silent:
             forget_clients(server, monkeypatch)

@@ -12,7 +12,7 @@ import pytest
 
 import orinkit
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import STREAM
+from orinkit.bcap.profiles import STREAM
 from orinkit.core import hresult
 from orinkit.server.threaded import Server
 from orinkit.values.variant import ARRAY, Variant, VarType

@@ -20,7 +20,7 @@ import orinkit
 from orinkit.bcap import client as bcap_client
 from orinkit.bcap import duplicate_filter, packet
 from orinkit.bcap import server as bcap_server
-from orinkit.bcap.wire import SILENCE
+from orinkit.bcap.profiles import SILENCE
 from orinkit.core.errors import CallTimeout
 from orinkit.server import serial_line
 from orinkit.server.threaded import Server

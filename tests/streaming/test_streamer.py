@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from orinkit.arms import load_model
-from orinkit.bcap.wire import STREAM
+from orinkit.bcap.profiles import STREAM
 from orinkit.core import hresult
 from orinkit.core.errors import CallTimeout, error_for
 from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveAnswer, UserWindow, mode_of

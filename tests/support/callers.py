@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import DATAGRAM, LINE, BcapProfile
+from orinkit.bcap.profiles import DATAGRAM, LINE, BcapProfile
 from orinkit.cao.provider import ClientInfo
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.values.variant import Variant, plain

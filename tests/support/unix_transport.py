@@ -7,7 +7,7 @@ import socket
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from orinkit.bcap.wire import STREAM
+from orinkit.bcap.profiles import STREAM
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
 from orinkit.server.context import ServerContext
 from orinkit.server.tcp import TcpConnection, TcpListener

@@ -17,7 +17,7 @@ from typing import Final, Self
 
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.wire import DATAGRAM, LINE, BcapProfile
+from orinkit.bcap.profiles import DATAGRAM, LINE, BcapProfile
 from orinkit.values.codec import DEFAULT_LIMITS
 from support.peers import PATIENCE, BadPeer, Gone, Line, Script
 

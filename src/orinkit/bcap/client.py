@@ -5,7 +5,7 @@ until that many seconds have passed; ``None`` for the seconds means that the wai
 the ``yield`` are the bytes received, ``b""`` when the other side has closed, ``None`` when the time is up. It returns
 the return code and the result. The two drivers in :mod:`orinkit.transport` do the waiting.
 
-Where packets may be lost (:mod:`orinkit.bcap.wire`) a request that is not answered is repeated; the controller knows it
+Where packets may be lost (:mod:`orinkit.bcap.profiles`) a request that is not answered is repeated; the controller knows it
 again by the reserved field and carries it out once.
 """
 
@@ -18,7 +18,7 @@ from operator import call as _apply
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.bcap.wire import SILENCE, STREAM, BcapProfile
+from orinkit.bcap.profiles import SILENCE, STREAM, BcapProfile
 from orinkit.cao.call_limits import CallTimer, Clock, standing
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
@@ -45,36 +45,36 @@ class BcapConversation:
     """One client's requests and replies over one link, one at a time.
 
     Args:
-        limits: bounds on a packet; those of the wire count too.
+        limits: bounds on a packet; those of the profile count too.
         trace: see below.
-        wire: how packets travel.
+        profile: how packets travel.
         dialect: of the controller; may be set once it is known.
         clock: tells the time, for deadlines and floods.
 
     Attributes:
-        dropped: replies that answered no waiting call: late, repeated, or foreign.
+        stray_replies: replies that answered no waiting call: late, repeated, or foreign.
         trace: if set, is told every packet.
-        wire: how packets travel.
-        echoes: whether the last answer had its request's reserved field, as those of a VE026A have (UDP, serial lines).
+        profile: how packets travel.
+        echoes_reserved: whether the last answer had its request's reserved field, as those of a VE026A have (UDP, serial lines).
     """
 
     def __init__(
         self,
         limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: BcapProfile = STREAM,
+        profile: BcapProfile = STREAM,
         dialect: Dialect = RC8,
         clock: Clock = standing,
     ) -> None:
-        self.dropped = 0
+        self.stray_replies = 0
         self._clock = clock
         self.trace = trace
-        self.wire = wire
-        self._limits = wire.bound(limits)
-        self._framer = wire.framer(self._limits)
-        self._tail = wire.tail
+        self.profile = profile
+        self._limits = profile.bound(limits)
+        self._framer = profile.framer(self._limits)
+        self._tail = profile.tail
         self._serial = 1
-        self.echoes = False
+        self.echoes_reserved = False
         self._stopped = True  # the controller has been told that nobody is here, or never that somebody is
         self.dialect = dialect
 
@@ -134,7 +134,7 @@ class BcapConversation:
             ProtocolError: what came is not b-CAP, or not what the function returns; or too much came that is no answer.
             CallError: the controller answered with an error code.
         """
-        if self.wire.lossy:
+        if self.profile.lossy:
             return self._call_lossy(function, arguments, seconds, exact, tries, later, deadline)
         return self._call_stream(function, arguments, seconds, exact, deadline)
 
@@ -158,13 +158,13 @@ class BcapConversation:
                 raise late or no_answer(function, received, seconds)
             wait: float | None = None
             idle = 0
-            frame = framer.take(received)
+            frame = framer.feed(received)
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
                 answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
                 if answered != serial:
-                    self.dropped += 1
+                    self.stray_replies += 1
                     idle += 1
                 elif code == _EXECUTING:
                     wait = seconds
@@ -198,7 +198,7 @@ class BcapConversation:
         patience = CallTimer(function.name, deadline, self._clock)
         received = yield requests[serial], patience.bound(seconds)
         while True:
-            if received is None and framer.pending > seen and framer.begun in requests:
+            if received is None and framer.pending > seen and framer.partial_serial in requests:
                 seen = framer.pending  # a long answer over a slow line is still coming
                 received = yield b"", patience.bound(SILENCE)
                 continue
@@ -207,13 +207,13 @@ class BcapConversation:
             seen, executing = 0, False
             idle = 0
             # noise before an answer may have kept it from being seen until the time was up
-            frame = framer.take(received) if received else framer.silence()
+            frame = framer.feed(received) if received else framer.timeout()
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
                 answered, reserved, code, count = _SERIAL_AND_CODE(frame, 5)
                 if requests.get(answered, frame) == frame:  # foreign, or a line that gives back what is sent
-                    self.dropped += 1
+                    self.stray_replies += 1
                     idle += 1
                 elif code == _EXECUTING:
                     executing, left = True, tries
@@ -223,11 +223,11 @@ class BcapConversation:
                 elif code >= _FAILED:
                     raise error_for(code, "", function.name, arguments)
                 else:
-                    self.echoes = bool(reserved)
+                    self.echoes_reserved = bool(reserved)
                     self._stopped = function is service_stop
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
-            if not idle and received and not self.wire.shared:
+            if not idle and received and not self.profile.shared:
                 idle = 1  # an empty datagram; a serial line brings every byte on its own
             patience.heard(idle, executing=executing)
             if received or executing:
@@ -243,12 +243,12 @@ class BcapConversation:
             requests[serial] = self._request(function, arguments, serial, first)
             received = yield requests[serial], patience.bound(max(seconds, later))
 
-    def farewell(self) -> list[tuple[bytes, float]]:
+    def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return packets to be sent where a connection is closed that does not tell of its end: Service_Stop.
 
         Beside each how many seconds to wait for an answer: none, so it is said more than once.
         """
-        if self._stopped or not self.wire.lossy:
+        if self._stopped or not self.profile.lossy:
             return []
         self._stopped = True
         first = self._take_serial()
@@ -263,10 +263,10 @@ class BcapConversation:
     def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:
         """Return the packet of a try, which the trace is told."""
         request = encode_request(
-            function, arguments, serial, first, crc=self.wire.crc, error_size=self._limits.error_size
+            function, arguments, serial, first, crc=self.profile.crc, error_size=self._limits.error_size
         )
         if len(request) > self._limits.packet:
-            raise _too_long(function, len(request), self._limits, self.wire)
+            raise _too_long(function, len(request), self._limits, self.profile)
         if self.trace is not None:
             self.trace(">", request)
         return request
@@ -289,8 +289,8 @@ def sign_of_life(handle: int) -> bytes:
     return encode_request(controller_get_name, (handle,), 0)
 
 
-def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, wire: BcapProfile) -> InvalidValue:
-    by_tcp = tr(" ({name}; with TCP there is room)", name=wire.name)
+def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, profile: BcapProfile) -> InvalidValue:
+    by_tcp = tr(" ({name}; with TCP there is room)", name=profile.name)
     return InvalidValue(
         tr(
             "{name}: the arguments make a packet of {length} bytes, at most {most} can be sent",
@@ -298,7 +298,7 @@ def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, w
             length=length,
             most=limits.packet,
         )
-        + (by_tcp if limits.packet == wire.packet != STREAM.packet else "")
+        + (by_tcp if limits.packet == profile.packet != STREAM.packet else "")
     )
 
 

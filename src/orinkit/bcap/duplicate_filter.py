@@ -73,7 +73,7 @@ class DuplicateFilter:
         self._started = float("-inf")
         self._stopped = True
 
-    def judge(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
+    def check(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
         """Tell what is to be done with a request; one that is new is at work from then on, until :meth:`answered`.
 
         Args:

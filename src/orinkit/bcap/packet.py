@@ -208,19 +208,19 @@ class Framer:
         return len(self._buffer)
 
     @property
-    def begun(self) -> int:
+    def partial_serial(self) -> int:
         """Nobody asks for it of a stream."""
         return 0
 
-    def inside(self) -> bytes | None:
+    def resync(self) -> bytes | None:
         """Return nothing: a stream has no other packet inside a packet."""
         return None
 
-    def silence(self) -> bytes | None:
+    def timeout(self) -> bytes | None:
         """Return nothing: in a stream the rest of a packet comes, however late."""
         return None
 
-    def take(self, data: bytes) -> bytes | None:
+    def feed(self, data: bytes) -> bytes | None:
         """Take the next bytes of the stream and return the first whole packet; :meth:`next_frame` gives the others.
 
         Raises:

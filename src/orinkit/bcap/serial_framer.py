@@ -23,7 +23,7 @@ class LineFramer:
     """Finds packets between noise: each has to be whole and its checksum right.
 
     Where something is no packet the next one is looked for right behind its first byte, so that no packet is lost with
-    the noise before it. A length that was made by noise may announce bytes that never come; :meth:`silence` is told
+    the noise before it. A length that was made by noise may announce bytes that never come; :meth:`timeout` is told
     when the line has fallen silent.
 
     Args:
@@ -50,14 +50,14 @@ class LineFramer:
         return len(self._buffer)
 
     @property
-    def begun(self) -> int:
+    def partial_serial(self) -> int:
         """Serial of the packet that they seem to be the beginning of; 0 where that cannot be told."""
         if len(self._buffer) < _HEAD:
             return 0
         serial: int = packet.HEADER.unpack_from(self._buffer)[2]
         return serial
 
-    def take(self, data: bytes) -> bytes | None:
+    def feed(self, data: bytes) -> bytes | None:
         """Take the next bytes and return the first whole packet; :meth:`next_frame` gives the others.
 
         Raises:
@@ -94,7 +94,7 @@ class LineFramer:
                 return frame
         return None
 
-    def inside(self) -> bytes | None:
+    def resync(self) -> bytes | None:
         """Return a whole packet behind the head of one that is not whole, which is then passed over with all before it.
 
         For a head that noise has made, where the line never falls silent. A packet that carries others in its content
@@ -114,7 +114,7 @@ class LineFramer:
             start = buffer.find(packet.SOH, start + 1)
         return None
 
-    def silence(self) -> bytes | None:
+    def timeout(self) -> bytes | None:
         """Give up what has begun, and return a whole packet that is found inside it.
 
         Raises:

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from orinkit.bcap import packet
 from orinkit.bcap.duplicate_filter import CachedReply, Decision, DuplicateFilter
-from orinkit.bcap.wire import STREAM, BcapProfile
+from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.service_options import read_options
@@ -106,7 +106,7 @@ class ServerConversation:
         limits: bounds on a packet.
         invoke_timeout: seconds that a call may take before it is answered with E_TIMEOUT; a client may set its own with
             ``InvokeTimeout=<ms>``.
-        wire: how packets travel.
+        profile: how packets travel.
         dialect: that is spoken.
 
     Attributes:
@@ -124,18 +124,18 @@ class ServerConversation:
         self,
         limits: PacketLimits = DEFAULT_LIMITS,
         invoke_timeout: float = 180.0,
-        wire: BcapProfile = STREAM,
+        profile: BcapProfile = STREAM,
         dialect: Dialect = RC8,
     ) -> None:
         self.wdt: float | None = None
         self.alive: float | None = None
         self.invoke_timeout = invoke_timeout
         self._default_timeout = invoke_timeout
-        self._wire = wire
+        self._profile = profile
         self._dialect = dialect
-        self._limits = replace(wire.bound(limits), error_size=dialect.error_size)
-        self._framer = wire.server_framer(self._limits)
-        self._requests = DuplicateFilter(shared=wire.shared) if wire.lossy else None
+        self._limits = replace(profile.bound(limits), error_size=dialect.error_size)
+        self._framer = profile.server_framer(self._limits)
+        self._requests = DuplicateFilter(shared=profile.shared) if profile.lossy else None
         self._current: Execute | Decode | None = None
         self._serial = 0  # of the latest try of the current call
         self._reserved = 0
@@ -156,8 +156,8 @@ class ServerConversation:
 
     @property
     def pending(self) -> int:
-        """How many bytes have come that are no whole packet yet; where they may stay so, :meth:`silence` is for it."""
-        return self._framer.pending if self._wire.lossy else 0
+        """How many bytes have come that are no whole packet yet; where they may stay so, :meth:`timeout` is for it."""
+        return self._framer.pending if self._profile.lossy else 0
 
     @property
     def incomplete(self) -> int:
@@ -178,16 +178,16 @@ class ServerConversation:
             now: the time, in seconds of any steady clock.
         """
         self._now = now
-        return self._actions(lambda: self._framer.take(data), self._framer.next_frame)
+        return self._actions(lambda: self._framer.feed(data), self._framer.next_frame)
 
-    def silence(self, now: float) -> Iterator[Action]:
-        """Nothing has come for :data:`~orinkit.bcap.wire.SILENCE` seconds; yields what to do, as :meth:`receive`.
+    def timeout(self, now: float) -> Iterator[Action]:
+        """Nothing has come for :data:`~orinkit.bcap.profiles.SILENCE` seconds; yields what to do, as :meth:`receive`.
 
         What a serial line has brought of a packet is given up then: its rest will not come. Something may still be
         pending afterwards.
         """
         self._now = now
-        return self._actions(self._framer.silence, self._framer.next_frame)
+        return self._actions(self._framer.timeout, self._framer.next_frame)
 
     def _actions(self, first: Callable[[], bytes | None], following: Callable[[], bytes | None]) -> Iterator[Action]:
         take = first
@@ -202,7 +202,7 @@ class ServerConversation:
                     return
                 take = following
                 continue
-            if frame is None and self._wire.shared:
+            if frame is None and self._profile.shared:
                 frame = self._inside(took)
             if frame is None:
                 return
@@ -224,7 +224,7 @@ class ServerConversation:
             self._pending_since = self._now
         elif self._now - self._pending_since >= _OVERDUE:
             self._pending_since = self._now
-            return self._framer.inside()
+            return self._framer.resync()
         return None
 
     def go_on(self, now: float) -> None:
@@ -237,13 +237,13 @@ class ServerConversation:
         self.heard = self._now
         if len(frame) > self._limits.packet:  # a datagram; a stream would have lost its place
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
-        end = len(frame) - self._wire.tail
+        end = len(frame) - self._profile.tail
         if self._requests is not None:
             if not function_id or function_id & _FAILED:  # an answer: to answer it could go on for ever
                 return None
             goodbye = function_id == _SERVICE_STOP  # there is no connection whose end would say so
             busy = self._current is not None and not goodbye
-            verdict = self._requests.judge(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
+            verdict = self._requests.check(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
             if verdict is Decision.ANEW or (verdict is Decision.NEW and self._current is not None):
                 self._current = None
                 self._next = self._take(frame, serial, reserved, function_id, count, end)
@@ -310,7 +310,7 @@ class ServerConversation:
         if isinstance(arguments, ProtocolError):
             error = arguments
             if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
-                self._next = Reset(str(error)) if self._wire.lossy else Close(str(error))
+                self._next = Reset(str(error)) if self._profile.lossy else Close(str(error))
             return Send(self._answer(error.code))
         if function_id == _SERVICE_START and self._dialect.takes_options:
             try:
@@ -355,7 +355,7 @@ class ServerConversation:
         except Exception:
             logger.exception("the result of function %d cannot be sent", call.function_id)
             return Encoded(hresult.E_FAIL)
-        if len(body) + packet.OVERHEAD + self._wire.tail - 1 > self._limits.packet:
+        if len(body) + packet.OVERHEAD + self._profile.tail - 1 > self._limits.packet:
             return Encoded(hresult.E_TOO_MUCH_DATA)
         if len(body) > LARGE and self._requests is None:
             return Encoded(None, room=packet.with_room(body))
@@ -378,7 +378,7 @@ class ServerConversation:
     def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:
         dialect = self._dialect
         code = dialect.codes.get(code, code)
-        return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._wire.crc)
+        return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._profile.crc)
 
     def abandon(self) -> None:
         """Have nobody wait for the call that is at work: its client is taken to have gone."""

@@ -46,7 +46,7 @@ class ClientInfo(NamedTuple):
         address: host address of the client, ``"127.0.0.1"``; the port's path on a serial line.
         transport: ``"tcp"``, ``"udp"``, ``"serial"``, ``"http"`` or ``"memory"``.
         port: the client's port number, 0 where there is none.
-        look: calls a function back, from any thread, once everything that has arrived from this client by now has been
+        drain_input: calls a function back, from any thread, once everything that has arrived from this client by now has been
             handled; it waits for nothing itself. ``None`` where that is always so. For a device whose time goes on while
             the server may be late to read.
         provider: the provider's name that it has asked for, as it wrote it.
@@ -56,7 +56,7 @@ class ClientInfo(NamedTuple):
     address: str = ""
     transport: str = "memory"
     port: int = 0
-    look: Callable[[Callable[[], None]], None] | None = None
+    drain_input: Callable[[Callable[[], None]], None] | None = None
     provider: str = ""
     reason: Callable[[int], str] = _no_reason
 

@@ -88,7 +88,7 @@ def _still_waits() -> bool:
 _WAITS_NO_MORE: Final[ContextVar[Callable[[], bool]]] = ContextVar("waits_no_more", default=_still_waits)
 
 
-def given_up() -> bool:
+def client_gave_up() -> bool:
     """Whether the client waits no more for the call being carried out: it was told that it took too long, or has gone.
 
     For an ``async`` method that has waited for something, before it does what its client would not expect any more.
@@ -97,5 +97,5 @@ def given_up() -> bool:
 
 
 def begin_call(waits_no_more: Callable[[], bool]) -> None:
-    """Say, in the task that carries out a call, how :func:`given_up` finds out; for servers."""
+    """Say, in the task that carries out a call, how :func:`client_gave_up` finds out; for servers."""
     _WAITS_NO_MORE.set(waits_no_more)

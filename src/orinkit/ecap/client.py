@@ -37,30 +37,30 @@ class EcapConversation:
     Args:
         limits: bounds on a reply, and on a request.
         trace: is told every body: ``">"`` and a request, ``"<"`` and a reply.
-        wire: how calls travel.
+        profile: how calls travel.
         dialect: of the controller; may be set once it is known.
         clock: tells the time, for deadlines and floods.
 
     Attributes:
-        dropped: always 0: a reply comes over the connection of its request.
-        echoes: always False, as there is no reserved field.
+        stray_replies: always 0: a reply comes over the connection of its request.
+        echoes_reserved: always False, as there is no reserved field.
         serial: of no meaning here.
     """
 
-    dropped = 0
-    echoes = False
+    stray_replies = 0
+    echoes_reserved = False
 
     def __init__(
         self,
         limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: TransportProfile = HTTP,
+        profile: TransportProfile = HTTP,
         dialect: Dialect = RC8,
         clock: Clock = standing,
     ) -> None:
         self._clock = clock
         self.trace = trace
-        self.wire = wire
+        self.profile = profile
         self.dialect = dialect
         self.serial = 1
         self._limits = limits
@@ -119,7 +119,7 @@ class EcapConversation:
             result = Variant(VarType.EMPTY)
         return code, checked(function, result if exact else result.plain, exact=exact)
 
-    def farewell(self) -> list[tuple[bytes, float]]:
+    def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return what is to be sent before a client leaves that has not said Service_Stop, and seconds to wait for it."""
         if self._stopped:
             return []

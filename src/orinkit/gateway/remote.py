@@ -30,7 +30,7 @@ from orinkit.cao.provider import (
     TaskObject,
     VariableObject,
 )
-from orinkit.cao.results import given_up
+from orinkit.cao.results import client_gave_up
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
@@ -90,7 +90,7 @@ class RemoteObject(CaoObject):
             await connection.ready()
             self._check_kept(function)
             handle = await self._reach()
-            if given_up():  # it has waited behind another call, or for the connection
+            if client_gave_up():  # it has waited behind another call, or for the connection
                 raise error_for(hresult.E_ABORT, _too_late(connection.url, function))
             reply = await connection.ask(function, handle, *arguments)
             value = reply.value

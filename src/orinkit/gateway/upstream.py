@@ -20,7 +20,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from orinkit.bcap.wire import DEFAULT_TRIES
+from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import DIALECTS, Dialect
 from orinkit.cao.replies import Reply
@@ -154,7 +154,7 @@ class Upstream:
         )
         try:
             client.dialect = self.spoken
-            option = service_option(self.service, client.wire, client.dialect, client.timeout)
+            option = service_option(self.service, client.profile, client.dialect, client.timeout)
             await client.call(f.service_start, option)
             handle = await client.call(f.controller_connect, *wanted)
         except BaseException:
@@ -295,7 +295,7 @@ class UpstreamConnection:
             raise _gone(self.url)
         logger.info("%s: connected%s", self.url, " again" if self.generation else "")
         self._client = client
-        self._lossy = client.wire.lossy
+        self._lossy = client.profile.lossy
         self.generation += 1
         self._delay = self._upstream.retry
         self._next_try = self._loop.time() + self._delay
@@ -332,7 +332,7 @@ class UpstreamConnection:
 
     async def _is_forgotten(self, client: AsyncClient) -> bool:
         """Whether the controller has forgotten this client, of which only its handles tell: restarted, or silent too long."""
-        if not (client.wire.memory or client.wire.shared):
+        if not (client.profile.memory or client.profile.shared):
             return False
         try:
             await client.call(f.controller_get_name, self.handle)
@@ -421,7 +421,7 @@ class UpstreamConnection:
 
     def _stay(self, client: AsyncClient) -> None:
         wanted = self._upstream.keep_alive
-        every = client.wire.memory / _SIGNS if wanted is None else wanted
+        every = client.profile.memory / _SIGNS if wanted is None else wanted
         if every:
             self._alarm = self._loop.call_later(every, self._look, every)
 

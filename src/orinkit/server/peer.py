@@ -11,7 +11,7 @@ from itertools import chain
 from typing import Final
 
 from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
-from orinkit.bcap.wire import BcapProfile
+from orinkit.bcap.profiles import BcapProfile
 from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
@@ -38,7 +38,7 @@ class Peer(ABC):
     Args:
         shared: what all clients of the server share.
         loop: the event loop that it lives in.
-        wire: how its packets travel.
+        profile: how its packets travel.
 
     Attributes:
         _name: who it is, for the log.
@@ -53,10 +53,10 @@ class Peer(ABC):
     _send: Callable[[bytes | bytearray], None]
     _is_gone: Callable[[], bool]
 
-    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, wire: BcapProfile) -> None:
+    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile) -> None:
         self._shared = shared
         self._loop = loop
-        self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, wire, shared.host.dialect)
+        self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, profile, shared.host.dialect)
         self._session: Session | None = None
         self._vigil: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
@@ -170,7 +170,7 @@ class Peer(ABC):
     def abort(self) -> None:
         """Close it at once, whatever was to be sent."""
 
-    def look(self, handled: Callable[[], None]) -> None:
+    def drain_input(self, handled: Callable[[], None]) -> None:
         """Call back once everything that has arrived by now has been handled; may be called from any thread.
 
         The next turn of the loop asks for what has arrived, the one behind it has handled that. One more, because the
@@ -240,13 +240,13 @@ class Peer(ABC):
         self._set_alarm(self._conversation.deadline())
 
     def _hold(self) -> None:  # noqa: B027 - not every kind of connection does it
-        """Look at no further request while one is read, or its result written, elsewhere.
+        """DrainInput at no further request while one is read, or its result written, elsewhere.
 
         Where requests may be lost each is answered at once; its client sends it again.
         """
 
     def _let_go(self) -> None:  # noqa: B027
-        """Look at further requests again."""
+        """DrainInput at further requests again."""
 
     def _go_on(self) -> None:
         """Do what had to wait, unless it has to wait longer."""

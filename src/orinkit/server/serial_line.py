@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final, Self, cast
 
-from orinkit.bcap.wire import LINE, SILENCE
+from orinkit.bcap.profiles import LINE, SILENCE
 from orinkit.cao.provider import ClientInfo
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
@@ -106,10 +106,10 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             return
         while self._conversation.pending and not self._is_gone():
             # a packet behind a packet behind noise: none may wait for more bytes
-            self._act(self._conversation.silence(now))
+            self._act(self._conversation.timeout(now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self._name, LINE.name, 0, self.look)
+        return ClientInfo(self._name, LINE.name, 0, self.drain_input)
 
     def _rest(self, reason: object = None) -> None:
         """The client has gone: what it has not read is not for the next one."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Final, Self, cast
 
 from orinkit.bcap.server import Execute
-from orinkit.bcap.wire import STREAM, BcapProfile
+from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.cao.provider import ClientInfo
 from orinkit.server import accepting
 from orinkit.server.accepting import ONE_AT_A_TIME, deepen
@@ -36,9 +36,9 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     more than everything else that is done for a call.
     """
 
-    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, wire: BcapProfile = STREAM) -> None:
-        super().__init__(shared, loop, wire)
-        self._kind = wire.name
+    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile = STREAM) -> None:
+        super().__init__(shared, loop, profile)
+        self._kind = profile.name
         shared.opening += 1
         self._idle_timer: asyncio.TimerHandle | None = None
         self._partial = 0  # bytes of it that are counted
@@ -171,7 +171,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _about(self) -> ClientInfo:
         host, port = self._place
-        return ClientInfo(host, self._kind, port, self.look)
+        return ClientInfo(host, self._kind, port, self.drain_input)
 
     def _refuse(self, call: Execute) -> None:
         super()._refuse(call)

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Final, Self, TypeAlias, cast
 
 from orinkit.bcap.server import Encoded, Execute
-from orinkit.bcap.wire import DATAGRAM
+from orinkit.bcap.profiles import DATAGRAM
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.session import Session
 from orinkit.server.context import ServerContext
@@ -54,7 +54,7 @@ class UdpClient(ConnectionlessClient):
         self._act(self._conversation.receive(data, now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self.place[0], DATAGRAM.name, self.place[1], self.look)
+        return ClientInfo(self.place[0], DATAGRAM.name, self.place[1], self.drain_input)
 
     def _newcomer(self) -> Session | None:
         session = super()._newcomer()

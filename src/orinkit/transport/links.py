@@ -43,7 +43,7 @@ def lendable(kind: str) -> Transport:
     """Return the row of links that another process can adopt.
 
     Args:
-        kind: name of the carrier: ``"tcp"``, ``"udp"``, ``"serial"``, or that of a transport from elsewhere.
+        kind: name of the profile: ``"tcp"``, ``"udp"``, ``"serial"``, or that of a transport from elsewhere.
 
     Raises:
         StreamError: If it cannot adopt them.

@@ -98,8 +98,8 @@ class Transport(NamedTuple):
         scheme: of the address, in lower case.
         parse: ``(AddressText) -> AnyAddress``. Raises InvalidAddress.
         example: an address, for messages.
-        carrier: a :class:`~orinkit.bcap.wire.BcapProfile` for b-CAP, another :class:`~orinkit.cao.transport_profile.TransportProfile` for
-            e-CAP. Its name is a scheme with the same carrier, whose row adopts its links.
+        profile: a :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another :class:`~orinkit.cao.transport_profile.TransportProfile` for
+            e-CAP. Its name is a scheme with the same profile, whose row adopts its links.
         link: ``(address, LinkOptions) -> Link``, for a client.
         aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.
@@ -113,7 +113,7 @@ class Transport(NamedTuple):
     scheme: str
     parse: Reference
     example: str
-    carrier: Reference = ""
+    profile: Reference = ""
     link: Reference = ""
     aio_link: Reference = ""
     adopt: Reference = ""
@@ -126,7 +126,7 @@ class Transport(NamedTuple):
     @property
     def references(self) -> tuple[Reference, ...]:
         """All references of the row."""
-        each = (self.parse, self.carrier, self.link, self.aio_link, self.adopt, self.listener, self.refusal)
+        each = (self.parse, self.profile, self.link, self.aio_link, self.adopt, self.listener, self.refusal)
         return tuple(filter(None, each))
 
 
@@ -135,7 +135,7 @@ def _http(scheme: str, option: ServeOption | None = None) -> Transport:
         scheme,
         parse="orinkit.transport.address:parse_http",
         example=f"{scheme}://192.168.0.1:8080",
-        carrier="orinkit.ecap.client:HTTP",
+        profile="orinkit.ecap.client:HTTP",
         link="orinkit.transport.http.link:HttpLink.open",
         aio_link="orinkit.transport.http.aio_link:AsyncHttpLink.open",
         listener="orinkit.server.http.listener:HttpListener.open",
@@ -149,7 +149,7 @@ _BUILT_IN: Final = (
         "tcp",
         parse="orinkit.transport.address:parse_host",
         example="tcp://192.168.0.1:5007",
-        carrier="orinkit.bcap.wire:STREAM",
+        profile="orinkit.bcap.profiles:STREAM",
         link="orinkit.transport.sockets.tcp:TcpLink.open",
         aio_link="orinkit.transport.sockets.aio_tcp:AsyncTcpLink.open",
         adopt="orinkit.transport.sockets.tcp:TcpLink.adopt",
@@ -166,7 +166,7 @@ _BUILT_IN: Final = (
         "udp",
         parse="orinkit.transport.address:parse_host",
         example="udp://192.168.0.1:5007",
-        carrier="orinkit.bcap.wire:DATAGRAM",
+        profile="orinkit.bcap.profiles:DATAGRAM",
         link="orinkit.transport.sockets.udp:UdpLink.open",
         aio_link="orinkit.transport.sockets.aio_udp:AsyncUdpLink.open",
         adopt="orinkit.transport.sockets.udp:UdpLink.adopt",
@@ -179,7 +179,7 @@ _BUILT_IN: Final = (
         "serial",
         parse="orinkit.transport.serial.address:parse_serial",
         example="serial:///dev/ttyUSB0?baudrate=38400",
-        carrier="orinkit.bcap.wire:LINE",
+        profile="orinkit.bcap.profiles:LINE",
         link="orinkit.transport.serial.opening:open_link",
         aio_link="orinkit.transport.serial.opening:open_aio_link",
         adopt="orinkit.transport.serial.opening:adopt",

@@ -15,9 +15,9 @@ from orinkit.core.errors import OrinError, StreamError
 from orinkit.core.i18n import tr
 
 T = TypeVar("T")
-_GOODBYE = 0.1  # s for each packet of a farewell
+_GOODBYE = 0.1  # s for each packet of a close_sequence
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
-Parting: TypeAlias = tuple[bytes, float]
+ClosePacket: TypeAlias = tuple[bytes, float]
 """Something to send before a link is closed, and how many seconds to wait for an answer."""
 
 
@@ -134,7 +134,7 @@ def _lent() -> StreamError:
     )
 
 
-def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[Parting]] = tuple) -> T:
+def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:
     """Carry out an operation on the caller's thread and return its result.
 
     An exception from outside in the middle of it, such as KeyboardInterrupt, closes the link: bytes may have been
@@ -143,7 +143,7 @@ def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[Par
     Args:
         operation: what to do.
         link: to do it over.
-        farewell: gives what to send before the link is closed by such an exception.
+        close_sequence: gives what to send before the link is closed by such an exception.
     """
     received: bytes | None = None
     deadline = 0.0
@@ -167,13 +167,13 @@ def run(operation: Operation[T], link: Link, farewell: Callable[[], Iterable[Par
     except BaseException:
         if sent:
             try:
-                say_goodbye(link, farewell())
+                send_close(link, close_sequence())
             finally:  # who is interrupted once more does not wait for an answer to that
                 link.close()
         raise
 
 
-def say_goodbye(link: Link, packets: Iterable[Parting]) -> None:
+def send_close(link: Link, packets: Iterable[ClosePacket]) -> None:
     """Send packets, and wait for their answers where that is asked for; a link that is broken or closed is no error."""
     try:
         for data, seconds in packets:
@@ -184,7 +184,7 @@ def say_goodbye(link: Link, packets: Iterable[Parting]) -> None:
         pass
 
 
-async def asay_goodbye(link: AsyncLink, packets: Iterable[Parting]) -> None:
+async def asend_close(link: AsyncLink, packets: Iterable[ClosePacket]) -> None:
     """The same in asyncio."""
     try:
         for data, seconds in packets:
@@ -195,7 +195,7 @@ async def asay_goodbye(link: AsyncLink, packets: Iterable[Parting]) -> None:
         pass
 
 
-async def arun(operation: Operation[T], link: AsyncLink, farewell: Callable[[], Iterable[Parting]] = tuple) -> T:  # noqa: ARG001 - as run
+async def arun(operation: Operation[T], link: AsyncLink, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:  # noqa: ARG001 - as run
     """Carry out an operation in asyncio and return its result; one that is cancelled leaves the link as it is."""
     received: bytes | None = None
     deadline = 0.0

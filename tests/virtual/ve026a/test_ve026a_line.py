@@ -39,7 +39,7 @@ class Line:
         self.arm = VirtualVE026A(clock=self.clock, **options)
         self.host = ProviderRegistry(self.arm)
         self.kind = kind
-        self.conversation = ServerConversation(wire=kind, dialect=self.arm.dialect)
+        self.conversation = ServerConversation(profile=kind, dialect=self.arm.dialect)
         self.session = Session(self.host, ClientInfo("/dev/ttyUSB0", "serial"))
         self.serial = 0
         self.waited = 0.0

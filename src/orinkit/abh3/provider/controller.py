@@ -18,7 +18,7 @@ from orinkit.abh3.table.signals import dialect_of
 from orinkit.cao import coerce
 from orinkit.cao.error_description import DESCRIBE, describe_error
 from orinkit.cao.provider import READABLE, WRITABLE, ControllerObject, VariableObject, not_found
-from orinkit.cao.results import given_up
+from orinkit.cao.results import client_gave_up
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
@@ -33,19 +33,19 @@ _SIGNED: Final = -0x80000000
 class DriverOwner(Protocol):
     """The provider, as far as a client's object needs it."""
 
-    def take(self, controller: ABH3Controller) -> None:
+    def acquire(self, controller: ABH3Controller) -> None:
         """Give a client the command of its driver."""
 
-    def has(self, controller: ABH3Controller) -> bool:
+    def owns(self, controller: ABH3Controller) -> bool:
         """Whether a client has it."""
 
-    def holder(self, controller: ABH3Controller) -> ABH3Controller | None:
+    def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
         """Return who has it now."""
 
-    def drop(self, controller: ABH3Controller) -> None:
+    def release(self, controller: ABH3Controller) -> None:
         """Take it back."""
 
-    def part(self, controller: ABH3Controller) -> None:
+    def disconnect(self, controller: ABH3Controller) -> None:
         """A client has gone."""
 
 
@@ -139,7 +139,7 @@ class ABH3Controller(ControllerObject):
         """The client has gone: the motor comes to rest."""
         if not self._gone:
             self._gone = True
-            self._owner.part(self)
+            self._owner.disconnect(self)
 
     # --- what variables and commands do -------------------------------------------------------------------------------
 
@@ -160,10 +160,10 @@ class ABH3Controller(ControllerObject):
         with map_errors():
             async with self._turn:
                 if not self._wanted.period and self._silent() and self.motor.host.moving:
-                    self.motor.host.forget()
+                    self.motor.host.reset_commands()
                     self._stopped = True
                 self._begin()
-                self._owner.take(self)
+                self._owner.acquire(self)
                 self._tell_of_stop(calming=calming)
                 self._writing = True  # nobody else gets the command meanwhile
                 try:
@@ -177,7 +177,7 @@ class ABH3Controller(ControllerObject):
 
     async def stop(self) -> Feedback:
         """Stop the motor, whoever commands it; another client that does is told at its next write."""
-        holder = self._owner.holder(self)
+        holder = self._owner.owner(self)
         if holder is None or holder is self:
             return await self.write(lambda motor: motor.stop(), calming=True)
         with map_errors():
@@ -191,17 +191,17 @@ class ABH3Controller(ControllerObject):
         self._stopped = True
         return feedback
 
-    async def let_go(self) -> None:
+    async def release_command(self) -> None:
         """Stop the motor, switch the servo off, and give the command back, if this client has it."""
         with map_errors():
             async with self._turn:
                 self._begin()
-                if not self._owner.has(self):
+                if not self._owner.owns(self):
                     return
                 self._kept = self._stopped = False
                 self.motor.end_keep_alive()
                 await self.motor.init()
-                self._owner.drop(self)
+                self._owner.release(self)
 
     def _begin(self) -> None:
         """Note that the client is there; a call that it was told took too long is not begun.
@@ -209,10 +209,10 @@ class ABH3Controller(ControllerObject):
         Raises:
             CallError: E_TIMEOUT: it was told so while this call waited for its turn.
         """
-        if given_up():
+        if client_gave_up():
             raise error_for(hresult.E_TIMEOUT)
         self._called = monotonic()
-        self.motor.touch()
+        self.motor.feed()
 
     def _tell_of_stop(self, *, calming: bool) -> None:
         """Tell a client once that its motor was stopped meanwhile.
@@ -378,7 +378,7 @@ async def _read_monitor(controller: ABH3Controller, address: int) -> Value:
 
 
 async def _release(controller: ABH3Controller) -> None:
-    await controller.let_go()
+    await controller.release_command()
 
 
 COMMANDS: Final[Mapping[str, tuple[tuple[Reader, ...], int, Run]]] = {

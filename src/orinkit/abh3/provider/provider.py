@@ -108,16 +108,16 @@ class ABH3Provider(Provider):
 
     # --- for controllers ----------------------------------------------------------------------------------------------
 
-    def take(self, controller: ABH3Controller) -> None:
+    def acquire(self, controller: ABH3Controller) -> None:
         """Give a client the command of its driver.
 
         Raises:
             CallError: E_ACCESSDENIED: another client has it.
         """
-        holder = self._holders.setdefault(controller.key, controller)
-        if holder is controller:
+        owner = self._holders.setdefault(controller.key, controller)
+        if owner is controller:
             return
-        if holder.holding:
+        if owner.holding:
             address = controller.motor.address
             raise error_for(
                 hresult.E_ACCESSDENIED,
@@ -127,24 +127,24 @@ class ABH3Provider(Provider):
                     address=address,
                 ),
             )
-        holder.motor.abandon()  # what it has asked for is not asked for any more, when it goes neither
+        owner.motor.abandon()  # what it has asked for is not asked for any more, when it goes neither
         self._holders[controller.key] = controller
 
-    def has(self, controller: ABH3Controller) -> bool:
+    def owns(self, controller: ABH3Controller) -> bool:
         """Whether a client has the command of its driver."""
         return self._holders.get(controller.key) is controller
 
-    def holder(self, controller: ABH3Controller) -> ABH3Controller | None:
+    def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
         """Return the client that has the command of a client's driver now, ``None`` where nobody does."""
-        holder = self._holders.get(controller.key)
-        return holder if holder is not None and holder.holding else None
+        owner = self._holders.get(controller.key)
+        return owner if owner is not None and owner.holding else None
 
-    def drop(self, controller: ABH3Controller) -> None:
+    def release(self, controller: ABH3Controller) -> None:
         """Take the command back from a client, if it has it."""
-        if self.has(controller):
+        if self.owns(controller):
             del self._holders[controller.key]
 
-    def part(self, controller: ABH3Controller) -> None:
+    def disconnect(self, controller: ABH3Controller) -> None:
         """A client has gone: stop its motor if it commands it, close the bus when nobody is left."""
         self._clients.discard(controller)
         task = asyncio.get_running_loop().create_task(self._leave(controller))
@@ -153,9 +153,9 @@ class ABH3Provider(Provider):
 
     async def _leave(self, controller: ABH3Controller) -> None:
         try:
-            if not self.has(controller):
+            if not self.owns(controller):
                 controller.motor.abandon()
             await controller.motor.close()
         finally:
-            self.drop(controller)
+            self.release(controller)
             self._buses.leave(controller.shared)

@@ -112,11 +112,11 @@ class Host(Generic[F]):
 
     def abandon(self) -> None:
         """Forget commands and inputs: somebody else is the driver's host now."""
-        self.forget()
+        self.reset_commands()
         self.inputs = 0
         self._restless = False
 
-    def forget(self) -> None:
+    def reset_commands(self) -> None:
         """Take back what moves: commands are 0 and start is off in what is sent next, until they are given anew."""
         self._codes = [0, 0]
         self.inputs &= ~self._starting  # a data set with a velocity of its own would go on without a command
@@ -173,10 +173,10 @@ class Host(Generic[F]):
 
     def stop(self) -> CanOperation[F]:
         """Commands 0 and start off; the driver decelerates, its servo stays on."""
-        self.forget()
+        self.reset_commands()
         return (yield from self.exchange("abh3_can_cmd"))
 
-    def rest(self, seconds: float) -> CanOperation[F]:
+    def stop_and_wait(self, seconds: float) -> CanOperation[F]:
         """Commands 0 and start off, again and again until the motors stand; returns the feedback.
 
         Args:
@@ -207,7 +207,7 @@ class Host(Generic[F]):
             self._owed = False
             self._restless = self._asks()
         except BaseException:  # an answer that does not come; it is broken off, by Ctrl-C or a lost bus
-            self.forget()
+            self.reset_commands()
             raise
         return cast(F, record)
 
@@ -258,7 +258,7 @@ class Host(Generic[F]):
         """
         masks = self.dialect.inputs.masks
         tries = checked("tries", tries, _TRIES)
-        self.forget()
+        self.reset_commands()
         self.inputs &= ~(masks["servo_on"] | masks["error_reset"])
         pause = _SETTLING
         for _ in range(max(1, tries)):
@@ -293,11 +293,11 @@ class Host(Generic[F]):
             received = yield OperationStep()
         return False
 
-    def part(self, seconds: float) -> CanOperation[bool]:
+    def release(self, seconds: float) -> CanOperation[bool]:
         """Have the driver come to rest before the bus is closed, if anything was asked of it; as :meth:`repeat`."""
         if not self.moving:
             return True
-        self.forget()
+        self.reset_commands()
         return (yield from self.repeat(seconds))
 
     # --- frames -------------------------------------------------------------------------------------------------------

@@ -124,7 +124,7 @@ def _crossings(samples: Samples) -> _Brackets:
 
 
 def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, Lines, Array]:
-    """Look where the function comes near zero between samples of one sign.
+    """DrainInput where the function comes near zero between samples of one sign.
 
     Returns:
         The intervals before and after the bottom of each dip that crosses zero; lines and angles of those that touch it.

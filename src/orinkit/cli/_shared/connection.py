@@ -11,7 +11,7 @@ from typing import Annotated, Final, TypeAlias
 from cyclopts import Group, Parameter
 
 import orinkit
-from orinkit.bcap.wire import DEFAULT_TRIES
+from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
 from orinkit.cli._shared.errors import unusable

@@ -19,7 +19,7 @@ _SETTLING: Final = 2.0  # s that the encoders may be behind the command
 
 
 def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: ProgressBar) -> None:
-    """Look on until a motion is over and the arm stands.
+    """DrainInput on until a motion is over and the arm stands.
 
     Args:
         robot: that moves.

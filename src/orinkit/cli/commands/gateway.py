@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.bcap.wire import DEFAULT_TRIES
+from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.cli._shared.files import read, read_token

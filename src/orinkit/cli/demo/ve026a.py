@@ -47,7 +47,7 @@ class VE026ADemo:
             Failure: an answer is not as the document says.
         """
         import orinkit
-        from orinkit.bcap.wire import MOST_TRIES
+        from orinkit.bcap.profiles import MOST_TRIES
         from orinkit.virtual.ve026a import VirtualVE026A
 
         arm = VirtualVE026A()

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from orinkit.bcap.client import sign_of_life
-from orinkit.bcap.wire import DEFAULT_TRIES, STREAM
+from orinkit.bcap.profiles import DEFAULT_TRIES, STREAM
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.replies import Reply, Trace
@@ -35,7 +35,7 @@ from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.aio_keepalive import AsyncKeepAlive, atake_now
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
-from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, arun, asay_goodbye
+from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, arun, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
@@ -57,17 +57,17 @@ class AsyncClient:
 
     Args:
         link: to the controller.
-        timeout: seconds, see below; by default what is usual on the wire.
+        timeout: seconds, see below; by default what is usual on the profile.
         tries: see below.
-        limits: bounds on what is received; those of the wire count too.
+        limits: bounds on what is received; those of the profile count too.
         trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
-        wire: how calls travel over the link.
+        profile: how calls travel over the link.
 
     Attributes:
         timeout: seconds that a call waits for its answer, on UDP and serial lines in each of its tries; every
             S_EXECUTING from the controller starts it anew.
         tries: how often a request is sent in all on UDP and serial lines, 1 to 7.
-        wire: how calls travel.
+        profile: how calls travel.
         deadline: seconds that a call may take in all, S_EXECUTING or not; ``None`` (the default) for no such limit.
     """
 
@@ -79,13 +79,13 @@ class AsyncClient:
         tries: int = DEFAULT_TRIES,
         limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
-        wire: TransportProfile = STREAM,
+        profile: TransportProfile = STREAM,
     ) -> None:
-        self._timeout = check_timeout(wire.timeout if timeout is None else timeout)
+        self._timeout = check_timeout(profile.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
         self._link: AsyncLink = link
-        self._conversation = conversation(wire, limits, trace)
-        if wire.shared:  # answers to the client before it may be under way still: they are not to fit
+        self._conversation = conversation(profile, limits, trace)
+        if profile.shared:  # answers to the client before it may be under way still: they are not to fit
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = asyncio.Lock()
         self._left = False
@@ -98,8 +98,8 @@ class AsyncClient:
         self._every = _BEAT
         self._second: AsyncClient | None = None  # says that it lives while a call is at work, where one link cannot
         self._controller = 0
-        self._beats = bool(wire.memory or wire.shared)  # where no connection tells that the program lives
-        self._remembered = Deadline(wire.memory) if wire.memory else None  # how long the controller knows this client
+        self._beats = bool(profile.memory or profile.shared)  # where no connection tells that the program lives
+        self._remembered = Deadline(profile.memory) if profile.memory else None  # how long the controller knows this client
 
     @property
     def timeout(self) -> float:
@@ -140,12 +140,12 @@ class AsyncClient:
     @property
     def echoes(self) -> bool:
         """Whether the last answer had its request's reserved field, as those of a VE026A (UDP, serial lines)."""
-        return self._conversation.echoes
+        return self._conversation.echoes_reserved
 
     @property
-    def wire(self) -> TransportProfile:
+    def profile(self) -> TransportProfile:
         """How calls travel."""
-        return self._conversation.wire
+        return self._conversation.profile
 
     @classmethod
     async def open(
@@ -188,12 +188,12 @@ class AsyncClient:
             ConnectFailed: nobody there; with UDP and HTTP that shows with the first call.
             MissingExtra: serial lines need serialx, HTTP needs httpx2.
         """
-        address, wire, seconds = opening_of(url, timeout, tries)
+        address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
         link = await open_link(
             address, seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after)
         )
-        return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, wire=wire)
+        return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, profile=profile)
 
     async def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of the table (:mod:`orinkit.functions`) and return its result.
@@ -242,7 +242,7 @@ class AsyncClient:
 
     def usual_deadline(self) -> float:
         """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
-        return closing_deadline(self._timeout, self._tries, self.wire)
+        return closing_deadline(self._timeout, self._tries, self.profile)
 
     async def _carry(
         self,
@@ -270,12 +270,12 @@ class AsyncClient:
             controller: handle of the controller.
         """
         self._beats, self._every, self._controller = True, seconds / _SIGNS, controller
-        if self.wire.lossy:
+        if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)
         share(self._link)
         link = another(self._link)
         if link is not None:
-            self._second = type(self)(link, timeout=self._timeout, wire=self.wire)
+            self._second = type(self)(link, timeout=self._timeout, profile=self.profile)
         if self._pulse is not None:
             self._pulse.end()
         self._pulse = AsyncKeepAlive(self._show, self._every)
@@ -290,7 +290,7 @@ class AsyncClient:
                 self._lock.release()
         elif self._second is not None:
             await self._second.call(controller_get_name, self._controller)
-        elif not self.wire.lossy:
+        elif not self.profile.lossy:
             beside(self._link, sign_of_life(self._controller))
 
     async def _carry_and_beat(
@@ -335,11 +335,11 @@ class AsyncClient:
             return await self._carry_now(function, arguments, seconds, exact, deadline)
         except CallError as error:
             if forgotten and error.code == hresult.E_HANDLE:
-                error.detail = forgotten_after(self.wire)
+                error.detail = forgotten_after(self.profile)
             raise
         finally:
             if self._remembered is not None:
-                self._remembered = Deadline(self.wire.memory)
+                self._remembered = Deadline(self.profile.memory)
 
     async def _carry_now(
         self,
@@ -353,7 +353,7 @@ class AsyncClient:
             operation = self._conversation.call(
                 function, arguments, seconds, exact=exact, tries=self._tries, deadline=deadline
             )
-            return await arun(operation, self._link, self._conversation.farewell)
+            return await arun(operation, self._link, self._conversation.close_sequence)
         except (ConnectFailed, ConnectionLost):
             self._link.close()
             raise
@@ -367,13 +367,13 @@ class AsyncClient:
         longest = self.dialect.patience.get(str(command).strip().lower())
         if longest is None:
             return None
-        return max(self._timeout, longest / self._tries if self.wire.lossy else longest)
+        return max(self._timeout, longest / self._tries if self.profile.lossy else longest)
 
-    def descriptor(self) -> int:
+    def _fileno(self) -> int:
         """Return the descriptor of the connection, to be given to another process."""
         return self._link.fileno()
 
-    def lend(self, closing: Callable[[], None]) -> int:
+    def _detach(self, closing: Callable[[], None]) -> int:
         """Lend the connection to another process: until it is taken back, every call here is refused.
 
         Args:
@@ -386,7 +386,7 @@ class AsyncClient:
         self._link = AsyncDetachedLink(self._link, closing)
         return self._conversation.serial
 
-    def take_back(self, serial: int) -> None:
+    def _reattach(self, serial: int) -> None:
         """Use the connection again.
 
         Args:
@@ -396,7 +396,7 @@ class AsyncClient:
             self._link = self._link.link
         self._conversation.serial = serial
 
-    def abandon(self) -> None:
+    def _forfeit(self) -> None:
         """Leave the connection to the other process for good; here it is closed."""
         if isinstance(self._link, AsyncDetachedLink):
             self._link = self._link.link
@@ -405,7 +405,7 @@ class AsyncClient:
     @property
     def dropped(self) -> int:
         """How many answers came late, twice, or for nobody."""
-        return self._conversation.dropped
+        return self._conversation.stray_replies
 
     def left_behind(self) -> Iterable[int]:
         """Be of no more use in a forked child, where a thread that held the lock is not there to give it back."""
@@ -426,11 +426,11 @@ class AsyncClient:
             second._left = True  # noqa: SLF001 - it is not the one to say goodbye
             await second.close()
         try:
-            words = [] if self._left else self._conversation.farewell()
+            words = [] if self._left else self._conversation.close_sequence()
             self._left = True
             if words:
                 link = parting(link)
-            await asay_goodbye(link, words)
+            await asend_close(link, words)
         finally:  # being cancelled, or interrupted, leaves nothing open
             link.close()
             self._link.close()

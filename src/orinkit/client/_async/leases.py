@@ -80,7 +80,7 @@ class AsyncLease(ABC):
             problem = await self._persist(error, robot.halt, _HALT_PATIENCE)
             if isinstance(problem, BusyError):
                 await robot.client.close()
-                error.add_note(common.note_closed(robot.client.wire))
+                error.add_note(common.note_closed(robot.client.profile))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
@@ -102,7 +102,7 @@ class AsyncLease(ABC):
                 if self._is_busy(problem) and not deadline.passed:
                     await apause(common.SETTLE)
                     continue
-                common.note_failure(error, problem, self._robot.client.wire)
+                common.note_failure(error, problem, self._robot.client.profile)
                 return problem
             return None
 

@@ -89,7 +89,7 @@ class AsyncArmBase(AsyncObjectContainer):
             raise
         except BaseException as error:
             await self.client.close()
-            error.add_note(common.note_broken_off(self.client.wire))
+            error.add_note(common.note_broken_off(self.client.profile))
             raise
         call = (self._label, function.name, arguments)
         motion = AsyncMotion(self, track, number, call, way or common.MotionSegment(), over=wait)
@@ -340,7 +340,7 @@ class AsyncMotion:
         return None if way.end is None else False
 
     async def _arrived_late(self) -> bool:
-        """Look again: the encoders are behind the command, and a motion that was just taken may not have begun."""
+        """DrainInput again: the encoders are behind the command, and a motion that was just taken may not have begun."""
         robot = self._robot
         await apause(common.SETTLE)
         if not await robot.motion_complete(_ARM):

@@ -117,7 +117,7 @@ class AsyncStream(AsyncSlaveMode):
         return sent
 
     async def _go_on(self, course: common.TrajectoryRun) -> None:
-        """Look how a trajectory goes, and let others do something.
+        """DrainInput how a trajectory goes, and let others do something.
 
         Raises:
             StreamError: something else has ended it.
@@ -144,10 +144,10 @@ class AsyncStream(AsyncSlaveMode):
         for number, given in enumerate(points):
             point = read_point(given, self._kind, self._axes, number)
             try:
-                shadow.admits(point)
+                shadow.check(point)
             except InvalidValue as error:
                 raise TrajectoryError(tr("set-point {number}: {error}", number=number, error=error), number) from None
-            shadow.take(point)
+            shadow.track(point)
             yield point
 
     def _shadow(self, start: Sequence[float]) -> Planner:
@@ -197,8 +197,8 @@ class AsyncStream(AsyncSlaveMode):
         under_way = shared.waiting or not shared.at_rest
         if shadow is None or not (under_way or _admitted(shadow, values)):
             shadow = self._shadow(self._command())  # nothing is under way: from where the arm is held
-        shadow.admits(values)
-        shadow.take(values)
+        shadow.check(values)
+        shadow.track(values)
         self._pushed = shadow
         self._outputs = self._outputs.changed(outputs)
         shared.put(values, outputs)
@@ -335,7 +335,7 @@ class AsyncStream(AsyncSlaveMode):
 
 def _admitted(planner: Planner, values: Sequence[float]) -> bool:
     try:
-        planner.admits(values)
+        planner.check(values)
     except InvalidValue:
         return False
     return True

@@ -8,7 +8,7 @@ from operator import index
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeVar
 
-from orinkit.bcap.wire import LEAST_TRIES, MOST_TRIES, STREAM
+from orinkit.bcap.profiles import LEAST_TRIES, MOST_TRIES, STREAM
 from orinkit.cao.dialect import DIALECTS, VE026A, Dialect
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
@@ -112,7 +112,7 @@ def error_info(answer: Any) -> ErrorInfo:
     raise not_understood("GetCurErrorInfo", answer)
 
 
-def service_option(option: str | None, wire: TransportProfile, dialect: Dialect, timeout: float) -> str | None:
+def service_option(option: str | None, profile: TransportProfile, dialect: Dialect, timeout: float) -> str | None:
     """Return Service_Start's option: as given, or a watchdog that lets long calls outlast the time-out.
 
     The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1); where that cannot be, none is asked
@@ -120,7 +120,7 @@ def service_option(option: str | None, wire: TransportProfile, dialect: Dialect,
     """
     if option is not None:
         return option or None
-    if not wire.watched or not dialect.takes_options:
+    if not profile.watched or not dialect.takes_options:
         return None
     interval = min(_USUAL_WDT, timeout / 2)
     return f"WDT={round(interval * 1000)}" if interval > _LEAST_WDT + 0.001 else None
@@ -205,9 +205,9 @@ def is_ve026a(told: object) -> bool:
     return VE026A.name.upper() in str(told).upper()
 
 
-def forgotten_after(wire: TransportProfile) -> str:
+def forgotten_after(profile: TransportProfile) -> str:
     """Return what there is to say of a handle that is not known any more, to a client that was silent for long."""
-    name, seconds = wire.name.upper(), wire.memory
+    name, seconds = profile.name.upper(), profile.memory
     return tr(
         "a controller forgets a client on {name} that calls nothing for {seconds:g} s, with all "
         "its objects. Connect again, call something now and then, or use TCP",

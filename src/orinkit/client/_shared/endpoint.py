@@ -6,7 +6,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
 from orinkit.bcap.client import BcapConversation
-from orinkit.bcap.wire import BcapProfile
+from orinkit.bcap.profiles import BcapProfile
 from orinkit.cao.replies import Trace
 from orinkit.cao.transport_profile import TransportProfile
 from orinkit.client._shared.common import check_timeout, check_tries
@@ -33,7 +33,7 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
 
     Args:
         url: of the controller.
-        timeout: seconds of a try, ``None`` for what is usual on the wire.
+        timeout: seconds of a try, ``None`` for what is usual on the profile.
         tries: how often a request is sent.
 
     Raises:
@@ -42,25 +42,25 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
     """
     address = parse_address(url)
     row = row_of(address)
-    if not row.carrier:
+    if not row.profile:
         raise refused(address)
-    wire: TransportProfile = resolve(row.carrier)
-    seconds, times = check_timeout(wire.timeout if timeout is None else timeout), check_tries(tries)
-    return address, wire, max(seconds * times, _LEAST_OPENING) if wire.lossy else seconds
+    profile: TransportProfile = resolve(row.profile)
+    seconds, times = check_timeout(profile.timeout if timeout is None else timeout), check_tries(tries)
+    return address, profile, max(seconds * times, _LEAST_OPENING) if profile.lossy else seconds
 
 
-def closing_deadline(timeout: float, tries: int, wire: TransportProfile) -> float:
+def closing_deadline(timeout: float, tries: int, profile: TransportProfile) -> float:
     """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
-    return max(3 * timeout * (tries if wire.lossy else 1), _LEAST_DEADLINE)
+    return max(3 * timeout * (tries if profile.lossy else 1), _LEAST_DEADLINE)
 
 
-def conversation(wire: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
+def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
     """Return the conversation for a way that calls travel: b-CAP, or e-CAP."""
-    if isinstance(wire, BcapProfile):
-        return BcapConversation(limits, trace, wire, clock=monotonic)
+    if isinstance(profile, BcapProfile):
+        return BcapConversation(limits, trace, profile, clock=monotonic)
     from orinkit.ecap.client import EcapConversation as EcapConversation
 
-    return EcapConversation(limits, trace, wire, clock=monotonic)
+    return EcapConversation(limits, trace, profile, clock=monotonic)
 
 
 @runtime_checkable

@@ -219,19 +219,19 @@ def _rounded(pose: J | P) -> J | P:
 # --- letting go -------------------------------------------------------------------------------------------------------
 
 
-def note_failure(error: BaseException, problem: OrinError, wire: TransportProfile) -> None:
+def note_failure(error: BaseException, problem: OrinError, profile: TransportProfile) -> None:
     """Note in an exception that a step of the clean-up has failed too; that the connection has gone is said once."""
     if not isinstance(problem, TransportError):
         error.add_note(tr("orinkit: while cleaning up: {problem}", problem=problem))
         return
-    said = {note_broken_off(wire), note_closed(wire), _connection_gone(wire)}
+    said = {note_broken_off(profile), note_closed(profile), _connection_gone(profile)}
     if said.isdisjoint(getattr(error, "__notes__", ())):
-        error.add_note(_connection_gone(wire))
+        error.add_note(_connection_gone(profile))
 
 
-def note_broken_off(wire: TransportProfile) -> str:
+def note_broken_off(profile: TransportProfile) -> str:
     """Return the note that an exception gets that broke off a call which was to move the arm."""
-    lost = _if_it_is_lost(wire)
+    lost = _if_it_is_lost(profile)
     return tr(
         "orinkit: the motion was broken off, so the connection was closed; the arm stops and is "
         "free again{condition}; the motor may still be on",
@@ -239,9 +239,9 @@ def note_broken_off(wire: TransportProfile) -> str:
     )
 
 
-def note_closed(wire: TransportProfile) -> str:
+def note_closed(profile: TransportProfile) -> str:
     """Return the note that an exception gets where only closing the connection could stop the arm."""
-    lost = _if_it_is_lost(wire)
+    lost = _if_it_is_lost(profile)
     return tr(
         "orinkit: the controller is still busy with the call before, so the connection was "
         "closed to stop the arm{condition}; the motor may still be on",
@@ -249,31 +249,31 @@ def note_closed(wire: TransportProfile) -> str:
     )
 
 
-def _if_it_is_lost(wire: TransportProfile) -> str:
+def _if_it_is_lost(profile: TransportProfile) -> str:
     """Return when the arm stops where what tells of a client's end may not arrive, in brackets."""
-    if wire.shared:
+    if profile.shared:
         return tr(" (should the packet that says so be lost, only when the next client connects)")
-    if wire.memory and not wire.lossy:
-        return tr(" (should the server not hear of that, after {seconds:g} s of silence or later)", seconds=wire.memory)
-    if wire.memory:
+    if profile.memory and not profile.lossy:
+        return tr(" (should the server not hear of that, after {seconds:g} s of silence or later)", seconds=profile.memory)
+    if profile.memory:
         return tr(
-            " (should the packet that says so be lost, after {seconds:g} s of silence or later)", seconds=wire.memory
+            " (should the packet that says so be lost, after {seconds:g} s of silence or later)", seconds=profile.memory
         )
     return ""
 
 
-def _connection_gone(wire: TransportProfile) -> str:
-    if wire.shared:
+def _connection_gone(profile: TransportProfile) -> str:
+    if profile.shared:
         return tr(
             "orinkit: the connection is gone, which a controller cannot notice on a serial line: the "
             "arm may go on moving, and stays taken, until the next client connects; press the "
             "emergency stop if it has to stop now"
         )
-    if wire.memory:
+    if profile.memory:
         return tr(
             "orinkit: the connection is gone; the controller notices after {seconds:g} s of silence "
             "or later, and then stops the arm and takes it back by itself; the motor may still be on",
-            seconds=wire.memory,
+            seconds=profile.memory,
         )
     return tr(
         "orinkit: the connection is gone; the controller then stops the arm and takes it back by "

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
-from orinkit.bcap.wire import DEFAULT_TRIES
+from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import VE026A
@@ -607,14 +607,14 @@ def connect(
     try:
         client.end_within(client.usual_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
-        shown = alive is not None and client.wire.lossy  # by the tries of a call, which S_EXECUTING would put off
+        shown = alive is not None and client.profile.lossy  # by the tries of a call, which S_EXECUTING would put off
         if shown:
             check_watchdog(service)
-        asked = service if shown else service_option(service, client.wire, client.dialect, client.timeout)
+        asked = service if shown else service_option(service, client.profile, client.dialect, client.timeout)
         client.call(f.service_start, with_alive(asked, alive))
         handle = client.call(f.controller_connect, name, provider, machine, option)
         controller = Controller(client, handle, name or provider)
-        if known is None and (client.wire.shared or client.echoes) and is_ve026a(_version(controller)):
+        if known is None and (client.profile.shared or client.echoes) and is_ve026a(_version(controller)):
             client.dialect = VE026A
         if alive is not None:
             client.promise(alive, handle)

@@ -80,7 +80,7 @@ class Lease(ABC):
             problem = self._persist(error, robot.halt, _HALT_PATIENCE)
             if isinstance(problem, BusyError):
                 robot.client.close()
-                error.add_note(common.note_closed(robot.client.wire))
+                error.add_note(common.note_closed(robot.client.profile))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
@@ -100,7 +100,7 @@ class Lease(ABC):
                 if self._is_busy(problem) and not deadline.passed:
                     pause(common.SETTLE)
                     continue
-                common.note_failure(error, problem, self._robot.client.wire)
+                common.note_failure(error, problem, self._robot.client.profile)
                 return problem
             return None
 

@@ -88,7 +88,7 @@ class ArmBase(ObjectContainer):
             raise
         except BaseException as error:
             self.client.close()
-            error.add_note(common.note_broken_off(self.client.wire))
+            error.add_note(common.note_broken_off(self.client.profile))
             raise
         call = (self._label, function.name, arguments)
         motion = Motion(self, track, number, call, way or common.MotionSegment(), over=wait)
@@ -356,7 +356,7 @@ class Motion:
         return None if way.end is None else False
 
     def _arrived_late(self) -> bool:
-        """Look again: the encoders are behind the command, and a motion that was just taken may not have begun."""
+        """DrainInput again: the encoders are behind the command, and a motion that was just taken may not have begun."""
         robot = self._robot
         pause(common.SETTLE)
         if not robot.motion_complete(_ARM):

@@ -80,7 +80,7 @@ class SlaveMode:
         robot, client, options = self._robot, self._robot.client, self._options
         self._failure, self._told = None, False
         self._forget()
-        streaming = StreamerProcess(client.descriptor(), client.wire.name)
+        streaming = StreamerProcess(client._fileno(), client.profile.name)
         self._streaming = streaming
         try:
             type_name = client.dialect.name
@@ -95,7 +95,7 @@ class SlaveMode:
             self._give_up(streaming)
             raise
         self.real_time = streaming.real_time or RealTime()
-        serial = client.lend(lambda: _let_go(streaming))
+        serial = client._detach(lambda: _let_go(streaming))
         try:
             streaming.begin(self._setup(start, beyond, serial))
             self._until(lambda: streaming.streaming and streaming.shared.samples > 0)
@@ -168,9 +168,9 @@ class SlaveMode:
         if not streaming.began:
             return
         if not streaming.ended:
-            client.abandon()
+            client._forfeit()
             return
-        client.take_back(streaming.serial)
+        client._reattach(streaming.serial)
         if streaming.error is not None and not isinstance(streaming.error, CallError):
             client.close()
 

@@ -28,7 +28,7 @@ _FLOATS: Final = {float}
 class JointPlanner:
     """Makes the commands of a stream of joints, one in each period, from rest.
 
-    :meth:`follow`, :meth:`take` and :meth:`stop` each make the next command; they may be called in any order. For
+    :meth:`goto`, :meth:`track` and :meth:`stop` each make the next command; they may be called in any order. For
     commands that come after each other, and whatever numbers are given, up to a relative 10^-9::
 
         lower <= c[k] <= upper
@@ -72,7 +72,7 @@ class JointPlanner:
         self._courses: list[TargetMotion] | None = None
         self._make_smooth()
 
-    def follow(self, target: Sequence[float]) -> tuple[float, ...]:
+    def goto(self, target: Sequence[float]) -> tuple[float, ...]:
         """Return the next command of a smooth motion that ends at a target; the target may be another one each time.
 
         All axes arrive together; from rest on a straight line in joint space.
@@ -102,8 +102,8 @@ class JointPlanner:
         self.at_rest = self.command == self._before == goal
         return self.command
 
-    def take(self, point: Sequence[float]) -> tuple[float, ...]:
-        """Return the next command for a program's own set-point: just this point, if :meth:`admits` it.
+    def track(self, point: Sequence[float]) -> tuple[float, ...]:
+        """Return the next command for a program's own set-point: just this point, if :meth:`check` it.
 
         Otherwise each axis that cannot be there comes as near as it smoothly can, and does so until it has caught up.
 
@@ -155,8 +155,8 @@ class JointPlanner:
         self.at_rest = self.command == self._before and self._stands()
         return self.command
 
-    def admits(self, point: Sequence[float]) -> None:
-        """Check that :meth:`take` would pass a set-point on as it is; for those who refuse instead of coming near.
+    def check(self, point: Sequence[float]) -> None:
+        """Check that :meth:`track` would pass a set-point on as it is; for those who refuse instead of coming near.
 
         Args:
             point: deg (mm), one value for each axis.

@@ -15,13 +15,13 @@ class Planner(Protocol):
     command: tuple[float, ...]
     at_rest: bool
 
-    def follow(self, target: Sequence[float]) -> tuple[float, ...]:
+    def goto(self, target: Sequence[float]) -> tuple[float, ...]:
         """Go towards a live target."""
 
-    def take(self, point: Sequence[float]) -> tuple[float, ...]:
+    def track(self, point: Sequence[float]) -> tuple[float, ...]:
         """Pass a set-point through, or approach it."""
 
-    def admits(self, point: Sequence[float]) -> None:
+    def check(self, point: Sequence[float]) -> None:
         """Check that a set-point would be passed through.
 
         Raises:

@@ -47,7 +47,7 @@ class _Pose(NamedTuple):
 class PosePlanner:
     """Makes the commands of a stream of P or T, one in each period, from rest.
 
-    :meth:`follow`, :meth:`take` and :meth:`stop` each make the next command; they may be called in any order. The
+    :meth:`goto`, :meth:`track` and :meth:`stop` each make the next command; they may be called in any order. The
     position of the tip moves from one command to the next by no more than speed * period, and this vector changes by
     no more than acceleration * period^2. So does the rotation between two orientations, which is the vector of its axis
     in the base times its angle in degrees. All up to a relative 10^-9, plus 10^-12 degrees for the rounding of angles,
@@ -94,7 +94,7 @@ class PosePlanner:
         self._asked: _Pose | None = None  # the last set-point, if take made the last command
         self._behind = 0.0, 0.0  # mm, deg: how far the last command is from it
 
-    def follow(self, target: Sequence[float]) -> tuple[float, ...]:
+    def goto(self, target: Sequence[float]) -> tuple[float, ...]:
         """Return the next command of a smooth motion that ends at a target; the target may be another one each time.
 
         Position and orientation each take the time that they need. The orientation turns the shorter way round.
@@ -120,8 +120,8 @@ class PosePlanner:
         self.at_rest = self.command == self._before and tip_there and spin_there
         return self.command
 
-    def take(self, point: Sequence[float]) -> tuple[float, ...]:
-        """Return the next command for a program's own set-point: just this point, if :meth:`admits` it.
+    def track(self, point: Sequence[float]) -> tuple[float, ...]:
+        """Return the next command for a program's own set-point: just this point, if :meth:`check` it.
 
         Otherwise position, or orientation, or both, come as near as they smoothly can, and go on to until they have
         caught up.
@@ -168,8 +168,8 @@ class PosePlanner:
         self.at_rest = self.command == self._before and self._tip.rests and self._spin.rests
         return self.command
 
-    def admits(self, point: Sequence[float]) -> None:
-        """Check that :meth:`take` would pass a set-point on as it is; for those who refuse instead of coming near.
+    def check(self, point: Sequence[float]) -> None:
+        """Check that :meth:`track` would pass a set-point on as it is; for those who refuse instead of coming near.
 
         Args:
             point: a pose.

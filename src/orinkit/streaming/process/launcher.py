@@ -25,7 +25,7 @@ _START: Final = """
 import sys
 sys.path[:] = {path!r}
 from orinkit.streaming.process.main import main
-main({channel}, {link}, {memory}, {adopt!r}, {carrier!r})
+main({channel}, {link}, {memory}, {adopt!r}, {profile!r})
 """
 _PATIENCE: Final = 15.0  # s; a call of the streaming process is over by then, whatever the controller does
 _LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
@@ -36,7 +36,7 @@ class StreamerProcess:
 
     Args:
         link: descriptor of the connection that it is to have.
-        kind: of the connection: the name of its carrier.
+        kind: of the connection: the name of its profile.
 
     Attributes:
         shared: memory that it reads and writes.
@@ -170,7 +170,7 @@ def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.P
         numbers.extend(fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (channel, link, memory))
         path = [str(place) for place in sys.path]
         program = _START.format(
-            path=path, channel=numbers[0], link=numbers[1], memory=numbers[2], adopt=row.adopt, carrier=row.carrier
+            path=path, channel=numbers[0], link=numbers[1], memory=numbers[2], adopt=row.adopt, profile=row.profile
         )
         return subprocess.Popen(  # noqa: S603 - this very Python
             [sys.executable, "-c", program],

@@ -21,7 +21,7 @@ _FOREVER = 1e6
 
 
 def main(
-    channel_descriptor: int, link_descriptor: int, memory_descriptor: int, adopt: Reference, carrier: Reference
+    channel_descriptor: int, link_descriptor: int, memory_descriptor: int, adopt: Reference, profile: Reference
 ) -> None:
     """Stream for the program at the other end of the channel.
 
@@ -30,7 +30,7 @@ def main(
         link_descriptor: of the link.
         memory_descriptor: of the shared memory.
         adopt: what makes a link of the descriptor, of the row of its transport.
-        carrier: how packets travel, of the same row.
+        profile: how packets travel, of the same row.
     """
     for name in ("SIGINT", "SIGHUP"):  # Ctrl-C, the end of the terminal: for the program, which says what is to be done
         if hasattr(signal, name):
@@ -44,7 +44,7 @@ def main(
     if message is None:
         return
     setup = StreamerConfig.from_message(message)
-    connection = StreamerConnection(link, setup, resolve(carrier))
+    connection = StreamerConnection(link, setup, resolve(profile))
     watch = ProgramMonitor(channel, setup.program)
     signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
     outcome: dict[str, Any] = {"reason": "", "error": None}
@@ -62,7 +62,7 @@ def main(
     except Exception as error:  # noqa: BLE001 - the program is told
         outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
     if outcome["reason"] in ("gone", "abandoned") or not channel.open:
-        connection.say_goodbye()
+        connection.send_close()
     outcome["ended"] = True
     outcome["serial"] = connection.conversation.serial
     channel.send(outcome)

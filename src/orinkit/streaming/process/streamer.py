@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Any, Final, Literal
 
 from orinkit.bcap.client import BcapConversation
-from orinkit.bcap.wire import SILENCE, BcapProfile
+from orinkit.bcap.profiles import SILENCE, BcapProfile
 from orinkit.cao import functions
 from orinkit.cao.dialect import DIALECTS
 from orinkit.cao.table import Function
@@ -31,7 +31,7 @@ from orinkit.streaming.process.shared_memory import (
     StreamCommand,
     StreamMemory,
 )
-from orinkit.transport.runner import Link, run, say_goodbye
+from orinkit.transport.runner import Link, run, send_close
 from orinkit.values.variant import ARRAY, Variant, VarType
 
 _AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
@@ -70,7 +70,7 @@ class ProgramMonitor:
         except OSError:  # another system than Linux: a program that is stopped is not noticed
             self._stat = -1
 
-    def look(self) -> Reason:
+    def check(self) -> Reason:
         """Return why to end, ``""`` for going on."""
         if self.terminated:
             return "terminated"
@@ -109,10 +109,10 @@ class StreamerConnection:
     Args:
         link: to the controller.
         setup: what this process was told.
-        wire: how packets travel.
+        profile: how packets travel.
     """
 
-    def __init__(self, link: Link, setup: StreamerConfig, wire: BcapProfile) -> None:
+    def __init__(self, link: Link, setup: StreamerConfig, profile: BcapProfile) -> None:
         self._link = link
         self._controller = setup.controller
         self._handle = setup.handle
@@ -121,7 +121,7 @@ class StreamerConnection:
         self._cycle = setup.period
         self._trip = 0.0  # s that a command took
         self._receive = setup.receive
-        self.conversation = BcapConversation(wire=wire, dialect=DIALECTS[setup.dialect], clock=monotonic)
+        self.conversation = BcapConversation(profile=profile, dialect=DIALECTS[setup.dialect], clock=monotonic)
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
@@ -136,7 +136,7 @@ class StreamerConnection:
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
         # where noise has put a line out of step, the controller finds its place again when the line is silent
-        later = SILENCE + self._cycle if self.conversation.wire.shared else 0.0
+        later = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
         code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
@@ -153,17 +153,17 @@ class StreamerConnection:
 
     def _patience(self) -> tuple[float, int]:
         """Return how long to wait for the answer to a set-point, and how often it is sent: one that is lost is soon felt."""
-        wire = self.conversation.wire
-        if not wire.lossy:
+        profile = self.conversation.profile
+        if not profile.lossy:
             return min(self._timeout, _MOST_SECONDS), 1
         seconds = _CYCLES * self._cycle
-        if wire.shared:  # a slow line is busy with one set-point for longer than that
+        if profile.shared:  # a slow line is busy with one set-point for longer than that
             seconds = max(seconds, min(_TRIPS * self._trip, self._timeout))
         return seconds, max(1, int(_MOST_SECONDS / seconds))
 
-    def say_goodbye(self) -> None:
+    def send_close(self) -> None:
         """Tell the controller that nobody has the connection any more, where its end does not."""
-        say_goodbye(self._link, self.conversation.farewell())
+        send_close(self._link, self.conversation.close_sequence())
 
     def leave(self) -> None:
         """Turn slave mode off after an error; most errors have done so already."""
@@ -294,7 +294,7 @@ class Streamer:
             self._waits_since = monotonic()
         elif self._setup.idle is not None and monotonic() - self._waits_since > self._setup.idle:
             return "idle"
-        return self._watch.look()
+        return self._watch.check()
 
     def _finished(self) -> bool:
         """Whether all set-points of the queue have been sent; a live target is not waited for."""
@@ -321,19 +321,19 @@ class Streamer:
         if newer is not None:
             self._target_seen, self._delay_from, self._target = newer
         # one that is just being written, by a program that may be kept from finishing it, is no reason to brake
-        return self._come_to_rest() if self._target is None else self._planner.follow(self._target)
+        return self._come_to_rest() if self._target is None else self._planner.goto(self._target)
 
     def _from_queue(self) -> tuple[float, ...]:
         taken = self._shared.take() if self._ready() else None
         if taken is None:
             if self._aim is not None:
-                return self._towards(self._aim, self._planner.follow(self._aim))
+                return self._towards(self._aim, self._planner.goto(self._aim))
             return self._come_to_rest()
         self._was_dry = False
         values, outputs = taken
         self._change(outputs)
         self._sent += 1
-        return self._towards(values, self._planner.take(values))
+        return self._towards(values, self._planner.track(values))
 
     def _ready(self) -> bool:
         """Whether to begin: with a few set-points there, one that comes a little late is not felt."""
@@ -350,11 +350,11 @@ class Streamer:
         self._was_dry = True
         last = self._planner.command
         try:
-            self._planner.admits(last)
+            self._planner.check(last)
         except InvalidValue:
             self._dry += 1
             return self._planner.stop()
-        return self._planner.take(last)
+        return self._planner.track(last)
 
     def _towards(self, point: tuple[float, ...], command: tuple[float, ...]) -> tuple[float, ...]:
         """Remember the last set-point where the command is not there yet."""

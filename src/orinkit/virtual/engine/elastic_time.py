@@ -42,7 +42,7 @@ _MEMORY: Final = 125  # cycles
 _NEARLY: Final = 0.5  # part of a period
 _CASES: Final = 10_000  # late set-points that are remembered one by one
 
-Look = Callable[[Callable[[], None]], None]
+DrainInput = Callable[[Callable[[], None]], None]
 """Calls back when everything that has arrived by now has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
 
 
@@ -122,14 +122,14 @@ class CyclePacer:
     Args:
         cycles: the controller's cycle.
         slave: what they are run for.
-        look: of the client that sends set-points; ``None`` where everything that it has sent has been handled.
+        drain_input: of the client that sends set-points; ``None`` where everything that it has sent has been handled.
         strict: a late set-point is not waited for.
     """
 
-    def __init__(self, cycles: ControlLoop, slave: PacedSlave, look: Look | None, *, strict: bool) -> None:
+    def __init__(self, cycles: ControlLoop, slave: PacedSlave, drain_input: DrainInput | None, *, strict: bool) -> None:
         self._cycles = cycles
         self._slave = slave
-        self._look = None if cycles.clock.manual else look  # by hand: time passes when all is handled
+        self._look = None if cycles.clock.manual else drain_input  # by hand: time passes when all is handled
         self._strict = strict
         self._longest_wait = LONGEST_WAIT  # of the present wait
         self._late_until = 0  # number of the cycle until which the client may feel that the server was late

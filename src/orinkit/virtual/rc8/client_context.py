@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
-from orinkit.virtual.engine.elastic_time import Look
+from orinkit.virtual.engine.elastic_time import DrainInput
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot.slave_mode.formats import Formats
 from orinkit.virtual.rc8.state import Origin, RC8State
@@ -21,14 +21,14 @@ class ClientContext:
         state: the controller.
         origin: name and address of the client, for the logs.
         access: what it may do.
-        look: of its connection (:class:`orinkit.cao.provider.ClientInfo`).
+        drain_input: of its connection (:class:`orinkit.cao.provider.ClientInfo`).
         formats: what its slvMove carries and is answered.
     """
 
     state: RC8State
     origin: Origin
     access: AccessRight
-    look: Look | None = None
+    drain_input: DrainInput | None = None
     formats: Formats = field(default_factory=Formats)
 
     def require_read(self) -> None:

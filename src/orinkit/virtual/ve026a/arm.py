@@ -360,7 +360,7 @@ class VE026AArm:
 
     def _finish(self, change: _Change) -> None:
         if change.mode != OFF:
-            self.slave.begin(change.operator, change.mode, change.operator.look)
+            self.slave.begin(change.operator, change.mode, change.operator.drain_input)
 
     def _break_change(self, code: int) -> None:
         change, self._change = self._change, None

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from orinkit.virtual.engine.elastic_time import Look
+from orinkit.virtual.engine.elastic_time import DrainInput
 
 
 class Operator:
     """A client.
 
     Args:
-        look: of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
+        drain_input: of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
 
     Attributes:
-        look: as given.
+        drain_input: as given.
         robots: how many Robot objects it has; without one it has gone.
     """
 
-    def __init__(self, look: Look | None) -> None:
-        self.look = look
+    def __init__(self, drain_input: DrainInput | None) -> None:
+        self.drain_input = drain_input
         self.robots = 0

@@ -27,7 +27,7 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.catch_up import gentlest
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
-from orinkit.virtual.engine.elastic_time import CyclePacer, Look, left_late, waited_in_vain
+from orinkit.virtual.engine.elastic_time import CyclePacer, DrainInput, left_late, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
 from orinkit.virtual.rc8.robot.slave_mode.limits import LENIENCY, SERVO_LIMIT, SlaveFault
@@ -129,17 +129,17 @@ class VE026ASlaveMode:
 
     # --- what clients do ----------------------------------------------------------------------------------------
 
-    def begin(self, owner: Operator, mode: int, look: Look | None) -> None:
+    def begin(self, owner: Operator, mode: int, drain_input: DrainInput | None) -> None:
         """Turn it on; the arm stands, and whoever calls this has checked what has to be so.
 
         Args:
             owner: who does.
             mode: 0x002 or 0x102.
-            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            drain_input: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self.mode, self.owner = mode, owner
         self.lenient, self._started = 0, False
-        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, look, strict=self._strict)
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, drain_input, strict=self._strict)
 
     def put(self, joints: Joints) -> Value | Deferred[Value]:
         """Take a set-point; returns the answer, in synchronous mode a promise of it where there is no room."""

@@ -44,7 +44,7 @@ class AsyncBusMember(Protocol):
     def closed(self) -> bool:
         """Whether it was closed."""
 
-    async def part(self) -> None:
+    async def release(self) -> None:
         """Have the driver come to rest, if it was asked to move."""
 
 
@@ -176,7 +176,7 @@ class AsyncSharedBus:
         """
         try:
             for member in list(self._members):
-                await member.part()
+                await member.release()
         finally:
             await self._line.close()
 
@@ -250,7 +250,7 @@ class AsyncSharedBus:
     def _forget(self) -> None:
         """Take the commands of all drivers back."""
         for member in list(self._members):
-            member.host.forget()
+            member.host.reset_commands()
 
 
 def _is_any(frame: CanFrame) -> bool:  # noqa: ARG001 - as every predicate

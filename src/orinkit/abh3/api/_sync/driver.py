@@ -150,7 +150,7 @@ class Driver(Generic[F, S]):
         """
         return self._run(self.host.stop(), calming=True)
 
-    def rest(self, seconds: float = 5.0) -> F:
+    def stop_and_wait(self, seconds: float = 5.0) -> F:
         """Send commands 0 and start off until both motors stand, and return the feedback; the servo stays on.
 
         Args:
@@ -161,7 +161,7 @@ class Driver(Generic[F, S]):
             DriverTimeout: no answer, or the motors still turn.
             TransportError: the bus is broken, or closed.
         """
-        return self._run(self.host.rest(check_seconds("seconds", seconds)), calming=True)
+        return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), calming=True)
 
     def reset_errors(self, tries: int = 5) -> BR0:
         """Clear errors and warnings; commands are 0, servo and start off after it.
@@ -284,7 +284,7 @@ class Driver(Generic[F, S]):
             TransportError: the bus is broken, or closed.
         """
         self._check_open()
-        self.touch()
+        self.feed()
         return self.bus.exchange(message, self.host)
 
     def read_parameter(self, address: int) -> ParameterValue:
@@ -373,7 +373,7 @@ class Driver(Generic[F, S]):
         """The keep-alive has ended with whoever began it, or by an exception."""
         if self._heart is not None:
             self._heart = None
-            self.host.forget()
+            self.host.reset_commands()
 
     @property
     def kept_alive(self) -> bool:
@@ -423,7 +423,7 @@ class Driver(Generic[F, S]):
         """
         keeper = self._take_keeper()
         try:
-            self.part()
+            self.release()
         finally:
             self._port.close()
             try:
@@ -433,7 +433,7 @@ class Driver(Generic[F, S]):
                 if keeper is not None:
                     keeper.join()
 
-    def part(self) -> None:
+    def release(self) -> None:
         """End the keep-alive, and have the driver come to rest if it was asked to move; for its bus."""
         self._take_keeper()
         with self._lock:
@@ -443,9 +443,9 @@ class Driver(Generic[F, S]):
         if self._port.closed:
             return
         try:
-            self.bus.run(self.host.part(_GOODBYE), self._port, revive=False)
+            self.bus.run(self.host.release(_GOODBYE), self._port, revive=False)
         except OrinError:
-            self.host.forget()
+            self.host.reset_commands()
 
     def abandon(self) -> None:
         """Forget commands and inputs, and end the keep-alive; nothing is sent. For one whose driver has another host now."""
@@ -461,7 +461,7 @@ class Driver(Generic[F, S]):
         if self._port.closed:
             raise closed()
 
-    def touch(self) -> None:
+    def feed(self) -> None:
         """Tell the keep-alive that the program is there, as every call does."""
         heart = self._heart
         if heart is not None:
@@ -479,7 +479,7 @@ class Driver(Generic[F, S]):
             if ended is not None and not calming:
                 operation.close()
                 raise ended
-            self.touch()
+            self.feed()
             heart = self._heart
             return self.bus.run(
                 operation if heart is None else watched(operation, heart, self.host, monotonic), self._port

@@ -195,7 +195,7 @@ class Machine:
             self._fail(error)
 
     def _is_over(self) -> bool:
-        """Look whether what is waited for is over."""
+        """DrainInput whether what is waited for is over."""
         self._state = MachineState.WAITING
         if self._wait is not None and not self._wait():
             return False

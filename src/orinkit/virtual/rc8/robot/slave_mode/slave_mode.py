@@ -17,7 +17,7 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.catch_up import gentlest
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import CyclePacer, Look, left_late, not_waited, waited_in_vain
+from orinkit.virtual.engine.elastic_time import CyclePacer, DrainInput, left_late, not_waited, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
 from orinkit.virtual.rc8.robot.arm_owner import Operator
@@ -169,19 +169,19 @@ class RC8SlaveMode:
 
     # --- what clients do ----------------------------------------------------------------------------------------
 
-    def begin(self, owner: Operator, mode: SlaveMode, look: Look | None) -> None:
+    def begin(self, owner: Operator, mode: SlaveMode, drain_input: DrainInput | None) -> None:
         """Turn it on; the arm stands, and whoever calls this has checked what has to be so.
 
         Args:
             owner: who does.
             mode: which.
-            look: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            drain_input: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
         self.lenient = 0
-        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, look, strict=self._arm.switches.strict_time)
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, drain_input, strict=self._arm.switches.strict_time)
 
     def leave(self) -> Deferred[None]:
         """Turn it off when the buffer is empty and the arm is at rest; kept then."""

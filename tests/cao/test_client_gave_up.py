@@ -6,13 +6,13 @@ from contextvars import copy_context
 
 import pytest
 
-from orinkit.cao.results import begin_call, given_up
+from orinkit.cao.results import begin_call, client_gave_up
 
 pytestmark = pytest.mark.core
 
 
 def test_outside_a_call_nobody_has_given_up() -> None:
-    assert not copy_context().run(given_up)
+    assert not copy_context().run(client_gave_up)
 
 
 def test_each_call_is_asked_for_itself() -> None:
@@ -20,9 +20,9 @@ def test_each_call_is_asked_for_itself() -> None:
 
     def call(patience: list[bool]) -> list[bool]:
         begin_call(lambda: not patience[0])
-        told = [given_up()]
+        told = [client_gave_up()]
         patience[0] = False
-        return [*told, given_up()]
+        return [*told, client_gave_up()]
 
     assert copy_context().run(call, waits) == [False, True]
-    assert not copy_context().run(given_up)
+    assert not copy_context().run(client_gave_up)

@@ -35,19 +35,19 @@ class Framing(Protocol):
         """How many bytes are kept that are no whole packet yet."""
 
     @property
-    def begun(self) -> int:
+    def partial_serial(self) -> int:
         """Serial of the packet that they seem to be the beginning of; 0 where that cannot be told."""
 
-    def take(self, data: bytes) -> bytes | None:
+    def feed(self, data: bytes) -> bytes | None:
         """Take what was received and return the first whole packet; :meth:`next_frame` gives the others."""
 
     def next_frame(self) -> bytes | None:
         """Return the next whole packet, ``None`` when more bytes are needed."""
 
-    def inside(self) -> bytes | None:
+    def resync(self) -> bytes | None:
         """Return a whole packet behind the head of one that is not whole."""
 
-    def silence(self) -> bytes | None:
+    def timeout(self) -> bytes | None:
         """Nothing more comes for what has begun; returns a whole packet that is found inside it."""
 
 
@@ -59,13 +59,13 @@ class DatagramFramer:
     """
 
     pending = 0
-    begun = 0
+    partial_serial = 0
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         self.limits = limits
         self.skipped = 0
 
-    def take(self, data: bytes) -> bytes | None:
+    def feed(self, data: bytes) -> bytes | None:
         """Return the packet that a datagram is; one that is too long too, for it is to be answered."""
         if packet.is_whole(data):
             return data
@@ -76,11 +76,11 @@ class DatagramFramer:
         """Return nothing: there is only one packet."""
         return None
 
-    def inside(self) -> bytes | None:
+    def resync(self) -> bytes | None:
         """Return nothing: no packet is ever incomplete."""
         return None
 
-    def silence(self) -> bytes | None:
+    def timeout(self) -> bytes | None:
         """Return nothing: no packet is ever incomplete."""
         return None
 
