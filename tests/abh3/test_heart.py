@@ -120,7 +120,7 @@ def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
     host: Host[DP0R] = Host()
     heart = KeepAliveTimer(0.1, 0.5, 0.4, 0.0)
     times = iter((0.2, 0.5, 0.8, 1.1))
-    operation = watched(host.rest(2.0), heart, host, lambda: next(times))
+    operation = watched(host.stop_and_wait(2.0), heart, host, lambda: next(times))
     standing = CanFrame(0x00EF0201, bytes(8))
     carried_out(operation, iter((FEEDBACK, FEEDBACK, FEEDBACK, standing)))
     assert heart.due == pytest.approx(1.2)
@@ -135,7 +135,7 @@ def test_a_command_without_an_answer_is_none() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     times = iter((0.2, 0.4))
     with pytest.raises(DriverTimeout):
-        carried_out(watched(host.rest(1.0), heart, host, lambda: next(times)), iter((FEEDBACK, None)))
+        carried_out(watched(host.stop_and_wait(1.0), heart, host, lambda: next(times)), iter((FEEDBACK, None)))
     assert heart.due == pytest.approx(0.3)  # the second one was not answered
     assert heart.end(0.69) is None
     assert heart.end(0.71) is KeepAliveEnd.SILENT

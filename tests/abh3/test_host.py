@@ -281,8 +281,8 @@ def test_an_operation_that_is_not_run_changes_nothing() -> None:
         host.set_input(0, 0),
         host.stop(),
         host.reset_errors(),
-        host.rest(1.0),
-        host.part(1.0),
+        host.stop_and_wait(1.0),
+        host.release(1.0),
     ):
         assert inspect.isgenerator(operation)
         operation.close()
@@ -321,7 +321,7 @@ FUNCTIONS: list[tuple[str, Callable[[Host[DP0R]], CanOperation[Any]]]] = [
     ("abh3_can_inBitSet", lambda host: host.set_input(0, 1)),
     ("abh3_can_inBitSet", lambda host: host.reset_errors()),
     ("abh3_can_cmd", lambda host: host.stop()),
-    ("abh3_can_cmd", lambda host: host.rest(60.0)),
+    ("abh3_can_cmd", lambda host: host.stop_and_wait(60.0)),
     ("abh3_can_cmd", lambda host: host.exchange()),
     ("abh3_can_reqBRD", lambda host: host.request(0)),
     ("abh3_can_reqBRDBRD", lambda host: host.request(0, everyone=True)),
@@ -744,7 +744,7 @@ def turning() -> Host[DP0R]:
 def test_a_motor_that_stands_is_at_rest_at_once() -> None:
     host = turning()
     peer = Peer(REST)
-    assert peer.run(host.rest(5.0)) == DP0R(0.0, 0.0, 0.0, 0.0)
+    assert peer.run(host.stop_and_wait(5.0)) == DP0R(0.0, 0.0, 0.0, 0.0)
     assert peer.sent == [STOPPED]
     assert peer.turns[0].seconds == 0.5
     assert (host.commands, host.inputs) == ((0, 0), 0x1001)
@@ -759,14 +759,16 @@ def test_it_stops_until_the_motors_stand(turns: str) -> None:
     host = turning()
     slow = "00EF0201 04 00 fc ff 04 00 fc ff"
     peer = Peer(f"00EF0201 {turns}", None, FEEDBACK, *NOT_THE_ANSWER, None, slow)
-    assert peer.run(host.rest(5.0)) == DP0R(0.8, -0.8, 0.8, -0.8)
+    assert peer.run(host.stop_and_wait(5.0)) == DP0R(0.8, -0.8, 0.8, -0.8)
     assert peer.sent == [STOPPED] * 3
     assert [turn.seconds for turn in peer.turns if turn.seconds] == [0.5, 0.05, 0.5, 0.05, 0.5]
 
 
 def test_the_rest_of_a_driver_of_2023() -> None:
     host: Host[DP0RV2] = Host(V2)
-    found = Peer("00EF0201 05 00 00 00 00 00 00 00", None, "00EF0201 00 00 04 00 03 03 00 00").run(host.rest(5.0))
+    found = Peer("00EF0201 05 00 00 00 00 00 00 00", None, "00EF0201 00 00 04 00 03 03 00 00").run(
+        host.stop_and_wait(5.0)
+    )
     assert (found.ay_velocity, found.bx_velocity) == (0.0, 0.8)
 
 
@@ -775,7 +777,7 @@ def test_motors_that_do_not_come_to_rest(seconds: float, looks: int) -> None:
     host = turning()
     peer = Peer(*[FEEDBACK, None] * looks)
     with pytest.raises(DriverTimeout, match="has not come to rest") as caught:
-        peer.run(host.rest(seconds))
+        peer.run(host.stop_and_wait(seconds))
     assert (caught.value.function, caught.value.seconds, caught.value.address) == ("rest", seconds, 1)
     assert peer.sent == [STOPPED] * looks
 
@@ -800,11 +802,11 @@ def test_who_parts_leaves_a_driver_at_rest() -> None:
     Peer(FEEDBACK).run(host.set_inputs(0x3003))
     Peer(FEEDBACK).run(host.command(1, 2))
     peer = Peer(FEEDBACK)
-    assert peer.run(host.part(0.2)) is True
+    assert peer.run(host.release(0.2)) is True
     assert peer.turns == [OperationStep((frame("00EF0102 00 00 00 00 01 10 00 00"),), 0.2, fresh=True)]
     assert not host.moving
     Peer(FEEDBACK).run(host.command(1))
-    assert Peer(None).run(host.part(0.2)) is False
+    assert Peer(None).run(host.release(0.2)) is False
     assert host.commands == (0, 0)
 
 
@@ -812,13 +814,13 @@ def test_a_driver_that_has_another_host_now() -> None:
     host = turning()
     host.abandon()
     assert (host.commands, host.inputs, host.commanded, host.moving) == ((0, 0), 0, 2, False)
-    assert Peer().run(host.part(0.2)) is True  # nothing is sent
+    assert Peer().run(host.release(0.2)) is True  # nothing is sent
 
 
 def test_who_parts_leaves_a_driver_alone_of_which_nothing_was_asked() -> None:
     host: Host[DP0R] = Host()
     peer = Peer()
-    assert peer.run(host.part(0.2)) is True
+    assert peer.run(host.release(0.2)) is True
     assert peer.turns == []
     assert host.commanded == 0
 

@@ -13,8 +13,8 @@ from orinkit.bcap import packet
 from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Execute, Reset, Send, ServerConversation
 from orinkit.bcap.profiles import DATAGRAM, LINE, SILENCE
+from orinkit.bcap.server import Execute, Reset, Send, ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
@@ -36,7 +36,7 @@ class Call:
     def __init__(
         self, conversation, *arguments, function=f.variable_get_value, tries=TRIES, exact=False, nothing=False
     ):
-        self.wire = conversation.wire
+        self.wire = conversation.profile
         self.operation = conversation.call(
             function, arguments or (() if nothing else (3,)), TRY, tries=tries, exact=exact
         )
@@ -130,7 +130,7 @@ def test_a_ve026a_that_goes_on_being_busy_is_told_of_in_time():
 def test_a_line_that_gives_back_what_is_sent(conversation):
     """A plug that joins both wires, or a converter for RS-485: a request is no answer."""
     call = Call(conversation)
-    call.feed(packet.encode(call.sent, crc=conversation.wire.crc))
+    call.feed(packet.encode(call.sent, crc=conversation.profile.crc))
     assert conversation.dropped == 1
     assert not conversation.echoes
     assert call.result(call.reply(1, 42)) == 42
@@ -138,7 +138,7 @@ def test_a_line_that_gives_back_what_is_sent(conversation):
 
 def test_an_answer_tells_whether_it_echoes(conversation):
     call = Call(conversation)
-    assert call.result(packet.encode(Packet(1, 0, [42], 1), crc=conversation.wire.crc)) == 42
+    assert call.result(packet.encode(Packet(1, 0, [42], 1), crc=conversation.profile.crc)) == 42
     assert conversation.echoes
 
 
@@ -205,7 +205,7 @@ def test_a_long_answer_over_a_slow_line_is_waited_for():
 
 def test_every_try_is_told(conversation):
     told = []
-    conversation.trace = lambda way, data: told.append((way, packet.decode(data, crc=conversation.wire.crc).serial))
+    conversation.trace = lambda way, data: told.append((way, packet.decode(data, crc=conversation.profile.crc).serial))
     call = Call(conversation)
     call.feed(None)
     call.result(call.reply(2, 42))
@@ -357,7 +357,7 @@ class World:
             elif event.what == "done":
                 self.answer(self.busy)
             elif self.server.pending and self.now - self.heard >= SILENCE:
-                self.act(self.server.silence(self.now))
+                self.act(self.server.timeout(self.now))
             if self.server.pending:
                 self.later(SILENCE, "silence")
         self.now = until
@@ -441,22 +441,22 @@ def test_a_link_that_carries_nothing():
 
 def test_a_farewell(conversation):
     """Service_Stop, said three times, for nobody answers it."""
-    assert conversation.farewell() == [], "the controller knows nothing of it"
+    assert conversation.close_sequence() == [], "the controller knows nothing of it"
     Call(conversation)
-    packets = [packet.decode(data, crc=conversation.wire.crc) for data, _ in conversation.farewell()]
+    packets = [packet.decode(data, crc=conversation.profile.crc) for data, _ in conversation.close_sequence()]
     assert packets == [Packet(2, 2, [], 2), Packet(3, 2, [], 2), Packet(4, 2, [], 2)]
-    assert conversation.farewell() == []
+    assert conversation.close_sequence() == []
     stop = Call(conversation, function=f.service_stop, nothing=True)
     assert stop.result(stop.reply(5)) is None
-    assert conversation.farewell() == [], "it has been said already"
-    assert BcapConversation().farewell() == []
+    assert conversation.close_sequence() == [], "it has been said already"
+    assert BcapConversation().close_sequence() == []
 
 
 def test_a_farewell_ends_what_is_at_work():
     client, server = BcapConversation(profile=DATAGRAM), ServerConversation(profile=DATAGRAM)
     operation = client.call(f.controller_execute, (2, "x", 0), TRY)
     (call,) = server.receive(next(operation)[0], 0.0)
-    reset, stop = server.receive(client.farewell()[0][0], 0.0)
+    reset, stop = server.receive(client.close_sequence()[0][0], 0.0)
     assert isinstance(reset, Reset)
     assert isinstance(stop, Execute)
     assert server.finish(call, 0, None) == b""

@@ -215,7 +215,7 @@ STREAM = [bytes.fromhex(row["hex"]) for row in PRINTED if row["transport"] == "t
 def frames(framer: Framer, data: bytes, found: list[bytes] | None = None) -> list[bytes]:
     """Return the packets of a piece; with ``found`` they are put there one by one, also where an error follows."""
     found = [] if found is None else found
-    frame = framer.take(data)
+    frame = framer.feed(data)
     while frame is not None:
         found.append(frame)
         frame = framer.next_frame()
@@ -225,7 +225,7 @@ def frames(framer: Framer, data: bytes, found: list[bytes] | None = None) -> lis
 def test_one_whole_packet_is_given_as_it_is():
     framer = Framer()
     for data in STREAM:
-        assert framer.take(data) is data
+        assert framer.feed(data) is data
         assert framer.next_frame() is None
         assert framer.pending == 0
 
@@ -234,9 +234,9 @@ def test_one_byte_at_a_time():
     framer = Framer()
     for data in STREAM:
         for position, byte in enumerate(data[:-1], 1):
-            assert framer.take(bytes([byte])) is None
+            assert framer.feed(bytes([byte])) is None
             assert framer.pending == position
-        assert framer.take(data[-1:]) == data
+        assert framer.feed(data[-1:]) == data
         assert framer.pending == 0
 
 
@@ -255,7 +255,7 @@ def test_a_packet_and_the_beginning_of_the_next():
 
 def test_nothing_at_all():
     framer = Framer()
-    assert framer.take(b"") is None
+    assert framer.feed(b"") is None
     assert framer.next_frame() is None
 
 
@@ -350,9 +350,9 @@ def test_a_packet_of_16_mib_is_taken():
     data = pack(1, 102, 1, body)
     assert len(data) == 2**24
     framer = Framer()
-    assert framer.take(data[:-1]) is None
-    assert framer.take(data[-1:]) == data
-    assert Framer().take(data) is data
+    assert framer.feed(data[:-1]) is None
+    assert framer.feed(data[-1:]) == data
+    assert Framer().feed(data) is data
     assert len(decode(data).arguments[0]) == 2**24 - 26
     over = pack(1, 102, 1, argument_of(2**24 - 15))
     lost(Framer(), over, "packet of 16777217 bytes", hresult.E_PACKETSIZEOVER)
@@ -367,10 +367,10 @@ def test_a_packet_of_16_mib_byte_by_byte_at_its_end():
     """What has come is not copied or searched again with every byte."""
     data = pack(1, 102, 1, argument_of(2**24 - 16))
     framer = Framer()
-    assert framer.take(data[:-10_000]) is None
+    assert framer.feed(data[:-10_000]) is None
     for position in range(len(data) - 10_000, len(data) - 1):
-        assert framer.take(data[position : position + 1]) is None
-    assert framer.take(data[-1:]) == data
+        assert framer.feed(data[position : position + 1]) is None
+    assert framer.feed(data[-1:]) == data
 
 
 def test_a_terminator_that_is_none():
@@ -400,7 +400,7 @@ def test_a_lost_stream_stays_lost_and_keeps_nothing(spoilt, code):
 
 def test_packets_before_the_broken_one_are_given():
     framer = Framer()
-    assert framer.take(GOOD + GOOD + b"\1\0\0\0\0") == GOOD
+    assert framer.feed(GOOD + GOOD + b"\1\0\0\0\0") == GOOD
     assert framer.next_frame() == GOOD
     with pytest.raises(ProtocolError):
         framer.next_frame()
@@ -408,7 +408,7 @@ def test_packets_before_the_broken_one_are_given():
 
 def test_the_limit_can_be_set():
     framer = Framer(PacketLimits(packet=len(GOOD)))
-    assert framer.take(GOOD) is GOOD
+    assert framer.feed(GOOD) is GOOD
     lost(framer, encode(Packet(1, 2, ["x" * 100])), f"at most {len(GOOD)} are allowed", hresult.E_PACKETSIZEOVER)
 
 

@@ -9,8 +9,8 @@ import pytest
 from orinkit.bcap import packet
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
+from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
 from orinkit.values.codec import PacketLimits
@@ -421,11 +421,11 @@ def test_silence_on_a_line():
     half = line.data(5, 5, CALL, 3)[:10]
     assert list(line.server.receive(half, NOW)) == []
     assert line.server.pending == 10
-    assert list(line.server.silence(NOW)) == []
+    assert list(line.server.timeout(NOW)) == []
     assert line.server.pending == 0
     noise = b"\x01\x00\x10\x00\x00"
     assert list(line.server.receive(noise + line.data(5, 5, CALL, 3) + line.data(6, 6, CALL, 3), NOW)) == []
-    actions = line.server.silence(NOW)
+    actions = line.server.timeout(NOW)
     call = next(actions)
     assert isinstance(call, Execute)
     line.server.finish(call, 0, None)
@@ -457,8 +457,8 @@ def test_nothing_is_inside():
     line.now += 1.0
     assert list(line.server.receive(b"\xaa" * 40, line.now)) == []
     assert line.server.pending > 0
-    assert STREAM.framer(PacketLimits()).inside() is None
-    assert DATAGRAM.framer(PacketLimits()).inside() is None
+    assert STREAM.framer(PacketLimits()).resync() is None
+    assert DATAGRAM.framer(PacketLimits()).resync() is None
 
 
 def test_only_a_shared_line_is_looked_into():

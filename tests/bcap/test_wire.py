@@ -188,7 +188,7 @@ def mutated(draw, packets=None):
 def test_spoilt_requests_are_answered_with_packets_or_a_closed_connection(stream):
     server, answers = Server(), Framer()
     for data in stream:
-        reply = answers.take(server.feed(data))
+        reply = answers.feed(server.feed(data))
         while reply is not None:
             packet.decode(reply)
             reply = answers.next_frame()

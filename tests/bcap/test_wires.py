@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from orinkit.bcap import packet
 from orinkit.bcap.client import encode_request
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.serial_framer import LEAST, LineFramer
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, DatagramFramer
+from orinkit.bcap.serial_framer import LEAST, LineFramer
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import DIALECTS, VE026A
 from orinkit.cao.functions import FUNCTIONS
@@ -78,9 +78,9 @@ def test_what_can_travel():
 
 def test_a_stream_never_gives_up_what_has_begun():
     framer = STREAM.framer(DEFAULT_LIMITS)
-    assert framer.take(WHOLE[:6]) is None
-    assert framer.silence() is None
-    assert (framer.pending, framer.begun) == (6, 0)
+    assert framer.feed(WHOLE[:6]) is None
+    assert framer.timeout() is None
+    assert (framer.pending, framer.partial_serial) == (6, 0)
 
 
 # --- datagrams --------------------------------------------------------------------------------------------------------
@@ -89,19 +89,19 @@ def test_a_stream_never_gives_up_what_has_begun():
 def test_a_datagram_is_one_packet_or_nothing():
     framer = DatagramFramer()
     good = packet.encode(Packet(7, 101, [3]))
-    assert framer.take(good) == good
+    assert framer.feed(good) == good
     for bad in (b"", good[:-1], good + b"\x04", good + good, b"\x00" + good[1:], good[:-1] + b"\x05", b"\x01" * 16):
-        assert framer.take(bad) is None
+        assert framer.feed(bad) is None
     assert framer.skipped > 0
     assert framer.next_frame() is None
-    assert framer.silence() is None
+    assert framer.timeout() is None
     assert framer.pending == 0
 
 
 def test_a_datagram_that_is_too_long_is_told_of():
     long = packet.encode(Packet(7, 111, ["x" * 400]))
     assert len(long) > 504
-    assert DatagramFramer(PacketLimits(packet=504)).take(long) == long
+    assert DatagramFramer(PacketLimits(packet=504)).feed(long) == long
 
 
 # --- serial lines -----------------------------------------------------------------------------------------------------
@@ -158,15 +158,15 @@ def test_a_length_made_by_noise_waits_for_silence_only():
     noise = b"\x01\xff\x00\x00\x00"
     assert frames(framer, noise + WHOLE) == []
     assert framer.pending == len(noise) + len(WHOLE)
-    assert framer.silence() == WHOLE
+    assert framer.timeout() == WHOLE
     assert framer.pending == 0
-    assert framer.silence() is None
+    assert framer.timeout() is None
 
 
 def test_half_a_packet_is_given_up_in_silence():
     framer = LineFramer(ON_A_LINE)
     assert frames(framer, WHOLE[:9]) == []
-    assert framer.silence() is None
+    assert framer.timeout() is None
     assert framer.pending == 0
     assert frames(framer, WHOLE) == [WHOLE]
 
@@ -179,9 +179,9 @@ def test_a_length_that_no_packet_has(length):
 def test_a_request_that_is_announced_too_long():
     framer = LINE.server_framer(PacketLimits(packet=1000))
     head = packet.HEADER.pack(1, 1001, 5, 5, 64, 3)
-    assert framer.take(head[:10]) is None
+    assert framer.feed(head[:10]) is None
     with pytest.raises(LimitExceeded) as caught:
-        framer.take(head[10:])
+        framer.feed(head[10:])
     assert caught.value.code == hresult.E_PACKETSIZEOVER
     assert not caught.value.fatal
     assert frames(framer, WHOLE) == [WHOLE]
@@ -197,10 +197,10 @@ def test_noise_that_announces_again_and_again_is_told_once():
     framer = LINE.server_framer(PacketLimits(packet=1000))
     noise = (b"\x01" + b"\x01" * 7) * 20 + b"\x00" * 40
     with pytest.raises(LimitExceeded):
-        framer.take(packet.HEADER.pack(1, 0x01010101, 1, 1, 1, 1) * 10 + noise)
+        framer.feed(packet.HEADER.pack(1, 0x01010101, 1, 1, 1, 1) * 10 + noise)
     assert all_frames(framer, WHOLE) == [WHOLE]
     with pytest.raises(LimitExceeded):
-        framer.take(packet.HEADER.pack(1, 1001, 5, 5, 64, 3))
+        framer.feed(packet.HEADER.pack(1, 1001, 5, 5, 64, 3))
 
 
 def test_a_client_takes_it_for_noise():
@@ -215,7 +215,7 @@ def test_noise_made_to_cost_time_is_thrown_away():
     assert frames(framer, noise * 3) == []
     assert framer.skipped >= size
     while framer.pending:
-        framer.silence()
+        framer.timeout()
     assert frames(framer, WHOLE) == [WHOLE]
 
 

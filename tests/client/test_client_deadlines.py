@@ -71,7 +71,7 @@ class Hostile:
     def _bcap(self, peer: socket.socket) -> None:
         framer = Framer(DEFAULT_LIMITS)
         while data := self._received(peer):
-            frame = framer.take(data)
+            frame = framer.feed(data)
             while frame is not None:
                 request = packet.decode(frame)
                 if self._answered:

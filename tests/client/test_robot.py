@@ -810,7 +810,7 @@ class Scripted(Provider):
         return ScriptedController(self)
 
     def close(self) -> None:
-        self.never.finish()
+        self.never.set_result()
 
 
 @pytest.fixture
@@ -1001,7 +1001,7 @@ def test_a_call_that_is_only_slow_is_waited_for(
     def body() -> None:
         with pytest.raises(CallTimeout):
             both.run(scripted.execute("Slow"))
-        threading.Timer(0.05, slow.finish).start()
+        threading.Timer(0.05, slow.set_result).start()
         raising()
 
     with pytest.raises(Trouble) as caught:

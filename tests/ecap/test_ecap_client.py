@@ -103,17 +103,17 @@ def test_what_does_not_fit_is_not_sent() -> None:
 
 def test_goodbye_is_said_once_by_one_who_has_not_said_it() -> None:
     conversation = EcapConversation()
-    assert conversation.farewell() == []
+    assert conversation.close_sequence() == []
     result_of(conversation.call(f.service_start, ("",), 3.0), b"0x00000000")
-    ((request, seconds),) = conversation.farewell()
+    ((request, seconds),) = conversation.close_sequence()
     assert request.startswith(b"Func=2")
     assert 0 < seconds <= 1.0
-    assert conversation.farewell() == []
+    assert conversation.close_sequence() == []
     result_of(conversation.call(f.service_start, ("",), 3.0), b"0x00000000")
     result_of(conversation.call(f.service_stop, (), 3.0), b"0x00000000")
-    assert conversation.farewell() == []
+    assert conversation.close_sequence() == []
 
 
 def test_it_is_http() -> None:
-    assert EcapConversation().wire is HTTP
+    assert EcapConversation().profile is HTTP
     assert not HTTP.lossy

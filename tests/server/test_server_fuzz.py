@@ -188,7 +188,7 @@ def expected(stream: list[bytes]) -> tuple[list[tuple[int, int | None]], int]:
     framer = Framer()
     for used, piece in enumerate(stream, 1):
         try:
-            frame = framer.take(piece)
+            frame = framer.feed(piece)
             while frame is not None:
                 _, _, serial, _, function_id, count = packet.HEADER.unpack_from(frame)
                 try:
@@ -216,7 +216,7 @@ def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int
             connection.sendall(data)
             connection.shutdown(socket.SHUT_WR)
             while received := connection.recv(65536):
-                frame = framer.take(received)
+                frame = framer.feed(received)
                 while frame is not None:
                     answer = packet.decode(frame)
                     answers.append((answer.serial, answer.code))

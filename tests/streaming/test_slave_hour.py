@@ -120,8 +120,8 @@ def by_hand(seconds: float) -> None:
             wanted = target(rng, arm, number * PERIOD)
         if not rng.randrange(2000):
             with pytest.raises(InvalidValue):
-                planner.follow((math.nan, *HOME[1:]))
-        robot.execute("slvMove", variant([*planner.follow(wanted), 0.0, 0.0]))
+                planner.goto((math.nan, *HOME[1:]))
+        robot.execute("slvMove", variant([*planner.goto(wanted), 0.0, 0.0]))
         clock.advance(PERIOD)
     check(arm, monitor, seconds)
 

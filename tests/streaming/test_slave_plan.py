@@ -290,7 +290,7 @@ def test_take_passes_on_what_is_within_the_limits(arm: str, period: float, part:
         arms = Stream(limits, period, start)
         scaled = limits.scaled(velocity=part, acceleration=part)
         for point in trapezoid(scaled, period, axis, start, 0.9 * (high - low)):
-            arms.planner.admits(point)
+            arms.planner.check(point)
             assert bits(arms("take", point)) == bits(point)
         assert arms.planner.at_rest
 
@@ -448,11 +448,11 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
 def test_admits_says_what_is_exceeded(point: Joints, english: str, japanese: str) -> None:
     planner = JointPlanner(VS050, 0.008, HOME)
     with pytest.raises(InvalidValue) as error:
-        planner.admits(point)
+        planner.check(point)
     assert str(error.value) == english
     i18n.use("ja")
     with pytest.raises(InvalidValue) as error:
-        planner.admits(point)
+        planner.check(point)
     assert str(error.value) == japanese
     assert planner.command == HOME
     assert planner.at_rest
@@ -465,9 +465,9 @@ def test_admits_says_that_the_arm_could_not_be_braked() -> None:
     for text, tongue in (("could not be braked before the end of its range, 170", "en"), ("減速できません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as error:
-            arms.planner.admits((start[0] + 0.29, *start[1:]))
+            arms.planner.check((start[0] + 0.29, *start[1:]))
         assert "J1" in str(error.value)
-    arms.planner.admits((start[0] + 0.21, *start[1:]))
+    arms.planner.check((start[0] + 0.21, *start[1:]))
 
 
 def test_admits_says_that_the_arm_has_not_caught_up() -> None:
@@ -476,9 +476,9 @@ def test_admits_says_that_the_arm_has_not_caught_up() -> None:
     for text, tongue in (("J1: the arm has not caught up: it is still", "en"), ("まだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
-            arms.planner.admits(arms.planner.command)
+            arms.planner.check(arms.planner.command)
     arms("stop")
-    arms.planner.admits(arms.planner.command)
+    arms.planner.check(arms.planner.command)
 
 
 @given(st.data())
@@ -491,7 +491,7 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
             for a, b, most in zip(before, now, VS050.acceleration, strict=True)
         ]
         try:
-            arms.planner.admits(near)
+            arms.planner.check(near)
             why = ""
         except InvalidValue as error:
             why = str(error)

@@ -361,7 +361,7 @@ def test_take_passes_on_what_is_within_the_limits(kind: Kind, period: float) -> 
         points.append(at)
     for x in [*points, at, at]:
         point = pose(kind, (x, *HOME[1:]))
-        tool.planner.admits(point)
+        tool.planner.check(point)
         assert bits(tool("take", point)) == bits(point)
     assert tool.planner.at_rest
 
@@ -373,7 +373,7 @@ def test_take_passes_on_smooth_set_points(kind: Kind, period: float) -> None:
     for step in range(int(2 / period)):
         swing = 1 - math.cos(3 * step * period)
         point = pose(kind, (300 - 60 * swing, 40 * swing, 300, 180, 30 * swing, 180 - 20 * swing))
-        tool.planner.admits(point)
+        tool.planner.check(point)
         assert bits(tool("take", point)) == bits(point)
 
 
@@ -464,11 +464,11 @@ def test_position_is_passed_on_while_the_orientation_catches_up() -> None:
 def test_admits_says_what_is_exceeded(point: Pose, english: str, japanese: str) -> None:
     planner = PosePlanner(LIMITS, 0.008, (*HOME, 5.0), "P")
     with pytest.raises(InvalidValue) as error:
-        planner.admits(point)
+        planner.check(point)
     assert str(error.value) == english
     i18n.use("ja")
     with pytest.raises(InvalidValue) as error:
-        planner.admits(point)
+        planner.check(point)
     assert str(error.value) == japanese
     assert planner.command == (*HOME, 5.0)
 
@@ -479,9 +479,9 @@ def test_admits_says_that_the_tool_has_not_caught_up() -> None:
     for text, tongue in (("position: it has not caught up", "en"), ("位置: まだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
-            tool.planner.admits(tool.planner.command)
+            tool.planner.check(tool.planner.command)
     tool("stop")
-    tool.planner.admits(tool.planner.command)
+    tool.planner.check(tool.planner.command)
 
 
 @given(st.data())
@@ -499,7 +499,7 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
             5.0,
         )
         try:
-            tool.planner.admits(point)
+            tool.planner.check(point)
             why = ""
         except InvalidValue as error:
             why = str(error)

@@ -187,7 +187,7 @@ def test_how_long_a_program_may_be_stopped(watch: ProgramMonitor, times: Times) 
     ]
     for seconds, times.stopped, reason in story:
         times.now += seconds
-        assert watch.look() == reason
+        assert watch.check() == reason
 
 
 def test_it_is_looked_at_fifty_times_a_second(watch: ProgramMonitor, times: Times) -> None:
@@ -195,7 +195,7 @@ def test_it_is_looked_at_fifty_times_a_second(watch: ProgramMonitor, times: Time
     watch._is_stopped = lambda: looks.append(times.now) is not None  # type: ignore[method-assign]
     for _ in range(1000):
         times.now += 0.001
-        watch.look()
+        watch.check()
     assert 45 <= len(looks) <= 50
 
 

@@ -102,7 +102,7 @@ class RawCaller(ABC):
         while frame is None:
             data = self.receive(end - time.monotonic())
             assert data is not None, "no answer"
-            frame = self._framer.take(data)
+            frame = self._framer.feed(data)
         return packet.decode(frame, crc=self.wire.crc)
 
     def nothing_comes(self) -> bool:

@@ -57,7 +57,7 @@ class Line:
         """Return the client's next packet."""
         frame = self._framer.next_frame()
         while frame is None:
-            frame = self._framer.take(self._receive())
+            frame = self._framer.feed(self._receive())
         return packet.decode(frame)
 
     def _receive(self) -> bytes:
@@ -226,7 +226,7 @@ class RawClient:
             data = self.socket.recv(65536)
             if not data:
                 raise Gone
-            frame = self._framer.take(data)
+            frame = self._framer.feed(data)
         return frame
 
     def packet(self) -> Packet:

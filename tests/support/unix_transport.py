@@ -74,7 +74,7 @@ UNIX = Transport(
     "unix",
     parse=f"{HERE}:parse",
     example="unix:///run/controller",
-    carrier=f"{HERE}:CARRIER",
+    profile=f"{HERE}:CARRIER",
     link=f"{HERE}:open_link",
     aio_link=f"{HERE}:open_aio_link",
     adopt=f"{HERE}:adopt",

@@ -50,7 +50,7 @@ class WiredLine(Line):
         """Return the client's next packet."""
         frame = self._frames.next_frame()
         while frame is None:
-            frame = self._frames.take(self._receive())
+            frame = self._frames.feed(self._receive())
         return packet.decode(frame, crc=self._wire.crc)
 
     def reset(self) -> None:

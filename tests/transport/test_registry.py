@@ -75,14 +75,14 @@ def test_what_a_row_says_fits_together(row: Transport) -> None:
     address = parse_address(row.example)
     assert address.scheme == (row.alias or row.scheme)
     assert row_of(address).parse
-    assert bool(row.link) == bool(row.aio_link) == bool(row.carrier)
+    assert bool(row.link) == bool(row.aio_link) == bool(row.profile)
     for reference, count in ((row.link, 2), (row.aio_link, 2), (row.adopt, 1), (row.listener, 3 if row.http else 2)):
         if reference:
             assert len(signature(resolve(reference)).parameters) == count
-    if row.carrier:
-        named = find(resolve(row.carrier).name)
+    if row.profile:
+        named = find(resolve(row.profile).name)
         assert named is not None
-        assert named.carrier == row.carrier
+        assert named.profile == row.profile
         assert named.adopt == row.adopt
     elif not row.alias:
         assert isinstance(links.refused(address), InvalidAddress)
@@ -228,7 +228,7 @@ def test_rows_that_cannot_be_registered(unchanged: None) -> None:
 
 
 def test_a_row_without_links(unchanged: None) -> None:
-    register(UNIX._replace(carrier="", link="", aio_link="", adopt="", listener=""))
+    register(UNIX._replace(profile="", link="", aio_link="", adopt="", listener=""))
     with pytest.raises(InvalidAddress, match="'unix:///x' cannot be used here"):
         orinkit.connect("unix:///x")
     with pytest.raises(InvalidAddress, match="'unix:///x' cannot be used here"):

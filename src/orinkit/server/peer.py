@@ -10,8 +10,8 @@ from functools import partial
 from itertools import chain
 from typing import Final
 
-from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
 from orinkit.bcap.profiles import BcapProfile
+from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
 from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session

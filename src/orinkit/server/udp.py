@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any, Final, Self, TypeAlias, cast
 
-from orinkit.bcap.server import Encoded, Execute
 from orinkit.bcap.profiles import DATAGRAM
+from orinkit.bcap.server import Encoded, Execute
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.session import Session
 from orinkit.server.context import ServerContext

@@ -239,16 +239,16 @@ def test_torque(both: Both, hosts: Hosts, world: Place) -> None:
 
 
 def test_coming_to_rest(both: Both, hosts: Hosts, world: Place) -> None:
-    """rest() returns when the motors stand, not before; the servo stays on."""
+    """stop_and_wait() returns when the motors stand, not before; the servo stays on."""
     driver = hosts.connect(world.near, address=7, **PATIENT)
     both.run(driver.set_input("servo_on", 1))
     both.run(driver.set_input("start", 1))
     both.run(driver.command(1000.0, -1000.0))
     wait(both, lambda: both.run(driver.request_single()).b_velocity == -1000.0)
     with pytest.raises(DriverTimeout, match=r"ABH3 7 has not come to rest within 0\.05 s"):
-        both.run(driver.rest(0.05))  # it takes a quarter of a second
+        both.run(driver.stop_and_wait(0.05))  # it takes a quarter of a second
     assert driver.commands == (0, 0)
-    feedback = both.run(driver.rest(PATIENT["timeout"]))
+    feedback = both.run(driver.stop_and_wait(PATIENT["timeout"]))
     assert max(map(abs, (feedback.a_velocity, feedback.b_velocity))) < 1
     assert list(driver.inputs) == ["ay_servo_on", "bx_servo_on"]
     assert max(map(abs, (both.run(driver.velocities()).ay_velocity, both.run(driver.velocities()).bx_velocity))) < 1

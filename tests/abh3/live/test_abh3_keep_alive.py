@@ -99,7 +99,7 @@ def test_coming_to_rest_takes_longer_than_the_patience(both: Both, hosts: Hosts,
         both.run(driver.keep_alive(0.05, patience=1.0, idle=1.0))
         both.run(driver.command(500.0))
         wait(both, lambda: device.state().a_velocity == 500.0)
-        both.run(driver.rest(PATIENCE))  # 1.7 s
+        both.run(driver.stop_and_wait(PATIENCE))  # 1.7 s
         assert driver.kept_alive
         both.run(driver.set_input("servo_on", 0))
         both.run(driver.close())

@@ -568,7 +568,7 @@ def test_a_look_over_tcp(ask_from_loop):
         async with AsyncServer(provider, "tcp://127.0.0.1:0") as server:
             client = await asyncio.to_thread(RawClient, server.url)
             handle = await asyncio.to_thread(client.ask, controller_connect.id, "c", "x", "", "")
-            assert provider.client.look is not None
+            assert provider.client.drain_input is not None
             for turn in range(100):
                 over, seen = asyncio.Event(), []
 
@@ -578,9 +578,9 @@ def test_a_look_over_tcp(ask_from_loop):
 
                 client.request(controller_get_variable_names.id, handle, str(turn))  # this thread is the loop's
                 if ask_from_loop:
-                    provider.client.look(handled)
+                    provider.client.drain_input(handled)
                 else:
-                    asking = threading.Thread(target=provider.client.look, args=(handled,))
+                    asking = threading.Thread(target=provider.client.drain_input, args=(handled,))
                     asking.start()
                     asking.join(SOON)
                 assert not seen
@@ -595,7 +595,7 @@ def test_a_look_over_tcp(ask_from_loop):
 def test_a_look_when_the_loop_is_closed():
     provider = Heard()
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, provider="x"):
-        look = provider.client.look
+        look = provider.client.drain_input
     called = []
     look(lambda: called.append(threading.current_thread()))
     assert called == [threading.current_thread()]

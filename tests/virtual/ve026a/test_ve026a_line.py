@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from orinkit.bcap import packet, wire
+from orinkit.bcap import packet, profiles
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
 from orinkit.cao.functions import FUNCTIONS
@@ -34,7 +34,7 @@ PLACE = (0.0, 30.0, 120.0, 0.0, 30.0, 0.0, 25.0)
 class Line:
     """A client at the other end of a line to a virtual VE026A, whose clock it moves while it waits."""
 
-    def __init__(self, kind: wire.BcapProfile = wire.LINE, **options: Any) -> None:
+    def __init__(self, kind: profiles.BcapProfile = profiles.LINE, **options: Any) -> None:
         self.clock = ManualClock()
         self.arm = VirtualVE026A(clock=self.clock, **options)
         self.host = ProviderRegistry(self.arm)
@@ -212,7 +212,7 @@ def test_a_client_that_begins_anew_on_the_line_finds_the_arm_free():
 
 
 def test_a_packet_that_cannot_be_read_ends_the_connection():
-    line = Line(wire.STREAM, motor=True).connect()
+    line = Line(profiles.STREAM, motor=True).connect()
     line.call(64, ROBOT, "slvChangeMode", ASYNC)
     data = struct.pack("<BIHHiH", 1, 20, 9, 9, 64, 1) + b"\xff\xff\xff\xff\x04"
     answer = packet.decode(line.exchange(data))

@@ -99,7 +99,9 @@ class AsyncClient:
         self._second: AsyncClient | None = None  # says that it lives while a call is at work, where one link cannot
         self._controller = 0
         self._beats = bool(profile.memory or profile.shared)  # where no connection tells that the program lives
-        self._remembered = Deadline(profile.memory) if profile.memory else None  # how long the controller knows this client
+        self._remembered = (
+            Deadline(profile.memory) if profile.memory else None
+        )  # how long the controller knows this client
 
     @property
     def timeout(self) -> float:

@@ -254,7 +254,9 @@ def _if_it_is_lost(profile: TransportProfile) -> str:
     if profile.shared:
         return tr(" (should the packet that says so be lost, only when the next client connects)")
     if profile.memory and not profile.lossy:
-        return tr(" (should the server not hear of that, after {seconds:g} s of silence or later)", seconds=profile.memory)
+        return tr(
+            " (should the server not hear of that, after {seconds:g} s of silence or later)", seconds=profile.memory
+        )
     if profile.memory:
         return tr(
             " (should the packet that says so be lost, after {seconds:g} s of silence or later)", seconds=profile.memory

@@ -148,7 +148,9 @@ class VirtualRC8(Provider):
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name does not matter."""
         access = self.state.permission.of(client.address)
-        return RC8Controller(ClientContext(self.state, Origin(name, client.address), access, client.drain_input), option)
+        return RC8Controller(
+            ClientContext(self.state, Origin(name, client.address), access, client.drain_input), option
+        )
 
     def close(self) -> None:
         """Stop everything, write down the variables, let go of the state directory; closing twice is no error."""

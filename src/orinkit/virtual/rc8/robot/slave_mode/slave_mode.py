@@ -181,7 +181,9 @@ class RC8SlaveMode:
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
         self.lenient = 0
-        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, drain_input, strict=self._arm.switches.strict_time)
+        self._pace = self._cycles.pace = CyclePacer(
+            self._cycles, self, drain_input, strict=self._arm.switches.strict_time
+        )
 
     def leave(self) -> Deferred[None]:
         """Turn it off when the buffer is empty and the arm is at rest; kept then."""
