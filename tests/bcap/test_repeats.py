@@ -26,9 +26,9 @@ class Line:
     """A conversation and the packets of a client, with or without a checksum."""
 
     def __init__(self, profile=DATAGRAM, **parameters):
-        self.wire = wire
+        self.wire = profile
         self.now = NOW
-        self.server = ServerConversation(profile=wire, **parameters)
+        self.server = ServerConversation(profile=profile, **parameters)
 
     def data(self, serial, reserved=0, function=CALL, *arguments):
         return packet.encode(Packet(serial, function, list(arguments), reserved), crc=self.wire.crc)
