@@ -196,8 +196,8 @@ async def asend_close(link: AsyncLink, packets: Iterable[ClosePacket]) -> None:
 
 
 async def arun(
-    operation: Operation[T], link: AsyncLink, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple
-) -> T:  # noqa: ARG001 - as run
+    operation: Operation[T], link: AsyncLink, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple  # noqa: ARG001 - as run
+) -> T:
     """Carry out an operation in asyncio and return its result; one that is cancelled leaves the link as it is."""
     received: bytes | None = None
     deadline = 0.0

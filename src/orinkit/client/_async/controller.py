@@ -113,12 +113,12 @@ class AsyncFile(AsyncObjectContainer):
             return
         owner, function, option = self._missing
         try:
-            handle = await owner._call(function, self._label, file_option(option, create=create))  # noqa: SLF001
+            handle = await owner._call(function, self._label, file_option(option, create=create))
         except CallError as error:
             error.subject = self._label
             raise
         self.handle, self._missing = handle, None
-        owner._adopt(self)  # noqa: SLF001 - one of us
+        owner._adopt(self)
 
     async def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
@@ -396,12 +396,12 @@ async def _file(
 ) -> AsyncFile:
     """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
     try:
-        return await owner._child(AsyncFile, function, name, file_option(option, create=create))  # noqa: SLF001
+        return await owner._child(AsyncFile, function, name, file_option(option, create=create))
     except CallError as error:
         if create or not is_no_file(error):
             raise
     file = AsyncFile(owner.client, 0, name, owner)
-    file._missing = (owner, function, option)  # noqa: SLF001
+    file._missing = (owner, function, option)
     return file
 
 

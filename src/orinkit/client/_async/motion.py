@@ -345,9 +345,9 @@ class AsyncMotion:
         await apause(common.SETTLE)
         if not await robot.motion_complete(_ARM):
             return False
-        if await self._arrived() is not False or await robot._locked():  # noqa: SLF001 - one of us
+        if await self._arrived() is not False or await robot._locked():
             return True
-        reason = await robot._reason(halted=self._number <= self._track.halted)  # noqa: SLF001
+        reason = await robot._reason(halted=self._number <= self._track.halted)
         self._stop = common.MotionStop(await robot.get_joints(), reason)
         return False
 

@@ -109,7 +109,7 @@ class AsyncSlaveMode:
         options = self._options
         assert self.limits is not None
         return StreamerConfig(
-            self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,  # noqa: SLF001
+            self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,
             options.window, self._outputs, options.period, self.limits, start, beyond, serial, self._robot.client.timeout,
             options.idle, os.getpid(), self._robot.client.dialect.name,
             self._robot.client.tries,
@@ -198,7 +198,7 @@ class AsyncSlaveMode:
         for attempt in range(common.TRIES):
             try:
                 dialect = self._robot.client.dialect
-                await self._robot._controller().execute("ClearError", no_code(dialect))  # noqa: SLF001 - its own controller
+                await self._robot._controller().execute("ClearError", no_code(dialect))
                 await self._robot.execute("Motor", motor_state(dialect, on=True))
                 await self._enter()
             except CallError as error:

@@ -425,7 +425,7 @@ class Client:
             self._pulse.end()
         second, self._second = self._second, None
         if second is not None:
-            second._left = True  # noqa: SLF001 - it is not the one to say goodbye
+            second._left = True
             second.close()
         try:
             words = [] if self._left else self._conversation.close_sequence()

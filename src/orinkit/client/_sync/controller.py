@@ -111,12 +111,12 @@ class File(ObjectContainer):
             return
         owner, function, option = self._missing
         try:
-            handle = owner._call(function, self._label, file_option(option, create=create))  # noqa: SLF001
+            handle = owner._call(function, self._label, file_option(option, create=create))
         except CallError as error:
             error.subject = self._label
             raise
         self.handle, self._missing = handle, None
-        owner._adopt(self)  # noqa: SLF001 - one of us
+        owner._adopt(self)
 
     def file_names(self, option: str = "") -> list[str]:
         """Names of the files below this one."""
@@ -528,12 +528,12 @@ def _file(
 ) -> File:
     """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
     try:
-        return owner._child(File, function, name, file_option(option, create=create))  # noqa: SLF001
+        return owner._child(File, function, name, file_option(option, create=create))
     except CallError as error:
         if create or not is_no_file(error):
             raise
     file = File(owner.client, 0, name, owner)
-    file._missing = (owner, function, option)  # noqa: SLF001
+    file._missing = (owner, function, option)
     return file
 
 

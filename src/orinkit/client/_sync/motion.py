@@ -361,9 +361,9 @@ class Motion:
         pause(common.SETTLE)
         if not robot.motion_complete(_ARM):
             return False
-        if self._arrived() is not False or robot._locked():  # noqa: SLF001 - one of us
+        if self._arrived() is not False or robot._locked():
             return True
-        reason = robot._reason(halted=self._number <= self._track.halted)  # noqa: SLF001
+        reason = robot._reason(halted=self._number <= self._track.halted)
         self._stop = common.MotionStop(robot.get_joints(), reason)
         return False
 

@@ -108,7 +108,7 @@ class ObjectBase:
         self._open = False
         for reference in reversed(self._children.valuerefs()):  # a list: another thread may be adding one
             child = reference()
-            if child is not None and not child._let_go():  # noqa: SLF001 - one of us
+            if child is not None and not child._let_go():
                 return False
         if not self.handle:
             return True  # a file that is not there
