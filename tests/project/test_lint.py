@@ -1,0 +1,116 @@
+"""What ``make lint`` rejects, with planted faults in a copy of the repository."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support import paths
+
+MESSAGE = (
+    'from orinkit.core.i18n import tr\n\n\ndef refusal(name: str) -> str:\n    """Return a message."""\n    return {}\n'
+)
+
+
+def run(tool: str, root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(root / "tools" / tool), *arguments], capture_output=True, text=True, check=False, cwd=root
+    )
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("repository")
+    for folder in ("src", "tools"):
+        shutil.copytree(paths.ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    return root
+
+
+@pytest.fixture
+def planted(copy: Path) -> Path:
+    """A module for faults; the catalogue is restored afterwards."""
+    catalogue = copy / "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
+    before = catalogue.read_text(encoding="utf-8")
+    yield copy / "src/orinkit/core/planted.py"
+    (copy / "src/orinkit/core/planted.py").unlink(missing_ok=True)
+    catalogue.write_text(before, encoding="utf-8")
+
+
+def check_messages(copy: Path) -> str:
+    result = run("messages.py", copy, "--check")
+    assert not result.stderr
+    assert (result.returncode == 1) == bool(result.stdout.strip())
+    return result.stdout.strip()
+
+
+def test_the_catalogue_is_complete(copy: Path) -> None:
+    assert check_messages(copy) == ""
+
+
+def test_an_untranslated_message(copy: Path, planted: Path) -> None:
+    planted.write_text(MESSAGE.format('tr("the gripper {name} is not calibrated", name=name)'), encoding="utf-8")
+    assert "the gripper {name} is not calibrated" in check_messages(copy)
+
+
+def test_a_stale_message(copy: Path, planted: Path) -> None:
+    catalogue = copy / "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
+    with catalogue.open("a", encoding="utf-8") as file:
+        file.write('\nmsgid "nobody says this any longer"\nmsgstr "もう使われていません"\n')
+    assert "nobody says this any longer" in check_messages(copy)
+
+
+def test_a_placeholder_mismatch(copy: Path, planted: Path) -> None:
+    catalogue = copy / "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
+    planted.write_text(MESSAGE.format('tr("the gripper {name} is not calibrated", name=name)'), encoding="utf-8")
+    with catalogue.open("a", encoding="utf-8") as file:
+        file.write('\nmsgid "the gripper {name} is not calibrated"\nmsgstr "グリッパ {nmae} は校正されていません"\n')
+    assert "the gripper {name} is not calibrated" in check_messages(copy)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Where there is no file, an empty one is made.",
+        "Whoever has the arm may move it.",
+        "It is told every packet.",
+        "InvalidValue: it is none.",
+        "The client wants an answer.",
+        "A set-point every 8 ms is not to be had from a thread.",
+    ],
+)
+@pytest.mark.parametrize("kind", ["docstring", "comment", "message", "document"])
+def test_a_banned_pattern(copy: Path, planted: Path, tmp_path: Path, text: str, kind: str) -> None:
+    sources = {
+        "docstring": f'"""Summary.\n\n{text}\n"""\n',
+        "comment": f"# {text}\n",
+        "message": MESSAGE.format(f"tr({text!r})"),
+        "document": f"# Title\n\n{text}\n",
+    }
+    path = tmp_path / "page.md" if kind == "document" else planted
+    path.write_text(sources[kind], encoding="utf-8")
+    result = run("prose.py", copy, str(path))
+    assert result.returncode == 1
+    assert re.search(rf"{path.name}:\d+: ", result.stdout)
+
+
+@pytest.mark.parametrize("summary", ["Whether it moves.", "What a client may do.", "Tell what was sent."])
+def test_a_docstring_that_does_not_say_what_to_do(copy: Path, planted: Path, summary: str) -> None:
+    planted.write_text(f'"""{summary}"""\n', encoding="utf-8")
+    assert "imperative" in run("prose.py", copy, str(planted)).stdout
+
+
+def test_code_in_documents_is_not_prose(copy: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# Title\n\n```\nwhoever\n```\n\nUse `whatever`.\n", encoding="utf-8")
+    assert run("prose.py", copy, str(page)).stdout == ""
+
+
+def test_make_lint_runs_these_tools() -> None:
+    lint = (paths.ROOT / "Makefile").read_text(encoding="utf-8").partition("\nlint:")[2].partition("\n\n")[0]
+    assert "tools/messages.py --check" in lint
+    assert "tools/prose.py" in lint
