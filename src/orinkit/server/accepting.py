@@ -1,7 +1,7 @@
-"""Taking connections when the system has no more descriptors: one line in the log, and on again when there are some.
+"""Accepting connections when file descriptors run out: log one line, and resume as soon as descriptors are available.
 
-asyncio's selector loop calls ``accept`` as often as the backlog that it is told, goes on after an error, and logs a
-traceback for each: 512 in a second. It is told a backlog of one; the kernel gets the real one.
+In each turn asyncio's selector loop calls ``accept`` up to ``backlog`` times. It continues after an error and logs a
+traceback for each one: 512 per second. So asyncio gets a backlog of one, and the kernel gets the real one.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from orinkit.core.i18n import tr
 logger = logging.getLogger("orinkit.server")
 
 ONE_AT_A_TIME: Final = 1
-"""Backlog to give to ``create_server``: how many connections are accepted in a turn of the loop."""
+"""Backlog for ``create_server``: the number of connections accepted per turn of the loop."""
 BACKLOG: Final = 512
-"""Connections that the kernel keeps until they are accepted."""
+"""Connections that the kernel queues until they are accepted."""
 
 _ACCEPT_TURNS: Final = 3
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 def deepen(server: asyncio.Server) -> None:
-    """Give the kernel the real backlog of a server that accepts one connection at a time."""
+    """Set the kernel's backlog to :data:`BACKLOG` for a server that accepts one connection at a time."""
     for each in server.sockets:
         with socket.socket(fileno=os.dup(each.fileno())) as twin:
             twin.listen(BACKLOG)
 
 
 async def close(server: asyncio.Server) -> None:
-    """Stop accepting connections, let those that are just being accepted become ready, and close the server.
+    """Stop accepting connections, finish those that are being accepted, and close the server.
 
-    asyncio's selector loop accepts a connection, makes its protocol, and calls ``connection_made`` in one turn each. A server
-    that is closed between the first two leaves the connection open.
+    asyncio's selector loop accepts a connection, creates its protocol, and calls ``connection_made`` in one turn each. If the
+    server is closed between the first two, the connection stays open.
     """
     loop = asyncio.get_running_loop()
     if isinstance(loop, asyncio.SelectorEventLoop):
@@ -49,14 +49,14 @@ async def close(server: asyncio.Server) -> None:
 
 
 def watch(loop: asyncio.AbstractEventLoop) -> None:
-    """Have a loop of orinkit's own log in one line that no connection can be accepted, without a traceback."""
+    """Make an event loop of orinkit log a failed ``accept`` in one line, without a traceback."""
     loop.set_exception_handler(_handle)
 
 
 def _handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     error = context.get("exception")
     if isinstance(error, OSError) and error.errno in _EXHAUSTED and "accept" in str(context.get("message", "")):
-        text = tr("no connection can be accepted for now: %s")
+        text = tr("cannot accept connections at the moment: %s")
         logger.error(text, error.strerror)
     else:
         loop.default_exception_handler(context)

@@ -26,33 +26,34 @@ logger = logging.getLogger("orinkit.server")
 
 DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
 
-_GRACE: Final = 1.0  # seconds for clients to take their last answers and for handlers to end
+_GRACE: Final = 1.0  # s for clients to read their last replies and for handlers to end
 
 
 class AsyncServer:
     """Serves providers on one or several addresses.
 
     Args:
-        providers: one provider or several; each is reached by its provider names.
-        urls: where to listen: ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``serial:///dev/ttyUSB0?baudrate=38400``, or
+        providers: one provider or several; clients select one by its provider name.
+        urls: addresses to listen at: ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``serial:///dev/ttyUSB0?baudrate=38400``, or
             ``pty://``, which opens a pair of pseudo-terminals; ``http://HOST:PORT`` or ``https://HOST:PORT`` for e-CAP.
-            Loopback and port 5007 on TCP unless told otherwise; port 0 takes a free one.
-        clients: how many clients at a time. One more is refused, unless one makes way for it that is idle and holds nothing.
-        per_address: how many of them from one address; three quarters by default, rounded up. All of this machine's count as
-            one, and those of one /64 network of IPv6.
-        objects: how many objects one client may hold.
+            The default is port 5007 on TCP, on the loopback interface; port 0 selects a free port.
+        clients: maximum number of clients. A further client is refused, unless an idle client that holds no object can be
+            disconnected.
+        per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up. All
+            addresses of this machine count as one, and so do those of one /64 network of IPv6.
+        objects: maximum number of objects of one client.
         limits: bounds on packets.
-        invoke_timeout: seconds that a call may take unless the client says otherwise.
-        dead_after: seconds without an answer from a client's machine after which its TCP connection counts as lost
+        invoke_timeout: default limit on the duration of a call, s; a client can set another one.
+        dead_after: seconds without a reply from a client's machine after which its TCP connection counts as lost
             (cable pulled, machine off): 2 to 7,200.
-        alive: seconds that a client on UDP, on a serial line, or over HTTP without a connection that is kept may be silent
-            while its motions run and no call of it is at work: 0.5 to 3,600. Then it is taken to have gone.
-        http: who is let in over HTTP, and the server's certificate for https.
+        alive: seconds that a client on UDP, on a serial line, or over HTTP without a persistent connection may be silent
+            while its motions run and it has no call in progress: 0.5 to 3,600. After that it is disconnected.
+        http: access control for HTTP, and the server's certificate for https.
 
     Use it with ``async with``, or call :meth:`start` and :meth:`close`.
 
     Attributes:
-        urls: every address that is served, with its real port or path.
+        urls: every address of the server, with its actual port or path.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class AsyncServer:
         http: HttpOptions = DEFAULT_HTTP,
     ) -> None:
         self._http = http
-        self._addresses = [_place(url) for url in urls or (DEFAULT_URL,)]
+        self._addresses = [_parse_listen_address(url) for url in urls or (DEFAULT_URL,)]
         self._host = ProviderRegistry(providers, objects)
         self._connections = ServerContext(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
         self._listeners: list[Listener] = []
@@ -77,33 +78,33 @@ class AsyncServer:
 
     @property
     def url(self) -> str:
-        """The first address that is served, with its real port or path."""
+        """The first address of the server, with its actual port or path."""
         return self.urls[0]
 
     @property
     def clients(self) -> int:
-        """How many clients are connected."""
+        """The number of connected clients."""
         return len(self._connections.open)
 
     async def start(self) -> None:
         """Open every address.
 
         Raises:
-            ConnectFailed: one cannot be opened; none is then.
-            MissingExtra: a package is not there that serial ports, or HTTP, need.
+            ConnectFailed: If an address cannot be opened; then none stays open.
+            MissingExtra: If a package that serial ports or HTTP require is not installed.
         """
         for address in self._addresses:
             try:
                 listener = await _listen(address, self._connections, self._http)
             except BaseException:
-                await self._stop()  # the providers stay as they are: they may be served elsewhere
+                await self._stop()  # not close(): the providers may be in use by another server
                 raise
             self._listeners.append(listener)
             self.urls.append(listener.url)
             logger.info("listening on %s", listener.url)
 
     async def close(self) -> None:
-        """Stop listening, let every client go, close the providers."""
+        """Stop listening, disconnect all clients, and close the providers."""
         await self._stop()
         for provider in self._host.providers:
             ending = provider.close()
@@ -128,11 +129,11 @@ class AsyncServer:
         await self.close()
 
 
-def _place(url: str) -> AnyAddress:
-    """Read where to listen.
+def _parse_listen_address(url: str) -> AnyAddress:
+    """Parse an address to listen at.
 
     Raises:
-        InvalidAddress: it is no address, or one where no server can listen, as a CAN bus.
+        InvalidAddress: If it is not an address, or if no server can listen at it (such as a CAN bus).
     """
     address = parse_address(url)
     if not row_of(address).listener:
@@ -146,19 +147,19 @@ async def _listen(address: AnyAddress, shared: ServerContext, http: HttpOptions)
     opened = resolve(row.listener)(address, shared, *((http,) if row.http else ()))
     try:
         listener: Listener = await opened
-    except ConnectFailed:  # it is not the port that is wrong
+    except ConnectFailed:  # already has its own hint
         raise
     except (OSError, ValueError) as error:
-        raise _failed(address, error) from error
+        raise _listen_failed(address, error) from error
     return listener
 
 
-def _failed(address: AnyAddress, error: Exception) -> ConnectFailed:
+def _listen_failed(address: AnyAddress, error: Exception) -> ConnectFailed:
     if not hasattr(address, "port"):
         return ConnectFailed(tr("cannot listen on {address}: {error}", address=address, error=error))
     return ConnectFailed(
         tr(
-            "cannot listen on {address}: {error}. Try: another port, or port 0 for a free one",
+            "cannot listen on {address}: {error}. Try: use another port, or port 0 for a free one",
             address=address,
             error=error,
         )

@@ -1,4 +1,7 @@
-"""How long a client without a connection may be silent while its motions run; :mod:`orinkit.server.liveness` watches."""
+"""The ``alive`` option: how long a connectionless client may be silent while its motions run.
+
+:mod:`orinkit.server.liveness` applies it.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,17 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 ALIVE: Final = 2.0
-"""Seconds of silence after which a client without a connection is taken to have gone whose motions run."""
+"""Seconds of silence after which a connectionless client whose motions run is disconnected."""
 
 _LEAST: Final = 0.5
 _MOST: Final = 3600.0
 
 
 def check_alive(seconds: float) -> float:
-    """Return the seconds that a client without a connection may be silent while its motions run.
+    """Return the ``alive`` option, s, as a float.
 
     Raises:
-        InvalidValue: it is no number from 0.5 to 3,600.
+        InvalidValue: If it is not a number from 0.5 to 3,600.
     """
     given: object = seconds
     if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST <= given <= _MOST:

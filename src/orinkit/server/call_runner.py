@@ -1,4 +1,4 @@
-"""Waiting for what a device's method has begun, in the three ways that there are."""
+"""Awaiting the result of a provider's method: a blocking call, a :class:`Deferred`, or an awaitable."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from orinkit.cao.provider import BlockingCall, Deferred
 
 
 def result_of(work: Any) -> Awaitable[Any]:
-    """Return what gives the result when it is awaited.
+    """Return an awaitable for the result of a call.
 
     Args:
-        work: ``Pending.work``: :class:`~orinkit.cao.provider.Blocking`, :class:`~orinkit.cao.provider.Later`, or an
-            awaitable.
+        work: ``Pending.work``: a :class:`~orinkit.cao.provider.BlockingCall`, a :class:`~orinkit.cao.provider.Deferred`,
+            or an awaitable.
     """
     if type(work) is BlockingCall:
         return in_thread(work.run)
@@ -26,10 +26,10 @@ def result_of(work: Any) -> Awaitable[Any]:
 
 
 async def in_thread(function: Callable[[], Any]) -> Any:
-    """Run a function in a thread of its own and return what it returns, or raise what it raises.
+    """Run a function in its own thread; return its result, or raise its exception.
 
-    Not in asyncio's executor: a daemon thread does not keep the program from ending, should the function never return;
-    and what it raises may be anything, such as StopIteration, which no future can hold.
+    asyncio's executor is not used for two reasons. A daemon thread does not prevent the program from exiting if the
+    function never returns. And the function may raise StopIteration, which a future cannot hold.
     """
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
@@ -54,13 +54,13 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     succeeded, value = outcome[0]
     if succeeded:
         return value
-    if isinstance(value, StopIteration):  # would end the coroutine instead of telling of the error
+    if isinstance(value, StopIteration):  # would end the coroutine instead of propagating
         raise RuntimeError(f"StopIteration: {value}") from value  # noqa: TRY004 - as Python itself does
     raise value
 
 
-async def later(promise: Deferred[Any]) -> Any:
-    """Wait for a result that the device has promised and return it, or raise what the call failed with."""
+async def later(deferred: Deferred[Any]) -> Any:
+    """Wait for a deferred result; return it, or raise the exception of the call."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
 
@@ -68,12 +68,12 @@ async def later(promise: Deferred[Any]) -> Any:
         if not done.done():
             done.set_result(None)
 
-    def finish_from_anywhere() -> None:
+    def finish_threadsafe() -> None:
         try:
             loop.call_soon_threadsafe(finish)
         except RuntimeError:  # the server has been closed meanwhile
             pass
 
-    promise.add_done_callback(finish_from_anywhere)
+    deferred.add_done_callback(finish_threadsafe)
     await done
-    return promise.result()
+    return deferred.result()

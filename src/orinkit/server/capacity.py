@@ -1,31 +1,31 @@
-"""How many clients a server takes, how many of them from one address, and how much of what they have begun to send."""
+"""Capacity of a server: clients, clients per address, and bytes of incomplete requests."""
 
 from __future__ import annotations
 
 from typing import Final
 
 DEFAULT_CLIENTS: Final = 344
-"""Clients of a server at a time; three quarters of them, 258, may be of one address: a machine can have 256."""
+"""Maximum number of clients. Three quarters of them, 258, may have one address, so that one machine can have 256."""
 
 
 def most_of_an_address(places: int) -> int:
-    """Return how many of a number of places the clients of one address may have, so that there are some for others."""
+    """Return the limit for one address: three quarters of all places, rounded up; the rest is reserved for others."""
     return places - places // 4
 
 
 PARTIAL: Final = 64 * 1024 * 1024
-"""Bytes of requests that have not come whole, of all clients of a server."""
+"""Limit on the bytes of incomplete requests of all clients of a server."""
 ALWAYS: Final = 64 * 1024
-"""Bytes of one of them that there is always room for, however much others have begun to send."""
+"""Bytes of one incomplete request that are always accepted, regardless of the other clients."""
 
 
 class IncompleteRequests:
-    """Counts the bytes of requests that have not come whole."""
+    """Counts the bytes of incomplete requests."""
 
     def __init__(self) -> None:
         self.bytes = 0
 
     def change(self, before: int, now: int) -> bool:
-        """Count what a request has now instead of what it had; returns whether there is room for that."""
+        """Update the count for one request from ``before`` to ``now`` bytes; return False if the limit is exceeded."""
         self.bytes += now - before
         return now <= ALWAYS or now <= before or self.bytes <= PARTIAL

@@ -1,4 +1,4 @@
-"""What the clients of one server share, whatever they are connected by."""
+"""State shared by all clients of one server, on all transports."""
 
 from __future__ import annotations
 
@@ -21,74 +21,75 @@ from orinkit.values.codec import PacketLimits
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
-_QUIET: Final = 10.0  # s after a warning in which what is the same is no news
+_QUIET: Final = 10.0  # s after a warning during which the same kind of refusal is logged at DEBUG only
 
 
 class Listener(Protocol):
-    """Where clients come in.
+    """Accepts clients at one address.
 
     Attributes:
-        url: where it really is.
+        url: the address, with its actual port or path.
     """
 
     url: str
 
     async def close(self) -> None:
-        """Take no more clients; those who are there are closed by :meth:`ServerContext.close`."""
+        """Stop accepting clients; :meth:`ServerContext.close` closes those that are connected."""
 
 
 class Closable(Protocol):
-    """A client, a connection, a line: whatever has to be closed when the server is."""
+    """An object that is closed with the server: a client, a connection, or a serial line."""
 
     def close(self) -> None:
-        """Close it, once what was written has been sent and, over HTTP, the calls at work are done."""
+        """Close it after pending data has been sent and, over HTTP, calls in progress have completed."""
 
     def abort(self) -> None:
-        """Close it at once."""
+        """Close it immediately."""
 
 
 class Client(Closable, Protocol):
-    """A client."""
+    """A connected client."""
 
     @property
     def network(self) -> str:
-        """Where it is from, as :func:`~orinkit.transport.address.network_of` tells; a limit counts its clients."""
+        """The network of its address (:func:`~orinkit.transport.address.network_of`); clients are limited per network."""
 
     def idle_since(self) -> float | None:
-        """Return the loop's time at which it was last heard of; ``None`` where it holds an object, or a call is at work."""
+        """Return the loop time of its last request; ``None`` if it holds an object or has a call in progress."""
 
     def give_way(self) -> None:
-        """Be a client no more, at once: another one has come, and this one holds nothing."""
+        """Disconnect immediately, to make room for another client; called only if this client is idle."""
 
 
 class ServerContext:
-    """What the clients of one server share.
+    """State shared by all clients of one server.
 
     Args:
         host: the providers.
-        limits: bounds on packets; the wire may have narrower ones.
-        clients: how many clients at a time; one more is answered with E_MAX_CONNECT, unless one makes room that is idle
-            and holds nothing.
-        invoke_timeout: seconds, see :class:`~orinkit.bcap.server.ServerConversation`.
-        alive: seconds that a client without a connection may be silent while its motions run.
-        dead_after: seconds without an answer from a client's machine after which its TCP connection is given up.
-        per_address: how many clients of one address at a time; by default three quarters of ``clients``, rounded up.
+        limits: bounds on packets; a transport may have narrower ones.
+        clients: maximum number of clients; a further one gets E_MAX_CONNECT, unless an idle client that holds no object
+            can be disconnected.
+        invoke_timeout: default limit on the duration of a call, s; see :class:`~orinkit.bcap.server.ServerConversation`.
+        alive: seconds that a connectionless client may be silent while its motions run.
+        dead_after: seconds without a reply from a client's machine after which its TCP connection counts as lost.
+        per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up.
 
     Attributes:
-        open: the clients.
-        all: whatever has to be closed: these, connections that are being refused, serial lines without a client,
-            connections over HTTP.
-        turned_away: connections of those of ``all`` for whom there is no room, while they are told so.
-        partial: bytes of requests that have not come whole.
-        guesses: wrong tokens over HTTP, by address.
-        held: how many answers to wrong tokens are being held back, by address.
-        opening: how many connections have been accepted and are not in ``all`` yet.
-        closing: no more connections.
-        empty: is set when the last of ``all`` has gone.
-        tasks: handlers at work, also those whose client has gone; and requests over HTTP that are being answered.
-        numbers: handles of the clients over HTTP: one that a client has kept for too long must not be another's.
-        worker: reads large packets and writes large results.
-        view: where data is read to; all connections share it, for it is handled at once.
+        open: the connected clients.
+        all: everything that is closed with the server: the clients, connections that are being refused, serial lines
+            without a client, HTTP connections.
+        turned_away: connections in ``all`` that are refused for lack of room and stay open to receive the reply.
+        partial: counts the bytes of incomplete requests.
+        guesses: failed token attempts over HTTP, by address.
+        held: number of delayed replies to wrong tokens, by address.
+        opening: number of connections that have been accepted but are not yet in ``all``.
+        closing: whether the server is closing and accepts no connections.
+        empty: set when ``all`` becomes empty.
+        tasks: running handlers, including those of disconnected clients, and HTTP requests in progress.
+        numbers: allocates the handles of all HTTP clients, so that an expired handle never belongs to another client.
+        worker: decodes large packets and encodes large results.
+        buffer: receive buffer of all connections; they can share it because received data is processed immediately.
+        view: memoryview of ``buffer``.
     """
 
     def __init__(
@@ -126,11 +127,11 @@ class ServerContext:
         self._warned: dict[str, float] = {}
 
     def refusal_level(self, now: float, kind: str = "") -> int:
-        """Return the level at which it is to be logged that a client is refused: a warning in 10 s, as they may be many.
+        """Return the log level for a refused client: WARNING once in 10 s, otherwise DEBUG, because there may be many.
 
         Args:
             now: time of the event loop, s.
-            kind: of refusal; each kind is warned of by itself. One of a few constants.
+            kind: kind of refusal, one of a few constants; each kind has its own 10 s.
         """
         if now - self._warned.get(kind, -math.inf) < _QUIET:
             return logging.DEBUG
@@ -138,31 +139,34 @@ class ServerContext:
         return logging.WARNING
 
     def make_room(self, network: str) -> str:
-        """Return why there is no room for a newcomer; ``""`` where there is, or where an idle client has made way.
+        """Return why a new client cannot be accepted, or ``""`` if it can, if necessary by disconnecting an idle client.
 
-        The one that has been idle longest makes way. Where an address has all of its places, it is one of that address: it
-        cannot drive others out.
+        The client that has been idle longest is disconnected. If the limit of the new client's address is reached, only
+        clients of that address are considered: an address cannot displace others.
         """
         if self.closing:
             return "the server is closing"
         of_address = [each for each in self.open if each.network == network]
         if len(of_address) >= self.per_address:
-            return "" if _has_made_way(of_address) else f"{len(of_address)} clients of its address are connected"
+            return "" if _evict_idle(of_address) else f"{len(of_address)} clients of its address are connected"
         if len(self.open) >= self.clients:
-            return "" if _has_made_way(self.open) else f"{len(self.open)} clients are connected"
+            return "" if _evict_idle(self.open) else f"{len(self.open)} clients are connected"
         return ""
 
     def discard(self, client: Closable) -> None:
-        """Forget one of ``all``: it has been closed."""
+        """Remove a closed client from ``all``."""
         self.all.discard(client)
         self.turned_away.discard(client)
         if not self.all:
             self.empty.set()
 
     async def close(self, seconds: float) -> None:
-        """Close all connections and let the handlers end; what is not done within the seconds is cut off.
+        """Close all connections and wait for the handlers; abort what has not finished in time.
 
-        The listeners have been closed before.
+        The listeners must be closed first.
+
+        Args:
+            seconds: limit for each of the steps.
         """
         for _ in range(_TURNS):
             if not self.opening:
@@ -170,7 +174,7 @@ class ServerContext:
             await asyncio.sleep(0)
         for client in list(self.all):
             client.close()
-        if not await self._emptied(seconds):  # a client does not take its last answers
+        if not await self._emptied(seconds):  # a client does not read its last replies
             for client in list(self.all):
                 client.abort()
             await self._emptied(seconds)
@@ -192,7 +196,7 @@ class ServerContext:
         return True
 
 
-def _has_made_way(clients: Iterable[Client]) -> bool:
+def _evict_idle(clients: Iterable[Client]) -> bool:
     idle = [(since, each) for each in clients if (since := each.idle_since()) is not None]
     if not idle:
         return False

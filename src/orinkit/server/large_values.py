@@ -1,8 +1,7 @@
-"""Large packets and results: what takes long to read or to write is done beside the event loop, one after the other.
+"""Decoding and encoding of large packets and results in a worker thread, one at a time.
 
-Python runs one thread at a time. While the worker runs Python code the event loop gets its turn every 5 ms; so one worker
-for all clients, not one for each, and no call into C that takes long (:mod:`orinkit.values.codec` reads and writes arrays
-in slices).
+Python runs one thread at a time. While the worker runs Python code, the event loop gets a turn every 5 ms. So there is one
+worker for all clients, and it makes no long call into C (:mod:`orinkit.values.codec` reads and writes arrays in slices).
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from orinkit.values.variant import VARIANT_ARRAY, Variant
 
 T = TypeVar("T")
 
-_ELEMENT: Final = 16  # bytes that an element of an array counts for: a date of eight bytes takes long
+_ELEMENT: Final = 16  # bytes counted per element of an array; more than its size, because dates are slow to convert
 
 
 def is_large(result: Variant) -> bool:
-    """Return whether a result takes long to be written, in bytes or as text; looks at no more of it than it has to."""
+    """Return True if a result takes long to encode, in binary or as text; inspects no more of it than necessary."""
     left = LARGE
     rest: list[Any] = [result]
     while rest and left >= 0:
@@ -38,7 +37,7 @@ def is_large(result: Variant) -> bool:
 
 
 class _Job(Generic[T]):
-    """One piece of work."""
+    """A function to be run by the worker, and its result."""
 
     __slots__ = ("done", "error", "function", "loop", "result")
 
@@ -51,13 +50,13 @@ class _Job(Generic[T]):
 
     def run(self) -> None:
         function, self.function = self.function, None
-        if function is None:  # given up before it began
+        if function is None:  # cancelled before it began
             return
         try:
             self.result = function()
         except BaseException as error:  # noqa: BLE001 - raised again where it is awaited
             self.error = error
-        del function  # with the packet that it has read
+        del function  # frees the packet that it has decoded
         try:
             self.loop.call_soon_threadsafe(self._finish)
         except RuntimeError:  # the server has been closed meanwhile
@@ -69,7 +68,7 @@ class _Job(Generic[T]):
 
 
 class Worker:
-    """Does one piece of work after the other in a daemon thread, which there is only while there is work."""
+    """Runs functions one at a time in a daemon thread, which exists only while there is work."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -77,7 +76,7 @@ class Worker:
         self._running = False
 
     async def run(self, function: Callable[[], T]) -> T:
-        """Return what a function returns, or raise what it raises. One that is cancelled before it begins is left out."""
+        """Run a function; return its result, or raise its exception. If cancelled before it begins, it is not run."""
         job = _Job(function, asyncio.get_running_loop())
         with self._lock:
             self._jobs.append(job)
@@ -93,7 +92,7 @@ class Worker:
             raise
         if job.error is not None:
             raise job.error
-        result: T = job.result  # type: ignore[assignment]  # set where there is no error
+        result: T = job.result  # type: ignore[assignment]  # set if there is no error
         return result
 
     def _work(self) -> None:
