@@ -240,7 +240,7 @@ def test_options_that_cannot_be(server, channel, caplog, option, code, text):
 def test_a_driver_that_does_not_answer(server, channel, caplog):
     caplog.set_level("INFO", "orinkit.session")
     refused(hresult.E_TIMEOUT, connect, server, f"Interface=virtual,Channel={channel},Address=9,Timeout=0.2")
-    assert "ABH3 9 did not answer within 0.2 s" in caplog.text
+    assert "no reply from ABH3 9 within 0.2 s" in caplog.text
 
 
 def test_one_client_commands_and_others_read(server, device, option):

@@ -776,7 +776,7 @@ def test_the_rest_of_a_driver_of_2023() -> None:
 def test_motors_that_do_not_come_to_rest(seconds: float, looks: int) -> None:
     host = turning()
     peer = Peer(*[FEEDBACK, None] * looks)
-    with pytest.raises(DriverTimeout, match="has not come to rest") as caught:
+    with pytest.raises(DriverTimeout, match="did not reach standstill") as caught:
         peer.run(host.stop_and_wait(seconds))
     assert (caught.value.function, caught.value.seconds, caught.value.address) == ("rest", seconds, 1)
     assert peer.sent == [STOPPED] * looks

@@ -259,7 +259,7 @@ def test_error_codes_are_raised_with_function_and_arguments(conversation):
 
 def test_a_time_out(conversation):
     call = Call(conversation, f.robot_move, 3, 1, "P1", "", seconds=0.5)
-    error = call.error(CallTimeout, None, "Robot_Move: no answer within 0.5 s")
+    error = call.error(CallTimeout, None, "Robot_Move: no reply within 0.5 s")
     assert (error.function, error.seconds) == ("Robot_Move", 0.5)
 
 

@@ -67,7 +67,7 @@ def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
         assert operation.send(told.executing) == (b"", pytest.approx(wait))
     told.now = 110.5
     assert operation.send(told.executing) == (b"", 0.0)
-    with pytest.raises(CallTimeout, match=r"deadline of 10 s; the controller said that it was still at work") as late:
+    with pytest.raises(CallTimeout, match=r"deadline of 10 s; the controller reported that it was still executing") as late:
         operation.send(None)
     assert (late.value.executing, late.value.seconds) == (True, 10.0)
     again = pickle.loads(pickle.dumps(late.value))
@@ -79,7 +79,7 @@ def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
 def test_a_deadline_before_the_time_out(told: Told) -> None:
     operation, seconds = told.call(deadline=1.0)
     assert seconds == 1.0
-    with pytest.raises(CallTimeout, match="no answer within 1 s") as late:
+    with pytest.raises(CallTimeout, match="no reply within 1 s") as late:
         operation.send(None)
     assert not late.value.executing
 
@@ -87,7 +87,7 @@ def test_a_deadline_before_the_time_out(told: Told) -> None:
 def test_a_time_out_before_the_deadline(told: Told) -> None:
     operation, seconds = told.call(deadline=100.0, tries=1)
     assert seconds == SECONDS
-    with pytest.raises(CallTimeout, match="no answer within 3 s"):
+    with pytest.raises(CallTimeout, match="no reply within 3 s"):
         operation.send(None)
 
 

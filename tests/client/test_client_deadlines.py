@@ -134,7 +134,7 @@ def costs(call: Callable[[], Any]) -> float:
 def test_connect_ends_by_its_deadline(both: Both, kind: str) -> None:
     for answered in (0, 1):
         with hostile(kind, answered) as url:
-            with pytest.raises(CallTimeout, match="said that it was still at work") as late:
+            with pytest.raises(CallTimeout, match="reported that it was still executing") as late:
                 both.connect(url, timeout=2.0, deadline=0.5)
             assert late.value.executing
 

@@ -1,4 +1,4 @@
-"""The exception tree: which class for which code, what the messages say, and that all of it can be pickled."""
+"""The exception hierarchy: the class for each code, the messages, and pickling."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_every_code_has_a_class_and_a_message(code):
 
 
 @pytest.mark.parametrize("code", [2**32, -(2**31) - 1])
-def test_what_is_no_code_is_refused(code):
+def test_a_number_out_of_range_is_refused(code):
     with pytest.raises(ValueError, match="32 bits"):
         error_for(code)
     with pytest.raises(ValueError, match="32 bits"):
@@ -162,7 +162,7 @@ def test_the_tree_is_as_drawn_in_the_docstring():
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_message_says_function_arguments_code_name_text_and_hint():
+def test_a_message_has_function_arguments_code_name_text_and_hint():
     error = error_for(hresult.E_HANDLE, "handle 9 is not in use", "Variable_GetValue", (9,))
     info = hresult.lookup(hresult.E_HANDLE)
     assert str(error) == (
@@ -179,7 +179,7 @@ def test_a_message_in_japanese():
     )
 
 
-def test_a_message_of_an_unknown_code_says_its_number_once():
+def test_a_message_of_an_unknown_code_has_its_number_once():
     text = str(error_for(0x83201FFF))
     assert text.count("0x83201FFF") == 1
     assert text.startswith("0x83201FFF: ")
@@ -204,29 +204,29 @@ def test_sixty_characters_are_still_shown_whole():
     assert f"({repr(more)[:57]}...)" in str(CallError(hresult.E_FAIL, "", "Call", (more,)))
 
 
-def test_a_time_out_says_what_is_not_known():
+def test_the_message_of_a_time_out():
     error = CallTimeout("Robot_Move", 2.5)
     assert (error.function, error.seconds) == ("Robot_Move", 2.5)
-    assert "Robot_Move: no answer within 2.5 s" in str(error)
+    assert "Robot_Move: no reply within 2.5 s" in str(error)
     assert "WDT" in str(error)
     i18n.use("ja")
     assert "Robot_Move: 2.5 秒以内に応答がありません" in str(error)
 
 
-def test_a_protocol_error_has_the_code_a_server_answers_with():
+def test_a_protocol_error_has_the_code_of_the_servers_reply():
     assert (ProtocolError("x").code, ProtocolError("x").fatal) == (hresult.E_INVALIDRCVPACKET, False)
     error = LimitExceeded("too long", hresult.E_PACKETSIZEOVER, fatal=True)
     assert (str(error), error.code, error.fatal) == ("too long", hresult.E_PACKETSIZEOVER, True)
 
 
-def test_a_driver_that_does_not_answer():
+def test_a_driver_that_does_not_reply():
     error = DriverTimeout("abh3_can_cmd", 2.5, 0)
     assert isinstance(error, TimeoutError)
     assert (error.function, error.seconds, error.tries, error.address) == ("abh3_can_cmd", 2.5, 1, 0)
     assert str(error).startswith(
-        "abh3_can_cmd: ABH3 0 did not answer within 2.5 s; whether it took the command is not known. Try: is it on, "
+        "abh3_can_cmd: no reply from ABH3 0 within 2.5 s; it may or may not have accepted the command. Try: check that "
     )
-    assert "group" not in str(error)  # a command needs none
+    assert "group" not in str(error)  # a command does not depend on the broadcast group
     i18n.use("ja")
     assert str(error).startswith(
         "abh3_can_cmd: 2.5 秒以内にアドレス 0 の ABH3 から応答がありません。指令が受け付けられた"
@@ -236,14 +236,14 @@ def test_a_driver_that_does_not_answer():
 
 
 @pytest.mark.parametrize("function", ["abh3_can_reqBRD", "abh3_can_reqBRDBRD", "abh3_can_reqSNG"])
-def test_a_driver_that_does_not_answer_a_request(function):
-    """It has commanded nothing; who answers commands and no requests has another broadcast group."""
+def test_a_driver_that_does_not_reply_to_a_request(function):
+    """A request commands nothing; a driver that replies to commands only has another broadcast group."""
     error = DriverTimeout(function, 1.0, 7)
     assert str(error).startswith(
-        f"{function}: ABH3 7 did not answer within 1 s. Try: if it answers commands, its broadcast group; else is it on, "
+        f"{function}: no reply from ABH3 7 within 1 s. Try: if it replies to commands, check its broadcast group; "
     )
     assert "taken" not in str(error)
-    assert "took" not in str(error)
+    assert "accepted" not in str(error)
     i18n.use("ja")
     assert str(error).startswith(
         f"{function}: 1 秒以内にアドレス 7 の ABH3 から応答がありません。対処: 指令には応答する場合は"
@@ -251,10 +251,10 @@ def test_a_driver_that_does_not_answer_a_request(function):
     assert "グループ番号" in str(error)
 
 
-def test_a_driver_that_does_not_come_to_rest():
+def test_a_driver_that_does_not_reach_standstill():
     error = DriverTimeout("rest", 5.0, 7)
-    assert str(error).startswith("ABH3 7 has not come to rest within 5 s. Try: ")
-    assert "answer" not in str(error)
+    assert str(error).startswith("ABH3 7 did not reach standstill within 5 s. Try: ")
+    assert "reply" not in str(error)
     i18n.use("ja")
     assert str(error).startswith("アドレス 7 の ABH3 が 5 秒以内に停止しません。対処: ")
 
@@ -262,7 +262,7 @@ def test_a_driver_that_does_not_come_to_rest():
 def test_a_driver_that_refuses():
     error = DriverRefused("the driver refuses it (01)")
     assert str(error) == "the driver refuses it (01)"
-    assert not isinstance(error, CallError)  # it has no HRESULT: no controller has answered
+    assert not isinstance(error, CallError)  # it has no HRESULT: the reply is not from a controller
 
 
 def test_a_driver_with_errors():
@@ -270,7 +270,7 @@ def test_a_driver_with_errors():
     assert (error.errors, error.warnings, error.texts) == (0x00400004, 0x20, ("driver overheated", "CAN"))
     assert "driver overheated, CAN (errors 0x00400004, warnings 0x00000020)" in str(error)
     assert "Try: " in str(error)
-    assert "is dialect= right" in str(error)  # v1 and v2 reset by different bits
+    assert "check dialect=" in str(error)  # v1 and v2 reset with different bits
     assert ": - (errors 0x00000000, warnings 0x10000000)" in str(DriverFault(0, 1 << 28))
     assert DriverFault(0, 1).texts == ()
     i18n.use("ja")
@@ -308,19 +308,21 @@ def test_a_fatal_protocol_error_is_still_fatal_after_pickle():
     assert (type(again), again.code, again.fatal) == (LimitExceeded, hresult.E_PACKETSIZEOVER, True)
 
 
-@pytest.mark.parametrize(("tongue", "said"), [("en", "is the controller on"), ("ja", "コントローラの電源")])
-def test_nobody_answers_the_first_call_of_all(tongue: str, said: str) -> None:
-    """Where packets may be lost it is the link that is to be looked at, not how long the call may take."""
-    i18n.use(tongue)
-    assert said in str(CallTimeout("Service_Start", 2.5, 5))
-    assert said not in str(CallTimeout("Service_Start", 2.5))
-    assert said not in str(CallTimeout("Robot_Execute", 2.5, 5))
+@pytest.mark.parametrize(
+    ("language", "text"), [("en", "check that the controller is on"), ("ja", "コントローラの電源")]
+)
+def test_no_reply_to_the_first_call(language: str, text: str) -> None:
+    """On a transport that may lose packets, the remedy is to check the connection, not to wait longer."""
+    i18n.use(language)
+    assert text in str(CallTimeout("Service_Start", 2.5, 5))
+    assert text not in str(CallTimeout("Service_Start", 2.5))
+    assert text not in str(CallTimeout("Robot_Execute", 2.5, 5))
 
 
-def test_a_connection_that_is_refused_without_a_word_has_its_words_in_a_log():
+def test_the_error_of_a_refused_connection_without_detail_refers_to_the_log():
     refused = error_for(0x80000900, "", "Controller_Connect", ("", "CaoProv.Waco.ABH3"))
-    assert str(refused).endswith("Are provider and option right? The log of an orinkit server says why it refused.")
-    assert "log" not in str(error_for(0x80000900, "no answer", "Controller_Connect"))
+    assert str(refused).endswith("an orinkit server logs why it refused the connection.")
+    assert "log" not in str(error_for(0x80000900, "no reply", "Controller_Connect"))
     assert "log" not in str(error_for(0x80000900, "", "Controller_Execute"))
     i18n.use("ja")
     assert "ログに理由" in str(refused)

@@ -3,24 +3,24 @@
 ::
 
     OrinError
-    ├── InvalidValue (ValueError)          a Python value that no VARIANT, or not the one asked for, can hold
-    ├── NotationError (ValueError)         VARIANT text that cannot be read
-    ├── InvalidAddress (ValueError)        a URL or connection string that cannot be used
-    ├── ProtocolError                      bytes from the other side that are not the protocol
-    │   └── LimitExceeded                  ... or are more than the limits allow
-    ├── TransportError (ConnectionError)   the link itself
-    │   ├── ConnectFailed                  could not be opened
-    │   ├── ConnectionLost                 ended while in use
-    │   └── ConnectionClosed               used after it was closed here
-    ├── MissingExtra (ImportError)         a part of orinkit needs a package that is not installed
-    ├── LoadFailed                         a provider of one's own that cannot be loaded
-    ├── ObjectReleased                     an object was used after it was closed here
-    ├── StreamError                        streaming in slave mode has ended, or cannot begin
-    ├── CallTimeout (TimeoutError)         no answer in time; whether the call was executed is not known
-    │   └── DriverTimeout                  ... of an ABH3 motor driver
-    ├── DriverRefused                      an ABH3 motor driver does not read or write a parameter
+    ├── InvalidValue (ValueError)          a Python value that does not fit a VARIANT, or the requested type
+    ├── NotationError (ValueError)         text that is not valid VARIANT notation
+    ├── InvalidAddress (ValueError)        an invalid URL or connection string
+    ├── ProtocolError                      received bytes violate the protocol
+    │   └── LimitExceeded                  received data exceeds a limit
+    ├── TransportError (ConnectionError)   the connection failed
+    │   ├── ConnectFailed                  it could not be opened
+    │   ├── ConnectionLost                 it broke while in use
+    │   └── ConnectionClosed               it was used after it was closed locally
+    ├── MissingExtra (ImportError)         a feature needs a package that is not installed
+    ├── LoadFailed                         a user-written provider could not be loaded
+    ├── ObjectReleased                     an object was used after it was closed
+    ├── StreamError                        streaming in slave mode ended or could not start
+    ├── CallTimeout (TimeoutError)         no reply in time; the call may or may not have been executed
+    │   └── DriverTimeout                  the same, from an ABH3 motor driver
+    ├── DriverRefused                      an ABH3 motor driver refused to read or write a parameter
     ├── DriverFault                        an ABH3 motor driver has errors that a reset does not clear
-    └── CallError                          the controller answered with an error code
+    └── CallError                          the controller returned an error code
         ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx
         │   ├── NotImplementedCall         E_NOTIMPL
         │   ├── InvalidArgument            E_INVALIDARG, wrong type, wrong index
@@ -29,18 +29,18 @@
         ├── CaoError                       0x800002xx, 0x800004xx, 0x800009xx
         │   ├── ObjectNotFound             E_CAO_OBJECT_NOTFOUND
         │   ├── AlreadyRegistered          E_CAO_COLLECTION_REGISTERED
-        │   └── ExecutionTimeout           E_TIMEOUT said by the controller
+        │   └── ExecutionTimeout           E_TIMEOUT returned by the controller
         ├── PacketError                    0x800100xx, 0x800101xx
         ├── BusyError                      E_BUSY_PROC
         ├── SocketError                    0x8091xxxx
         ├── UserDefinedError               0x80040200 to 0x8004FFFF
-        ├── UnknownError                   a code outside every range
+        ├── UnknownError                   a code outside all known ranges
         └── ControllerError                0x8LMMNNNN: level, subsystem, number
             ├── MotionError  ServoError  SafetyError  ProgramError
             └── OptionError  LanguageError  PendantError
 
-A :class:`CallError` is also what a served device raises to answer a call with that code (``raise CallError(code)``).
-All of them can be pickled.
+A served device raises :class:`CallError` to return an error code to the client: ``raise CallError(code)``.
+All exceptions can be pickled.
 """
 
 from __future__ import annotations
@@ -55,31 +55,31 @@ _SHOWN_ARGUMENT: Final = 60
 
 
 class OrinError(Exception):
-    """The base of every exception of orinkit."""
+    """Base class of all exceptions raised by orinkit."""
 
 
 class InvalidValue(OrinError, ValueError):
-    """A Python value that cannot be sent as a VARIANT, or not as the type that was asked for."""
+    """A Python value cannot be sent as a VARIANT, does not fit the requested type, or is out of range."""
 
 
 class NotationError(OrinError, ValueError):
-    """A text that is not VARIANT notation (e-CAP 3.5, RC8 5.3); the message names the column, counted from 1."""
+    """A text is not valid VARIANT notation (e-CAP 3.5, RC8 5.3); the message gives the column, counted from 1."""
 
 
 class InvalidAddress(OrinError, ValueError):
-    """A URL or DENSO connection string that cannot be read, or names a transport that is not there."""
+    """A URL or DENSO connection string is malformed or names an unavailable transport."""
 
 
 class MissingExtra(OrinError, ImportError):
-    """A part of orinkit whose packages are not installed; the message says how to install them."""
+    """An optional feature needs packages that are not installed; the message shows the install command."""
 
 
 class ProtocolError(OrinError):
-    """Bytes that are not the protocol.
+    """Received bytes violate the protocol.
 
     Attributes:
-        code: the return code a server answers such bytes with (VE026A table 3-5).
-        fatal: True where the stream has lost its place and the link has to be closed.
+        code: Return code with which a server replies to such bytes (VE026A table 3-5).
+        fatal: True if packet boundaries are lost, so that the connection must be closed.
     """
 
     def __init__(self, message: str, code: int = hresult.E_INVALIDRCVPACKET, *, fatal: bool = False) -> None:
@@ -96,45 +96,45 @@ def _restore_protocol_error(kind: type[ProtocolError], message: str, code: int, 
 
 
 class LimitExceeded(ProtocolError):
-    """Bytes that would be the protocol but are more than the limits in force allow."""
+    """Received data is well-formed but exceeds the configured limits."""
 
 
 class TransportError(OrinError, ConnectionError):
-    """The link to the other side failed."""
+    """The connection to the peer failed."""
 
 
 class ConnectFailed(TransportError):
-    """The link could not be opened."""
+    """The connection could not be opened."""
 
 
 class ConnectionLost(TransportError):
-    """The other side closed the link, or it broke, while it was in use."""
+    """The peer closed the connection, or the connection broke, while it was in use."""
 
 
 class ConnectionClosed(TransportError):
-    """The link was used after it had been closed on this side."""
+    """The connection was used after it had been closed locally."""
 
 
 class LoadFailed(OrinError):
-    """A provider could not be loaded; the message says which one, why, and where that happened."""
+    """A provider could not be loaded; the message gives its name, the cause and the place of the failure."""
 
 
 class ObjectReleased(OrinError):
-    """An object of a controller was used after it had been closed on this side; nothing was sent."""
+    """An object of a controller was used after it had been closed locally; nothing was sent."""
 
 
 class StreamError(OrinError):
-    """Streaming in slave mode has ended, or cannot begin, for a reason that is not the controller's."""
+    """Streaming in slave mode ended or could not start, for a reason other than an error of the controller."""
 
 
 class CallTimeout(OrinError, TimeoutError):
-    """No answer within the time-out; whether the controller executed the call is not known.
+    """No reply within the time-out; the controller may or may not have executed the call.
 
     Attributes:
-        function: the document's name of the function.
-        seconds: that passed, those of all tries.
-        tries: how often the request was sent; more than one only where packets may be lost (UDP, serial lines).
-        executing: the controller has said that it was still at work when the call's deadline came.
+        function: Name of the function, as in the specification.
+        seconds: Elapsed time in s, over all attempts.
+        tries: Number of times the request was sent; above 1 only if packets may be lost (UDP, serial lines).
+        executing: True if the controller reported that the call was still executing when its deadline passed.
     """
 
     def __init__(self, function: str, seconds: float, tries: int = 1, *, executing: bool = False) -> None:
@@ -147,43 +147,41 @@ class CallTimeout(OrinError, TimeoutError):
     def __str__(self) -> str:
         if self.executing:
             return tr(
-                "{function}: not done within its deadline of {seconds:g} s; the controller said that it "
-                "was still at work, and may carry it out yet. Try: a longer deadline",
+                "{function}: not finished within its deadline of {seconds:g} s; the controller reported that it was "
+                "still executing and may complete it later. Try: a longer deadline",
                 function=self.function,
                 seconds=self.seconds,
             )
-        if self.tries > 1 and self.function == "Service_Start":  # the first call of all
+        if self.tries > 1 and self.function == "Service_Start":  # the first call of a connection
             return tr(
-                "{function}: no answer within {seconds:g} s (it was sent {tries} times). Try: is the "
-                "controller on, and the address right? On a serial line: are rate and parity those of "
-                "the controller (?baudrate=115200), is it the right port and cable, does no other "
-                "program read from it?",
+                "{function}: no reply within {seconds:g} s (sent {tries} times). Try: check that the controller is on "
+                "and the address is correct. On a serial line, check the port, the cable, the bit rate and the parity "
+                "(?baudrate=115200), and that no other program uses the port",
                 function=self.function,
                 seconds=self.seconds,
                 tries=self.tries,
             )
         if self.tries > 1:
             return tr(
-                "{function}: no answer within {seconds:g} s; whether the controller executed it is not "
-                "known (it was sent {tries} times, and is executed once at most). Try: a longer timeout",
+                "{function}: no reply within {seconds:g} s; the controller may or may not have executed it "
+                "(sent {tries} times, executed at most once). Try: a longer timeout",
                 function=self.function,
                 seconds=self.seconds,
                 tries=self.tries,
             )
         return tr(
-            "{function}: no answer within {seconds:g} s; whether the controller executed it is not "
-            "known. Try: a longer timeout, or service option WDT so that the controller reports "
-            "that it is still at work",
+            "{function}: no reply within {seconds:g} s; the controller may or may not have executed it. Try: a longer "
+            "timeout, or the service option WDT, with which the controller reports that a call is still executing",
             function=self.function,
             seconds=self.seconds,
         )
 
 
 class DriverTimeout(CallTimeout):
-    """An ABH3 motor driver did not answer; whether it took the command is not known.
+    """No reply from an ABH3 motor driver; it may or may not have accepted the command.
 
     Attributes:
-        address: of the driver.
+        address: CAN address of the driver.
     """
 
     def __init__(self, function: str, seconds: float, address: int) -> None:
@@ -196,23 +194,24 @@ class DriverTimeout(CallTimeout):
     def __str__(self) -> str:
         if self.function == "rest":
             return tr(
-                "ABH3 {address} has not come to rest within {seconds:g} s. Try: more seconds; its deceleration time",
+                "ABH3 {address} did not reach standstill within {seconds:g} s. Try: a longer timeout; check its "
+                "deceleration time",
                 address=self.address,
                 seconds=self.seconds,
             )
         if "req" in self.function:
             return tr(
-                "{function}: ABH3 {address} did not answer within {seconds:g} s. Try: if it answers commands, its broadcast "
-                "group; else is it on, do bit rate, its address and the host's address fit its "
-                "parameters, is the bus terminated?",
+                "{function}: no reply from ABH3 {address} within {seconds:g} s. Try: if it replies to commands, check its "
+                "broadcast group; otherwise check that it is on, that the bit rate, its address and the host's address "
+                "match its parameters, and that the bus is terminated",
                 function=self.function,
                 address=self.address,
                 seconds=self.seconds,
             )
         return tr(
-            "{function}: ABH3 {address} did not answer within {seconds:g} s; whether it took the command is not known. Try: "
-            "is it on, do bit rate, its address and the host's address fit its parameters, is the "
-            "bus terminated, may it answer (single packet 0 mode)?",
+            "{function}: no reply from ABH3 {address} within {seconds:g} s; it may or may not have accepted the command. "
+            "Try: check that it is on, that the bit rate, its address and the host's address match its parameters, that "
+            "the bus is terminated, and that replies are enabled (single packet 0 mode)",
             function=self.function,
             address=self.address,
             seconds=self.seconds,
@@ -220,16 +219,16 @@ class DriverTimeout(CallTimeout):
 
 
 class DriverRefused(OrinError):
-    """An ABH3 motor driver refuses to read or write a parameter."""
+    """An ABH3 motor driver refused to read or write a parameter."""
 
 
 class DriverFault(OrinError):
     """An ABH3 motor driver has errors that a reset does not clear.
 
     Attributes:
-        errors: its error flags (document 2.3).
-        warnings: its warning flags.
-        texts: what they say.
+        errors: Error flags (document 2.3).
+        warnings: Warning flags.
+        texts: Descriptions of the flags that are set.
     """
 
     def __init__(self, errors: int, warnings: int, texts: tuple[str, ...] = ()) -> None:
@@ -241,9 +240,8 @@ class DriverFault(OrinError):
     def __str__(self) -> str:
         texts = ", ".join(self.texts) or "-"
         return tr(
-            "the driver still has errors after a reset: {texts} (errors 0x{errors:08X}, warnings "
-            "0x{warnings:08X}). Try: mend the cause, then reset_errors() again; is dialect= right "
-            "(v1 and v2 reset by different bits)?",
+            "the driver still has errors after a reset: {texts} (errors 0x{errors:08X}, warnings 0x{warnings:08X}). Try: "
+            "remove the cause, then call reset_errors() again; check dialect= (v1 and v2 reset with different bits)",
             texts=texts,
             errors=self.errors,
             warnings=self.warnings,
@@ -251,15 +249,15 @@ class DriverFault(OrinError):
 
 
 class CallError(OrinError):
-    """A call was answered with an error code; or, raised by a served device, is to be answered with it.
+    """A call returned an error code. A served device raises it to return that code to the client.
 
     Attributes:
-        code: the return code, unsigned 32 bits.
-        function: the document's name of the function, ``""`` where it is not known.
-        arguments: the arguments of the call.
-        detail: what else is known, for example the text of an exception in a served device.
-        subject: name of the object that was called, ``""`` where it is not known.
-        info: name, text and hint of the code (:class:`orinkit.core.hresult.ReturnCode`).
+        code: Return code, unsigned 32 bits.
+        function: Name of the function, as in the specification; ``""`` if unknown.
+        arguments: Arguments of the call.
+        detail: Additional information, for example the text of an exception in a served device.
+        subject: Name of the object whose function was called; ``""`` if unknown.
+        info: Name, text and hint of the code (:class:`orinkit.core.hresult.ReturnCode`).
     """
 
     def __init__(self, code: int, detail: str = "", function: str = "", arguments: tuple[object, ...] = ()) -> None:
@@ -273,7 +271,7 @@ class CallError(OrinError):
 
     @property
     def info(self) -> ReturnCode:
-        """Name, text and hint of the code."""
+        """The name, text and hint of the code."""
         return hresult.lookup(self.code)
 
     def __str__(self) -> str:
@@ -283,69 +281,69 @@ class CallError(OrinError):
         name = f" {info.name}" if not info.name.startswith("0x") else ""
         detail = f" [{self.detail}]" if self.detail else ""
         hint = tr(". Try: {hint}", hint=info.hint) if info.hint else ""
-        if self.function == "Controller_Connect" and not self.detail:  # over b-CAP a code is all that comes
-            hint += tr(" Are provider and option right? The log of an orinkit server says why it refused.")
+        if self.function == "Controller_Connect" and not self.detail:  # b-CAP transmits only the code
+            hint += tr(" Check the provider and the option; an orinkit server logs why it refused the connection.")
         return f"{call}0x{self.code:08X}{name}: {info.text}{detail}{hint}"
 
 
 class GeneralError(CallError):
-    """A code of the general ranges 0x8000xxxx, 0x8002xxxx and 0x8007xxxx."""
+    """An error of the general ranges 0x8000xxxx, 0x8002xxxx and 0x8007xxxx."""
 
 
 class NotImplementedCall(GeneralError):
-    """E_NOTIMPL: the function or command does not exist on the other side."""
+    """E_NOTIMPL: the controller or device does not implement the function or command."""
 
 
 class InvalidArgument(GeneralError):
-    """E_INVALIDARG, DISP_E_TYPEMISMATCH and the like: an argument is refused."""
+    """E_INVALIDARG, DISP_E_TYPEMISMATCH and similar: an argument was rejected."""
 
 
 class InvalidHandle(GeneralError):
-    """E_HANDLE: no object with this handle in this connection, or one of another kind."""
+    """E_HANDLE: no object of this connection has the handle, or the object has another type."""
 
 
 class AccessDenied(GeneralError):
-    """E_ACCESSDENIED: not allowed for this client."""
+    """E_ACCESSDENIED: this client is not permitted to make the call."""
 
 
 class CaoError(CallError):
-    """A code of the CAO and b-CAP service ranges 0x800002xx, 0x800004xx and 0x800009xx."""
+    """An error of the CAO and b-CAP service ranges 0x800002xx, 0x800004xx and 0x800009xx."""
 
 
 class ObjectNotFound(CaoError):
-    """E_CAO_OBJECT_NOTFOUND: no object of this name."""
+    """E_CAO_OBJECT_NOTFOUND: no object has this name."""
 
 
 class AlreadyRegistered(CaoError):
-    """E_CAO_COLLECTION_REGISTERED: an object of this name is connected already."""
+    """E_CAO_COLLECTION_REGISTERED: an object with this name is already registered."""
 
 
 class ExecutionTimeout(CaoError):
-    """E_TIMEOUT said by the controller: the call ran longer than InvokeTimeout."""
+    """E_TIMEOUT returned by the controller: the call took longer than InvokeTimeout."""
 
 
 class PacketError(CallError):
-    """The other side says that a packet was wrong (0x80010000 to 0x800101FF)."""
+    """The peer reports an invalid packet (0x80010000 to 0x800101FF)."""
 
 
 class BusyError(CallError):
-    """E_BUSY_PROC: an earlier call of this connection is still being executed; this one was not."""
+    """E_BUSY_PROC: an earlier call of this connection is still executing; this call was not executed."""
 
 
 class SocketError(CallError):
-    """The other side reports a socket error of its own (0x8091xxxx)."""
+    """The peer reports an error of one of its own sockets (0x8091xxxx)."""
 
 
 class UserDefinedError(CallError):
-    """A code that the served device defines itself (0x80040200 to 0x8004FFFF)."""
+    """A code defined by the served device (0x80040200 to 0x8004FFFF)."""
 
 
 class UnknownError(CallError):
-    """A failure code outside every known range."""
+    """An error code outside all known ranges."""
 
 
 class ControllerError(CallError):
-    """A code of the robot controller, 0x8LMMNNNN: level L, subsystem MM, number NNNN."""
+    """An error of the robot controller, 0x8LMMNNNN: level L, subsystem MM, number NNNN."""
 
 
 class MotionError(ControllerError):
@@ -361,7 +359,7 @@ class SafetyError(ControllerError):
 
 
 class ProgramError(ControllerError):
-    """Subsystem 50: controller state, rights, programs, variables."""
+    """Subsystem 50: controller state, permissions, programs and variables."""
 
 
 class OptionError(ControllerError):
@@ -411,12 +409,12 @@ _BY_FAMILY: Final[dict[CodeFamily, type[CallError]]] = {
 
 
 def error_class(code: int) -> type[CallError]:
-    """Return the exception class for a return code; unknown codes fall back by range."""
+    """Return the exception class for a return code; for an unknown code, the class of its range."""
     return _BY_CODE.get(hresult.unsigned(code)) or _BY_FAMILY[hresult.family(code)]
 
 
 def error_for(code: int, detail: str = "", function: str = "", arguments: tuple[object, ...] = ()) -> CallError:
-    """Return the exception, not raised yet, for a return code."""
+    """Create the exception for a return code, without raising it."""
     return error_class(code)(code, detail, function, arguments)
 
 

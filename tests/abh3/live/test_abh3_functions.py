@@ -245,7 +245,7 @@ def test_coming_to_rest(both: Both, hosts: Hosts, world: Place) -> None:
     both.run(driver.set_input("start", 1))
     both.run(driver.command(1000.0, -1000.0))
     wait(both, lambda: both.run(driver.request_single()).b_velocity == -1000.0)
-    with pytest.raises(DriverTimeout, match=r"ABH3 7 has not come to rest within 0\.05 s"):
+    with pytest.raises(DriverTimeout, match=r"ABH3 7 did not reach standstill within 0\.05 s"):
         both.run(driver.stop_and_wait(0.05))  # it takes a quarter of a second
     assert driver.commands == (0, 0)
     feedback = both.run(driver.stop_and_wait(PATIENT["timeout"]))
