@@ -1,1 +1,1 @@
-"""What the virtual controllers' arms have in common: control loop, motion, servo, set-point buffer."""
+"""Parts shared by the arms of all virtual controllers: control loop, motion, servo, elastic time, timers, calendar."""

@@ -1,4 +1,4 @@
-"""The date and time of the controller, which a client may set (``@CURRENT_TIME``)."""
+"""Date and time of the controller, which clients can set (``@CURRENT_TIME``)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.clock import Clock
 
 _FIRST_YEAR: Final = 1980
-_LAST_YEAR: Final = 2099  # far from the end of datetime, so that no later stamp can overflow
+_LAST_YEAR: Final = 2099  # well below datetime.max, so that later time stamps do not overflow
 
 
 class Calendar:
-    """The clock's date and time, moved by what a client has set; a restart sets it back."""
+    """The clock's date and time plus an offset set by clients; a restart resets the offset."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -29,13 +29,13 @@ class Calendar:
         """Set the controller's local date and time.
 
         Raises:
-            CallError: E_INVALIDARG outside the years 1980 to 2099.
+            CallError: E_INVALIDARG if the year is outside 1980 to 2099.
         """
         if not _FIRST_YEAR <= moment.year <= _LAST_YEAR:
             raise error_for(
                 hresult.E_INVALIDARG,
                 tr(
-                    "the year is {first_year} to {last_year}, not {year}",
+                    "the year must be {first_year} to {last_year}, not {year}",
                     first_year=_FIRST_YEAR,
                     last_year=_LAST_YEAR,
                     year=moment.year,

@@ -1,12 +1,12 @@
-"""The controller's 8 ms cycle: what moves and runs by itself does so in steps of it, all in one order.
+"""The controller's 8 ms cycle: all time-dependent parts are stepped in it, in a fixed order.
 
-Everything that happens in time (the arm, the motor, programs) is a part with a ``step``. Cycles run only while a part
-has something to do; when nothing has, they are skipped. Whoever looks at the controller holds :class:`ControlLoop` as a
-lock, which first brings it up to the present: so two threads, a thread and a test's clock, or a scaled clock see the
-same steps in the same order.
+Everything that depends on time (the arm, the motor, programs) is a :class:`CyclicTask` with a ``step``. Cycles run only
+while a task is busy; idle cycles are skipped. All access to the controller goes through :class:`ControlLoop`, which is a
+lock: entering it first runs the cycles that are due. The order of steps is therefore the same with several threads, with
+a test's manual clock and with a scaled clock.
 
-The controller's time is counted in cycles. It stands still where the controller waits for a late set-point, or where its
-own program was held up (:meth:`ControlLoop.stand_still`), and is behind the clock from then on.
+The controller's time is counted in cycles. It stops while the controller waits for a late set-point, or if the server
+process was delayed (:meth:`ControlLoop.stand_still`), and lags behind the clock afterwards.
 """
 
 from __future__ import annotations
@@ -24,84 +24,85 @@ from orinkit.virtual.clock import Clock
 logger = logging.getLogger("orinkit.rc8")
 
 PERIOD: Final = 0.008
-"""Seconds of a cycle, the servo cycle of RC8 controllers (RC8 4.1)."""
+"""Length of a cycle in seconds: the servo cycle of RC8 controllers (RC8 4.1)."""
 
 
-_TURN: Final = 0.004
-"""Real seconds after which whoever brings the controller up to the present lets others have the lock."""
+_MAX_LOCK_TIME: Final = 0.004
+"""Real seconds for which a thread runs due cycles before it releases the lock for other threads."""
 
-_LEAST_PART: Final = 5e-5
+_MIN_STOPWATCH: Final = 5e-5  # s
 
 
 class CyclicTask(Protocol):
-    """Something of the controller that goes on by itself."""
+    """A time-dependent part of the controller."""
 
     def step(self) -> bool:
-        """Do what belongs to one cycle; returns whether there is more to do."""
+        """Run one cycle; return True if the task is still busy."""
 
 
 class ControlLoop:
-    """The cycle, and the lock around everything that it changes; enter it to look at or change the controller.
+    """The control cycle and the lock of its state; enter it to read or change the controller.
 
     Args:
-        clock: of the controller.
+        clock: The controller's clock.
 
     Attributes:
-        clock: as given.
-        number: cycles since the controller was switched on.
-        pace: decides how many cycles are run where some are due, ``None`` for all of them. It is given how many are due,
-            1 or more, inside the lock, and returns how many to run before it is asked again; 0 to wait: it is asked
-            again when the lock is entered, a period later at the latest. It may call :meth:`stand_still`.
+        clock: The controller's clock.
+        number: Cycles since the controller was switched on.
+        pace: Callback that decides how many of the due cycles to run; ``None`` for all of them. It is called inside the
+            lock with the number of due cycles, 1 or more, and returns how many to run before it is called again; 0 to
+            wait, then it is called again when the lock is next entered, a period later at the latest. It may call
+            :meth:`stand_still`.
     """
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.number = 0
         self.pace: Callable[[int], int] | None = None
-        self._origin = self._base = clock.now()  # when cycle 0 was; the second is moved on where time stands still
-        self._parts: list[CyclicTask] = []
-        self._failed: Callable[[Exception], None] | None = None
+        self._origin = self._base = clock.now()  # time of cycle 0; stand_still() moves _base only
+        self._tasks: list[CyclicTask] = []
+        self._on_error: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
         self._busy = False
         self._stepping = False
-        self._waiting = False  # the pace wants to know more
+        self._waiting = False  # the pace has returned 0
         self._woken = False
         self._closed = False
         self._driver = clock.drive(self._drive)
 
     @property
     def seconds(self) -> float:
-        """When the last cycle was, in seconds of the controller's time since it was switched on; one that was skipped, too."""
+        """Time of the last cycle, including skipped ones: seconds of the controller's time since it was switched on."""
         return (self.number if self._busy else max(self.number, self._due())) * PERIOD
 
     @property
     def now(self) -> float:
-        """Seconds of the controller's time since it was switched on."""
+        """The controller's time in seconds since it was switched on."""
         passed = self.clock.now() - self._base
         return min(passed, (self.number + 1) * PERIOD) if self._busy else passed
 
     @property
     def busy(self) -> bool:
-        """Whether cycles run."""
+        """True while cycles run."""
         return self._busy
 
     @property
     def late(self) -> float:
-        """Seconds of the clock that have passed since the next cycle was due; negative while it is not."""
+        """Seconds of the clock since the next cycle was due; negative if it is not due yet."""
         return self.clock.now() - self._base - (self.number + 1) * PERIOD
 
     def add(self, *parts: CyclicTask, failed: Callable[[Exception], None]) -> None:
-        """Have parts step in every cycle, in this order.
+        """Add tasks that are stepped in every cycle, in this order.
 
         Args:
-            parts: what steps.
-            failed: is told of an exception that a part has let out.
+            parts: The tasks.
+            failed: Callback invoked with each exception that a task raises.
         """
-        self._parts.extend(parts)
-        self._failed = failed
+        self._tasks.extend(parts)
+        self._on_error = failed
 
     def wake(self) -> None:
-        """Say that a part has something to do; its first step is in the next cycle. To be called inside the lock."""
+        """Start cycles because a task has become busy; its first step is in the next cycle. Call it inside the lock."""
         if self._closed:
             return
         self._woken = True
@@ -112,24 +113,24 @@ class ControlLoop:
             self._driver.wake()
 
     def stand_still(self, seconds: float) -> None:
-        """Move the next cycle, and all behind it, so many seconds of the clock away. To be called inside the lock."""
+        """Delay the next cycle and all later ones by some seconds of the clock. Call it inside the lock."""
         self._base += seconds
 
     def stopwatch(self, part: float) -> Callable[[], bool]:
-        """Return what tells whether such a part of a cycle's real time has passed."""
-        return self.clock.stopwatch(max(_LEAST_PART, part * PERIOD / self.clock.scale))
+        """Return a function that returns True once the given fraction of a cycle has passed in real time."""
+        return self.clock.stopwatch(max(_MIN_STOPWATCH, part * PERIOD / self.clock.scale))
 
     def require_open(self) -> None:
-        """Check that the controller has not been switched off: what is begun then would never end.
+        """Raise an error if the controller has been switched off: an operation started then would never end.
 
         Raises:
-            CallError: E_ABORT.
+            CallError: E_ABORT if the controller has been switched off.
         """
         if self._closed:
             raise error_for(hresult.E_ABORT, tr("the controller has been switched off"))
 
     def close(self) -> None:
-        """Stop for good; the cycle that is being done is finished first."""
+        """Stop permanently, after the cycle in progress."""
         self._driver.close()
         with self._lock:
             self._closed, self._busy = True, False
@@ -139,7 +140,7 @@ class ControlLoop:
         if self._busy and not self._stepping:
             try:
                 self._catch_up()
-            except BaseException:  # nobody would let go of the lock
+            except BaseException:  # __exit__ is not called if __enter__ raises
                 self._lock.release()
                 raise
 
@@ -153,23 +154,23 @@ class ControlLoop:
         with self:
             if not self._busy:
                 return None
-            if self._waiting:  # not for this thread: it comes back only in case nobody else does
+            if self._waiting:  # another thread usually resumes the cycles; this is the fallback
                 return PERIOD * min(1.0, self.clock.scale)
             return max(0.0, -self.late)
 
     def _catch_up(self) -> None:
         behind = (self._due() - self.number) * PERIOD - self.clock.patience
-        if behind > 0:  # a machine that was busy with something else: late, but no jump
+        if behind > 0:  # after a long delay of the machine the controller lags; it does not jump
             self.stand_still(behind)
         self._stepping = True
         try:
-            enough = self.clock.stopwatch(_TURN)
-            wanted = 0
-            while self._busy and not enough():
-                wanted = wanted or self._wanted()
-                if wanted == 0:
+            time_up = self.clock.stopwatch(_MAX_LOCK_TIME)
+            count = 0
+            while self._busy and not time_up():
+                count = count or self._cycles_to_run()
+                if count == 0:
                     break
-                wanted -= 1
+                count -= 1
                 self.number += 1
                 self._woken = False
                 more = self._step()
@@ -177,33 +178,33 @@ class ControlLoop:
         finally:
             self._stepping = False
 
-    def _wanted(self) -> int:
+    def _cycles_to_run(self) -> int:
         due = self._due() - self.number
         self._waiting = False
         if self.pace is None or due < 1:
             return max(0, due)
         try:
-            wanted = self.pace(due)
+            count = self.pace(due)
         except Exception as error:
             logger.exception("pace")
-            self._tell(error)
+            self._report(error)
             return due
-        self._waiting = wanted == 0
-        return wanted
+        self._waiting = count == 0
+        return count
 
     def _step(self) -> bool:
         more = False
-        for part in self._parts:
+        for task in self._tasks:
             try:
-                more = part.step() or more
+                more = task.step() or more
             except Exception as error:
-                logger.exception("%s", type(part).__name__)
-                self._tell(error)
+                logger.exception("%s", type(task).__name__)
+                self._report(error)
         return more
 
-    def _tell(self, error: Exception) -> None:
+    def _report(self, error: Exception) -> None:
         try:
-            if self._failed is not None:
-                self._failed(error)
+            if self._on_error is not None:
+                self._on_error(error)
         except Exception:
             logger.exception("failed")

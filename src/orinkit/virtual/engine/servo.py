@@ -1,7 +1,7 @@
-"""The mechanical side of the arm: encoders that follow the command, loads, and the control log.
+"""The mechanics of the arm: encoders that follow the command, loads, and the control log.
 
-The encoders show each command :data:`LAG` cycles later. Loads are a simple model, not that of a real arm: a third of
-the rated torque for the largest acceleration, an eighth for friction, and gravity on the axes that carry the arm.
+The encoders reproduce each command :data:`LAG` cycles later. Loads follow a simple model, not that of a real arm: a
+third of the rated torque at the largest acceleration, an eighth for friction, and gravity on the axes that carry the arm.
 """
 
 from __future__ import annotations
@@ -17,28 +17,29 @@ from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import PERIOD
 
 LAG: Final = 3
-"""Cycles by which the encoders are behind the command."""
+"""Cycles by which the encoders lag behind the command."""
 
 AXES: Final = 8
 LOG_LENGTH: Final = 12_500
-"""Records that the control log keeps: 100 s; the oldest go first."""
+"""Capacity of the control log in records (100 s); the oldest records are dropped first."""
 
 _ACCELERATION_LOAD: Final = 33.3
 _FRICTION_LOAD: Final = 12.5
 _GRAVITY_LOADS: Final = (0.0, 30.0, 20.0, 0.0, 5.0, 0.0, 0.0, 0.0)
 _RATED_CURRENT: Final = 3.0
-_YIELD: Final = 1e-4  # deg for each percent of load
+_COMPLIANCE: Final = 1e-4  # deg for each percent of load
 _AT_REST: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class ServoSample:
-    """One cycle of the arm.
+    """State of the arm in one cycle.
 
     Attributes:
-        command, encoder: joints in degrees (mm for a linear axis).
-        load: percent of the rated torque, signed.
-        current: A, signed.
+        command: Command joints in degrees (mm for a linear axis).
+        encoder: Encoder joints in degrees (mm for a linear axis).
+        load: Percent of the rated torque, signed.
+        current: Motor current in A, signed.
     """
 
     command: tuple[float, ...]
@@ -48,12 +49,12 @@ class ServoSample:
 
 
 class Servo:
-    """Follows the command joints, a cycle at a time.
+    """Follows the command joints cycle by cycle.
 
     Attributes:
-        command: newest command joints.
-        encoder: newest encoder joints.
-        frozen: the arm does not follow (machine lock).
+        command: The newest command joints.
+        encoder: The newest encoder joints.
+        frozen: True if the arm does not follow the command (machine lock).
     """
 
     def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
@@ -65,11 +66,11 @@ class Servo:
 
     @property
     def settled(self) -> bool:
-        """Whether the encoders have arrived where the command is; true of a frozen arm."""
+        """True if the encoders have reached the command, or the arm is frozen."""
         return self.frozen or self.encoder == self.command
 
     def step(self, command: tuple[float, ...]) -> bool:
-        """Do one cycle; returns whether the encoders still move."""
+        """Run one cycle; return True if the encoders still move."""
         self.command = command
         self._late.append(command)
         if not self.frozen:
@@ -78,52 +79,51 @@ class Servo:
         return not self.frozen and any(late != command for late in self._late)
 
     def place(self, joints: Sequence[float]) -> None:
-        """Put command and encoders to the same joints, at rest."""
+        """Set command and encoders to the same joints, at rest."""
         self.command = self.encoder = tuple(joints)
         self._late.extend([self.command] * (LAG + 1))
         self._encoders.extend([self.encoder] * 3)
 
     def velocity(self) -> tuple[float, ...]:
-        """Return how fast the encoders turn, deg/s."""
+        """Return the velocities of the encoders, deg/s."""
         _, before, now = self._encoders
         return tuple((b - a) / PERIOD for a, b in zip(before, now, strict=True))
 
     def load(self, powered: bool) -> tuple[float, ...]:
-        """Return the load of each axis in percent of the rated torque; 0 without power, when the brakes hold."""
+        """Return the load of each axis in percent of the rated torque; 0 without power, because the brakes hold."""
         if not powered:
             return (0.0,) * len(self.encoder)
         first, before, now = self._encoders
-        lean = [math.sin(math.radians(sum(now[1 : axis + 1]))) for axis in range(len(now))]
+        tilt = [math.sin(math.radians(sum(now[1 : axis + 1]))) for axis in range(len(now))]
         loads = []
         for axis, (a, b, c) in enumerate(zip(first, before, now, strict=True)):
             acceleration = (a - 2 * b + c) / PERIOD**2 / self._model.axes[axis].acceleration
             speed = (c - b) / PERIOD
             friction = math.copysign(_FRICTION_LOAD, speed) if abs(speed) > _AT_REST else 0.0
-            loads.append(_ACCELERATION_LOAD * acceleration + friction + _GRAVITY_LOADS[axis] * lean[axis])
+            loads.append(_ACCELERATION_LOAD * acceleration + friction + _GRAVITY_LOADS[axis] * tilt[axis])
         return tuple(loads)
 
     def deviation(self, powered: bool) -> tuple[float, ...]:
-        """Return how far each motor is behind its command, deg: what it has still to go, and what its load gives way.
+        """Return the following error of each motor, deg: its lag plus the compliance under load.
 
-        0 without power. With it, an arm that gravity pulls at is never quite where it should be; users tell from that
-        whether the motor is on.
+        0 without power. With power, gravity always causes a small error; users recognize from it that the motor is on.
         """
         if not powered:
             return (0.0,) * len(self.encoder)
         loads = self.load(powered)
-        return tuple(a - b + _YIELD * load for a, b, load in zip(self.command, self.encoder, loads, strict=True))
+        return tuple(a - b + _COMPLIANCE * load for a, b, load in zip(self.command, self.encoder, loads, strict=True))
 
     def sample(self, powered: bool) -> ServoSample:
-        """Return this cycle for the log."""
+        """Return the record of this cycle for the log."""
         load = self.load(powered)
         return ServoSample(self.command, self.encoder, load, tuple(each / 100 * _RATED_CURRENT for each in load))
 
 
 class ControlLog:
-    """What StartLog records, one record for each cycle (reference: RC8 provider StartLog, GetLogRecord).
+    """The control log of StartLog, one record for each cycle (reference: RC8 provider StartLog, GetLogRecord).
 
     Attributes:
-        running: between StartLog and StopLog.
+        running: True between StartLog and StopLog.
     """
 
     def __init__(self) -> None:
@@ -134,7 +134,7 @@ class ControlLog:
         return len(self._records)
 
     def clear(self) -> None:
-        """Forget all records."""
+        """Delete all records."""
         self._records.clear()
 
     def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:
@@ -143,13 +143,13 @@ class ControlLog:
             self._records.append((take(), cycle, tool, work))
 
     def record(self, index: int) -> list[Value]:
-        """Return a record, 0 the oldest.
+        """Return a record; index 0 is the oldest.
 
-        For 8 joints command, encoder (deg), current (A), load (%); then user data (0), program number, file number,
-        line (0 outside programs), counter in cycles, tool, work.
+        A record consists of command (deg), encoder (deg), current (A) and load (%) for each of 8 joints; then user
+        data (0), program number, file number, line (0 outside programs), counter in cycles, tool, work.
 
         Raises:
-            IndexError: there is no such record.
+            IndexError: If there is no such record.
         """
         if not 0 <= index < len(self._records):
             raise IndexError(index)

@@ -1,4 +1,4 @@
-"""What ends by time: timers counted in the controller's cycles."""
+"""Timers counted in the controller's cycles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MILLISECONDS: Final = 1000
 
 
 class Timer:
-    """One of :class:`Timers`."""
+    """A running timer of :class:`Timers`."""
 
     __slots__ = ("cycles", "ended")
 
@@ -21,15 +21,15 @@ class Timer:
         self.ended: Callable[[], None] | None = ended
 
     def cancel(self) -> None:
-        """End it without a call."""
+        """Cancel the timer; its callback is not invoked."""
         self.ended = None
 
 
 class Timers:
-    """What ends by time, counted in cycles.
+    """Invokes callbacks after a number of cycles.
 
     Args:
-        cycles: the controller's cycle; :meth:`step` is to be called in each.
+        cycles: The controller's cycle; :meth:`step` must be called in each.
     """
 
     def __init__(self, cycles: ControlLoop) -> None:
@@ -37,7 +37,12 @@ class Timers:
         self._running: list[Timer] = []
 
     def after(self, milliseconds: int, ended: Callable[[], None]) -> Timer:
-        """Have a function called in the cycle in which a time is up."""
+        """Start a timer.
+
+        Args:
+            milliseconds: How long it runs, rounded up to whole cycles, at least one.
+            ended: Callback invoked in the cycle in which the timer expires.
+        """
         self._cycles.require_open()
         timer = Timer(max(1, math.ceil(milliseconds / (PERIOD * _MILLISECONDS))), ended)
         self._running.append(timer)
@@ -45,7 +50,7 @@ class Timers:
         return timer
 
     def step(self) -> bool:
-        """Do one cycle; returns whether one is still running."""
+        """Run one cycle; return True if a timer is still running."""
         running, self._running = self._running, []
         for timer in running:
             timer.cycles -= 1
