@@ -187,7 +187,7 @@ def test_whatis_loopback(host, expected):
         (["--serial", "/dev/ttyS0?speed=9600"], "there is no setting 'speed'"),
         (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
         (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only an address of this machine itself"),
-        (["--permission", "me=rw"], "'me' is no IP address or network"),
+        (["--permission", "me=rw"], "'me' is not an IP address or network"),
         (["--count", "I"], "--count I: CLASS=NUMBER is needed, as I=200"),
         (["--count", "I=-1"], "--count I=-1: CLASS=NUMBER is needed"),
         (["--count", "Q=1"], "no variable class Q"),

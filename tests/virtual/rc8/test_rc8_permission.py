@@ -68,7 +68,7 @@ def test_a_default_that_is_no_right():
 def test_a_permission_is_a_permission_and_a_directory_has_a_name():
     with pytest.raises(TypeError, match=r"Permission\.parse"):
         VirtualRC8(permission="*=r")
-    with pytest.raises(ValueError, match="empty name"):
+    with pytest.raises(ValueError, match="is empty"):
         VirtualRC8(state="")
 
 

@@ -1,4 +1,4 @@
-"""A client as the controller sees it: its name, its address, and what it may do."""
+"""The connection context of a client: its name, its address, and its access rights."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from orinkit.virtual.rc8.state import Origin, RC8State
 from orinkit.virtual.rc8.switches import Switches
 
 
-@dataclass(frozen=True, slots=True, eq=False)  # one is itself: it is who holds the arm
+@dataclass(frozen=True, slots=True, eq=False)  # compared by identity: the holder of the arm is one instance
 class ClientContext:
-    """One client's connection to the controller; every object that it holds has it.
+    """One client's connection to the controller; shared by every object that the client holds.
 
     Attributes:
-        state: the controller.
-        origin: name and address of the client, for the logs.
-        access: what it may do.
-        drain_input: of its connection (:class:`orinkit.cao.provider.ClientInfo`).
-        formats: what its slvMove carries and is answered.
+        state: The controller.
+        origin: Name and address of the client, for the logs.
+        access: Access rights of the client.
+        drain_input: The callback of its connection (:class:`orinkit.cao.provider.ClientInfo`).
+        formats: Formats of the arguments and results of its slvMove calls.
     """
 
     state: RC8State
@@ -32,7 +32,7 @@ class ClientContext:
     formats: Formats = field(default_factory=Formats)
 
     def require_read(self) -> None:
-        """Check the right to read.
+        """Raise an exception unless the client has the right to read.
 
         Raises:
             CallError: NO_READ_RIGHT.
@@ -41,7 +41,7 @@ class ClientContext:
             raise self._refused(hresult.NO_READ_RIGHT)
 
     def require_write(self) -> None:
-        """Check the right to change anything.
+        """Raise an exception unless the client has the right to write.
 
         Raises:
             CallError: NO_WRITE_RIGHT.
@@ -50,7 +50,7 @@ class ClientContext:
             raise self._refused(hresult.NO_WRITE_RIGHT)
 
     def require_not_slave(self) -> None:
-        """Check that it does not move the arm in slave mode: a client that does may do little else (RC8 4.1, note 2).
+        """Raise an exception if the client is in slave mode, in which few calls are allowed (RC8 4.1, note 2).
 
         Raises:
             CallError: REFUSED_IN_SLAVE_MODE.
@@ -58,19 +58,19 @@ class ClientContext:
         if self.state.arm.slave.owner is self:
             raise self._refused(hresult.REFUSED_IN_SLAVE_MODE)
 
-    # --- as an operator of the robot (orinkit.virtual.rc8.robot.conditions) -----------------------------------------
+    # --- the protocol Operator (orinkit.virtual.rc8.robot.arm_owner) --------------------------------------------------
 
     @property
     def program(self) -> bool:
-        """Whether it is a program of the controller: no."""
+        """Always False: a client is not a program of the controller."""
         return False
 
     def right(self) -> int:
-        """Return the code with which a write is refused, 0 if it may write."""
+        """Return the error code of a refused write, or 0 if the client may write."""
         return 0 if self.access & AccessRight.WRITE else hresult.NO_WRITE_RIGHT
 
     def token(self, switches: Switches) -> int:
-        """Return the code with which a start is refused, 0 if it has the executable token (RC8 2.1)."""
+        """Return the error code of a refused start, or 0 if the client has the executable token (RC8 2.1)."""
         return switches.token.refusal(self.origin.address)
 
     def __str__(self) -> str:

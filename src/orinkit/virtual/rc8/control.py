@@ -1,8 +1,8 @@
 """The control port: the buttons of the controller for programs on the same machine, over b-CAP.
 
-A provider of its own, to be served on a port of its own that only this machine can reach: whoever presses the emergency
-stop is no client of the controller, needs no permission there, and is not told to wait while a client moves the robot.
-Every account of the machine can reach the port, so clients have to show a secret.
+It is a separate provider, to be served on a separate port that only this machine can reach. The sender of an emergency
+stop is not a client of the controller: it needs no permission there and does not wait while a client moves the robot.
+Every account of the machine can reach the port, so clients must send a secret.
 """
 
 from __future__ import annotations
@@ -37,27 +37,27 @@ MODE_NAMES: Final = {"manual": ModeSwitch.MANUAL, "teach": ModeSwitch.TEACH_CHEC
 
 logger = logging.getLogger("orinkit.rc8")
 
-_HELD: Final = 8  # answers to wrong secrets that are held back at a time; nobody guesses one of 16 characters
+_HELD: Final = 8  # delayed replies to wrong secrets at a time; a secret of 16 characters cannot be guessed anyway
 _SECRET_OPTION: Final = "secret"  # noqa: S105 - its name
-_LONGEST: Final = 500  # characters of a text; more is cut off
+_LONGEST: Final = 500  # characters of a string; the rest is cut off
 _HEX: Final = re.compile(r"\s*0[xX]([0-9A-Fa-f]{1,8})\s*")
 
 
 class ControlProvider(Provider):
-    """Serves the buttons of a virtual RC8 to clients of this machine that show its secret; others get E_ACCESSDENIED.
+    """Serves the buttons of a virtual RC8 to clients of this machine that send its secret; others get E_ACCESSDENIED.
 
-    A client shows it in the option of Controller_Connect: ``Secret=...``. Answers to wrong ones are held back, for up to a
-    second, from the sixth on. Closing the provider leaves the virtual RC8 as it is.
+    A client sends the secret in the option of Controller_Connect: ``Secret=...``. From the sixth wrong secret on,
+    replies are delayed by up to one second. Closing the provider does not affect the virtual RC8.
 
     Args:
-        rc8: the controller.
-        secret: 16 to 256 ASCII letters, digits and ``-._~``; a random one where it is empty.
+        rc8: The controller.
+        secret: 16 to 256 ASCII letters, digits and ``-._~``; a random secret if it is empty.
 
     Attributes:
-        secret: what a client has to show.
+        secret: The secret that clients must send.
 
     Raises:
-        InvalidValue: the secret cannot be used.
+        InvalidValue: If the secret is not valid.
     """
 
     provider_names: Sequence[str] = (PROVIDER_NAME,)
@@ -70,10 +70,10 @@ class ControlProvider(Provider):
         self._held = threading.Semaphore(_HELD)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | BlockingCall:  # noqa: ARG002
-        """Return the panel; for a wrong secret, what raises the exception later.
+        """Return the panel; for a wrong secret, a call that raises the exception after a delay.
 
         Raises:
-            CallError: E_ACCESSDENIED, the client is on another machine, or its secret is missing or wrong.
+            CallError: E_ACCESSDENIED if the client is on another machine, or if its secret is missing or wrong.
         """
         if not _is_here(client):
             raise error_for(hresult.E_ACCESSDENIED, client.address)
@@ -86,12 +86,12 @@ class ControlProvider(Provider):
         return hmac.compare_digest(given.encode("utf-8", "replace"), self.secret.encode())
 
     def _refuse(self, *, given: bool) -> BlockingCall:
-        """Refuse a client, now or, where many have been refused, a little later.
+        """Refuse a client: immediately, or after a delay if many clients have been refused.
 
         Raises:
             CallError: E_ACCESSDENIED.
         """
-        failure = self._guesses.failed("", time.monotonic())  # all are on this machine
+        failure = self._guesses.failed("", time.monotonic())  # one address for all: they are on this machine
         if failure.reported:
             logger.warning("control port: %d clients with a wrong secret, or with none, were refused", failure.reported)
         if not failure.delay or not self._held.acquire(blocking=False):
@@ -108,19 +108,19 @@ class ControlProvider(Provider):
 
 
 def _denied(*, given: bool) -> CallError:
-    wrong = tr("the secret is wrong") if given else tr("the control port needs its secret")
+    wrong = tr("the secret is wrong") if given else tr("the control port requires a secret")
     return error_for(
         hresult.E_ACCESSDENIED,
         wrong
         + tr(
-            ". Try: Secret=... in the option, as the server printed it; orinkit pendant on the "
-            "server's account finds it"
+            ". Try: add Secret=... to the option, as printed by the server; orinkit pendant, run under the account of "
+            "the server, finds it by itself"
         ),
     )
 
 
 class ControlPanel(ControllerObject):
-    """One client's panel: every button is a command of Execute."""
+    """One client's control panel: every button is a command of Execute."""
 
     def __init__(self, rc8: VirtualRC8, name: str) -> None:
         super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8"))
@@ -130,18 +130,18 @@ class ControlPanel(ControllerObject):
         """Press a button (:data:`CONTROLS`).
 
         Raises:
-            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; what the controller refuses.
+            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; the error with which the controller refuses.
         """
         run = CONTROLS.get(command.strip().lower())
         if run is None:
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
         try:
             return run(self._rc8, parameter)
-        except ValueError as error:  # of the pendant: an argument that cannot be
+        except ValueError as error:  # from the pendant: an invalid argument
             raise error_for(hresult.E_INVALIDARG, f"{error}") from error
 
     def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the buttons."""
+        """Return the names of the buttons."""
         return list(CONTROL_NAMES)
 
 
@@ -160,7 +160,7 @@ def _token(rc8: VirtualRC8, parameter: Variant) -> None:
 
 
 def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[VirtualRC8, Variant], None]:
-    """Return a button that is pressed and released: a truth value, True where there is none."""
+    """Return the handler of a button that is pressed and released: takes a boolean, True if it is missing."""
 
     def run(rc8: VirtualRC8, parameter: Variant) -> None:
         press(rc8.pendant, _flag(parameters.elements(parameter), 0, missing=True))
@@ -172,7 +172,7 @@ def _motor(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
     given = parameters.elements(parameter)
     on, wait = _flag(given, 0, missing=True), _flag(given, 1, missing=False)
     rc8.pendant.motor(on)
-    return rc8.state.arm.switch_motor(on) if wait else None  # it is on its way: this only asks when it is there
+    return rc8.state.arm.switch_motor(on) if wait else None  # already switching: returns the Deferred of that
 
 
 def _jog(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
@@ -231,7 +231,7 @@ CONTROL_NAMES: Final = tuple(_BUTTONS)
 """The names of the buttons."""
 
 CONTROLS: Final = {name.lower(): run for name, run in _BUTTONS.items()}
-"""What the buttons do, by their names in lower case."""
+"""The handlers of the buttons, by name in lower case."""
 
 
 # --- parameters -------------------------------------------------------------------------------------------------------
@@ -250,12 +250,12 @@ def _flag(given: Sequence[Variant], index: int, *, missing: bool) -> bool:
 
 def _text(given: Variant) -> str:
     if not isinstance(given.value, str):
-        raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a text is needed"))
+        raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("expected a string"))
     return given.value[:_LONGEST]
 
 
 def _code(given: Variant) -> int | str:
-    """Return a code: a number, a text of hex digits behind 0x, or a name."""
+    """Return an error code from a number, a string of hex digits after 0x, or a name."""
     if not isinstance(given.value, str):
         return conversion.whole(given)
     found = _HEX.fullmatch(given.value)
@@ -263,7 +263,7 @@ def _code(given: Variant) -> int | str:
 
 
 def _is_here(client: ClientInfo) -> bool:
-    """Whether a client is on this machine; one without an address is in this process."""
+    """Return True if a client is on this machine; a client without an address is in this process."""
     if not client.address:
         return True
     try:

@@ -1,4 +1,4 @@
-"""The errors the controller has now, and the log of all it ever had."""
+"""The current errors of the controller and its error log."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ErrorList:
     """The list of current errors (the 100 newest) and the error log (the 1,000 newest), newest first.
 
     Args:
-        language: of the texts; None for the current language of the process.
+        language: Language of the texts; None for the current language of the process.
     """
 
     def __init__(self, language: Language | None) -> None:
@@ -37,10 +37,10 @@ class ErrorList:
         self.log = ErrorLog()
 
     def add(self, record: ErrorRecord) -> bool:
-        """Log a record; one that is an error becomes current too.
+        """Log a record; an error also becomes a current error.
 
         Returns:
-            whether it is an error, not a notice.
+            True if the record is an error, False if it is a notice.
         """
         self.log.add(record)
         if is_notice(record.code):
@@ -49,33 +49,33 @@ class ErrorList:
         return True
 
     def clear(self) -> None:
-        """Forget the current errors; the log keeps them."""
+        """Clear the current errors; the log keeps them."""
         self.current.clear()
 
     @property
     def fatal(self) -> bool:
-        """Whether one of the current errors is of level 5: only a restart clears it."""
+        """True if a current error has level 5, which only a restart clears."""
         return any(level_of(self.current.at(index).code) >= FATAL for index in range(len(self.current)))
 
     @property
     def code(self) -> int:
-        """The newest current error, unsigned; 0 when there is none."""
+        """The newest current error, unsigned; 0 if there is none."""
         newest = self.current.newest
         return newest.code if newest else 0
 
     @property
     def message(self) -> str:
-        """The text of the newest current error; of success when there is none."""
+        """The text of the newest current error; the text of success if there is none."""
         newest = self.current.newest
         return newest.message if newest else self.describe(hresult.S_OK)
 
     def describe(self, code: int) -> str:
-        """Return the text of any code; one that is not known is an undefined error."""
+        """Return the text of a code; an unknown code has the text of an undefined error."""
         info = hresult.CODES.get(hresult.unsigned(code)) or hresult.CODES[hresult.UNDEFINED_ERROR]
         return self._text_of(info)
 
     def text(self, code: int) -> str:
-        """Return the text under which a code is raised: for an unknown one what its range tells."""
+        """Return the text with which a code is raised; for an unknown code, the text of its range."""
         return self._text_of(hresult.lookup(code))
 
     def _text_of(self, info: ReturnCode) -> str:
@@ -85,12 +85,12 @@ class ErrorList:
 
 
 def level_of(code: int) -> int:
-    """Return the level of a code, 0 a notice to 5 fatal; 1 of an error that has none, as those of CAO."""
+    """Return the level of a code, 0 (notice) to 5 (fatal); 1 for an error without a level, such as those of CAO."""
     info = hresult.lookup(code)
     return info.level if info.family not in _NOT_THE_CONTROLLERS else int(info.failed)
 
 
 def is_notice(code: int) -> bool:
-    """Return whether a code leaves robot, tasks and motor alone: a success, or a controller code of level 0."""
+    """Return True if a code does not affect robot, tasks and motor: a success, or a controller code of level 0."""
     info = hresult.lookup(code)
     return not info.failed or (info.level == 0 and info.family not in _NOT_THE_CONTROLLERS)

@@ -1,4 +1,4 @@
-"""Events for clients: each connected client that wants them has its own bounded queue, read by polling."""
+"""Events for clients: each subscribed client has a bounded queue of its own and polls it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _LAST_SERIAL: Final = 0x7FFF_FFFF
 
 
 class EventKind(IntEnum):
-    """What happened; the number of the message."""
+    """The type of an event: the number of the message."""
 
     ERROR = 1  #: an error was raised; the value is its code, signed
     MODE = 2  #: the mode was changed; the value is that of ``@MODE``
     EMERGENCY_STOP = 3  #: the emergency stop was pressed (value 1) or released (value 0)
-    MESSAGE = 4  #: a program has said something with PrintMsg; the description is what it said
+    MESSAGE = 4  #: a program executed PrintMsg; the description is the printed text
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +27,11 @@ class Event:
     """One event.
 
     Attributes:
-        serial: counts up from 1 over all events of the controller; a gap tells a client that it has lost some.
-        kind: what happened.
-        value: code or state, as :class:`EventKind` says; signed, 32 bits.
-        description: in the controller's language.
-        moment: controller's local date and time.
+        serial: Counts up from 1 over all events of the controller; a gap shows a client that it has lost events.
+        kind: Type of the event.
+        value: Code or state as described in :class:`EventKind`; signed, 32 bits.
+        description: Text in the controller's language.
+        moment: Local date and time of the controller.
     """
 
     serial: int
@@ -42,10 +42,10 @@ class Event:
 
 
 class EventQueue:
-    """The events that wait for one client; when it is full the oldest is dropped and counted.
+    """The pending events of one client; when it is full, the oldest event is dropped and counted.
 
     Attributes:
-        dropped: how many events this client has lost.
+        dropped: Number of events that this client has lost.
     """
 
     def __init__(self, length: int = QUEUE_LENGTH) -> None:
@@ -62,29 +62,29 @@ class EventQueue:
         self._events.append(event)
 
     def take(self) -> Event | None:
-        """Return the oldest event and remove it; ``None`` when none waits."""
+        """Remove and return the oldest event; ``None`` if the queue is empty."""
         return self._events.popleft() if self._events else None
 
 
 class Events:
-    """Where events come from and where they go."""
+    """Distributes events to the queues of all subscribed clients."""
 
     def __init__(self) -> None:
         self._queues: list[EventQueue] = []
         self._serials = itertools.count()
 
     def subscribe(self) -> EventQueue:
-        """Return a new queue that gets every event from now on."""
+        """Return a new queue that receives every event from now on."""
         queue = EventQueue()
         self._queues.append(queue)
         return queue
 
     def unsubscribe(self, queue: EventQueue) -> None:
-        """Give the queue no more events; one that gets none already is left as it is."""
+        """Stop adding events to a queue; does nothing for a queue that is not subscribed."""
         self._queues = [other for other in self._queues if other is not queue]
 
     def publish(self, kind: EventKind, value: int, description: str, moment: datetime) -> None:
-        """Give an event to every queue."""
+        """Add an event to every queue."""
         event = Event(next(self._serials) % _LAST_SERIAL + 1, kind, value, description, moment)
         for queue in self._queues:
             queue.put(event)

@@ -1,7 +1,7 @@
 """The electric hand: two parallel fingers that open, close and grip in the controller's 8 ms cycles.
 
-What documents and users of such hands tell is the stroke of 30 mm, speeds in percent and forces in newtons. The speed
-at 100 %, the acceleration, the range of the force and the taught positions are this project's own assumptions.
+Documents and users of such hands report a stroke of 30 mm, speeds in percent and forces in newtons. The speed
+at 100 %, the acceleration, the range of the force and the taught positions are assumptions of this project.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.rc8.switches import Switches
 
 STROKE: Final = 30.0
-"""mm between the fingers when the hand is open; closed it is 0."""
+"""Distance between the fingers when the hand is open, mm; 0 when it is closed."""
 
 SPEED: Final = 80.0
-"""mm/s at 100 %."""
+"""Finger speed at 100 %, mm/s."""
 
 ACCELERATION: Final = 800.0
-"""mm/s^2."""
+"""Acceleration of the fingers, mm/s^2."""
 
-LEAST_SPEED, MOST_SPEED = 1.0, 100.0
-"""Percent."""
+MIN_SPEED, MAX_SPEED = 1.0, 100.0
+"""Range of the speed, percent."""
 
-LEAST_FORCE, MOST_FORCE = 6.0, 20.0
-"""N."""
+MIN_FORCE, MAX_FORCE = 6.0, 20.0
+"""Range of the force, N."""
 
 ORIGIN_SPEED: Final = 20.0
-"""Percent, of a return to the origin."""
+"""Speed of a return to the origin, percent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Taught:
-    """What Chuck and UnChuck do under one number.
+    """A taught position: the settings of Chuck and UnChuck for one number.
 
     Attributes:
-        closed: how far Chuck closes at most, mm.
-        opened: where UnChuck opens to, mm.
-        speed: of both, percent.
-        force: with which Chuck grips, N.
+        closed: Smallest opening to which Chuck closes, mm.
+        opened: Opening to which UnChuck opens, mm.
+        speed: Speed of both, percent.
+        force: Gripping force of Chuck, N.
     """
 
     closed: float
@@ -55,55 +55,55 @@ class Taught:
 
 
 TAUGHT: Final = (Taught(0, 30, 100, 20), Taught(0, 20, 100, 15), Taught(0, 15, 50, 10), Taught(0, 10, 50, 6))
-"""The taught positions at the beginning; number 0 is the first."""
+"""The default taught positions, by number from 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workpiece:
-    """What is between the fingers, or around them.
+    """A workpiece between the fingers or around them.
 
     Attributes:
-        width: mm.
-        inside: it is a ring of that inner width, which is gripped by opening.
+        width: Width, mm.
+        inside: True for a ring of this inner width, which is gripped by opening.
     """
 
     width: float
     inside: bool = False
 
     def meets(self, start: float, end: float) -> bool:
-        """Return whether the fingers meet it on their way from one opening to another, mm."""
+        """Return True if the fingers meet the workpiece while they move from one opening to another, mm."""
         return start <= self.width <= end if self.inside else end <= self.width <= start
 
 
 @dataclass(frozen=True, slots=True)
 class _Move:
-    """A movement: where to, how fast (mm/s), how strongly it holds what it meets (N), who waits for it."""
+    """A movement: target (mm), speed (mm/s), gripping force (N), and the Deferred of its end."""
 
     target: float
     speed: float
     force: float
-    grips: bool  # and has failed where it has met nothing
+    grips: bool  # fails if it meets no workpiece
     homing: bool
     done: Deferred[None]
 
 
 class Hand:
-    """The hand; a part of the cycle. To be used inside the lock of ``cycles``; :meth:`put` may be called from any thread.
+    """The electric hand, a task of the control loop. Hold the lock ``cycles`` to use it; :meth:`put` is thread-safe.
 
-    A movement that begins replaces the one before; whoever waits for that one is answered with
-    STOPPED_DURING_PC_MOTION. An emergency stop ends a movement; what is held stays held.
+    A new movement replaces the current one, which fails with STOPPED_DURING_PC_MOTION. An emergency stop ends a
+    movement; a gripped workpiece stays gripped.
 
     Args:
-        cycles: the controller's cycle.
-        switches: of the controller.
+        cycles: The control loop of the controller.
+        switches: The switches of the controller.
 
     Attributes:
-        position: how far the fingers are apart, mm.
-        motor: whether it is switched on.
-        origin: whether its last return to the origin was completed; it begins as if it had been.
-        force: with which it holds something, N; 0 if it holds nothing.
-        workpiece: what the fingers can meet, ``None`` for nothing.
-        taught: positions of Chuck and UnChuck, by number.
+        position: Distance between the fingers, mm.
+        motor: True if the motor is on.
+        origin: True if the last return to the origin was completed; initially True.
+        force: Gripping force, N; 0 if nothing is gripped.
+        workpiece: The workpiece that the fingers can meet, or ``None``.
+        taught: The taught positions of Chuck and UnChuck, by number.
     """
 
     def __init__(self, cycles: ControlLoop, switches: Switches) -> None:
@@ -120,45 +120,46 @@ class Hand:
 
     @property
     def busy(self) -> bool:
-        """Whether it moves."""
+        """True while a movement is in progress."""
         return self._move is not None
 
     @property
     def holding(self) -> bool:
-        """Whether it holds something."""
+        """True while a workpiece is gripped."""
         return self.force > 0
 
     @property
     def load(self) -> float:
-        """The force in percent of the largest one."""
-        return self.force / MOST_FORCE * 100
+        """The gripping force in percent of the largest one."""
+        return self.force / MAX_FORCE * 100
 
     # --- movements ----------------------------------------------------------------------------------------------
 
-    def move(self, target: float, speed: float, force: float = MOST_FORCE) -> Deferred[None]:
-        """Open or close to a position; what the fingers meet on the way ends the movement and is held.
+    def move(self, target: float, speed: float, force: float = MAX_FORCE) -> Deferred[None]:
+        """Open or close to a position; if the fingers meet a workpiece, they grip it and the movement ends.
 
         Args:
-            target: mm, 0 to 30.
-            speed: percent, 1 to 100.
-            force: N, 6 to 20.
+            target: Opening, 0 to 30 mm.
+            speed: Speed, 1 to 100 percent.
+            force: Gripping force, 6 to 20 N.
 
         Returns:
-            what is kept when it is over.
+            A Deferred that resolves at the end of the movement.
 
         Raises:
             CallError: VALUE_OUT_OF_RANGE; EMERGENCY_STOP_ON; MOTOR_NOT_ON.
         """
         return self._begin(target, speed, force)
 
-    def grip(self, force: float, *, closing: bool = True, speed: float = MOST_SPEED) -> Deferred[None]:
-        """Close, or open, until the fingers meet something, and hold it.
+    def grip(self, force: float, *, closing: bool = True, speed: float = MAX_SPEED) -> Deferred[None]:
+        """Close (or open) until the fingers meet a workpiece, and grip it.
 
         Returns:
-            what is kept when it holds; broken with GRIP_NOT_DETECTED at the end of the stroke.
+            A Deferred that resolves when the workpiece is gripped and fails with GRIP_NOT_DETECTED at the end of the
+            stroke.
 
         Raises:
-            CallError: as :meth:`move`.
+            CallError: As for :meth:`move`.
         """
         return self._begin(0.0 if closing else STROKE, speed, force, grips=True)
 
@@ -166,10 +167,10 @@ class Hand:
         """Close to a taught position and grip.
 
         Returns:
-            what is kept when it holds; broken with GRIP_NOT_DETECTED where nothing was met.
+            A Deferred that resolves when a workpiece is gripped and fails with GRIP_NOT_DETECTED if none was met.
 
         Raises:
-            CallError: VALUE_OUT_OF_RANGE, there is no such number; as :meth:`move`.
+            CallError: VALUE_OUT_OF_RANGE if the number does not exist; otherwise as for :meth:`move`.
         """
         taught = self._taught(number)
         return self._begin(taught.closed, taught.speed, taught.force, grips=True)
@@ -178,26 +179,26 @@ class Hand:
         """Open to a taught position.
 
         Raises:
-            CallError: as :meth:`chuck`.
+            CallError: As for :meth:`chuck`.
         """
         taught = self._taught(number)
         return self._begin(taught.opened, taught.speed, taught.force)
 
     def to_origin(self) -> Deferred[None]:
-        """Return to the origin: open, slowly.
+        """Return to the origin by opening slowly.
 
         Raises:
             CallError: EMERGENCY_STOP_ON; MOTOR_NOT_ON.
         """
-        done = self._begin(STROKE, ORIGIN_SPEED, LEAST_FORCE, homing=True)
+        done = self._begin(STROKE, ORIGIN_SPEED, MIN_FORCE, homing=True)
         self.origin = False
         return done
 
     def stop(self, code: int = hresult.STOPPED_DURING_PC_MOTION) -> None:
-        """Stop where it is; what is held stays held.
+        """Stop at the present position; a gripped workpiece stays gripped.
 
         Args:
-            code: with which whoever waits for the movement is answered.
+            code: Error code with which the movement fails.
         """
         move, self._move = self._move, None
         self._speed = 0.0
@@ -205,7 +206,7 @@ class Hand:
             move.done.set_exception(error_for(code))
 
     def switch_motor(self, on: bool) -> None:
-        """Switch its motor, at once; off, it lets go of what it holds.
+        """Switch the motor of the hand without delay; switching it off releases a gripped workpiece.
 
         Raises:
             CallError: EMERGENCY_STOP_ON.
@@ -218,21 +219,23 @@ class Hand:
             self.force = 0.0
 
     def put(self, width: float | None, *, inside: bool = False) -> None:
-        """Put a workpiece between the fingers, for them to meet; a test or a person does so.
+        """Place a workpiece between or around the fingers, or remove it; called by a test or a person.
 
         Args:
-            width: mm; ``None`` takes away what is there, out of the fingers too.
-            inside: it is a ring around the fingers, gripped by opening; ``width`` is its inner width.
+            width: Width, mm; ``None`` removes the workpiece, even if it is gripped.
+            inside: True for a ring around the fingers, gripped by opening; ``width`` is its inner width.
 
         Raises:
-            ValueError: it does not fit: wider than the hand is open, a ring narrower, below 0 or above the stroke.
+            ValueError: If the workpiece does not fit: wider than the present opening (a ring: narrower), below 0, or
+                above the stroke.
         """
         with self._cycles:
             low, high = (self.position, STROKE) if inside else (0.0, self.position)
-            if width is not None and not low <= width <= high:  # NaN is not
+            if width is not None and not low <= width <= high:  # rejects NaN as well
                 raise ValueError(
                     tr(
-                        "a workpiece of {width:g} mm does not fit: {low:g} to {high:g} mm at this opening",
+                        "a workpiece of {width:g} mm does not fit; its width must be {low:g} to {high:g} mm at this "
+                        "opening",
                         width=width,
                         low=low,
                         high=high,
@@ -242,7 +245,7 @@ class Hand:
             self.force = 0.0
 
     def status(self) -> dict[str, object]:
-        """Return how it stands: plain values by name."""
+        """Return the state of the hand as plain values by name."""
         return {
             "position": round(self.position, 6),
             "motor": self.motor,
@@ -255,7 +258,7 @@ class Hand:
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do one cycle; returns whether there is more to do."""
+        """Execute one cycle; return True if a movement is still in progress."""
         if self._move is not None:
             if self._switches.emergency_stop:
                 self.stop(hresult.EMERGENCY_STOP_ON)
@@ -267,8 +270,8 @@ class Hand:
         self, target: float, speed: float, force: float, *, grips: bool = False, homing: bool = False
     ) -> Deferred[None]:
         _within(target, 0.0, STROKE, "mm")
-        _within(speed, LEAST_SPEED, MOST_SPEED, "%")
-        _within(force, LEAST_FORCE, MOST_FORCE, "N")
+        _within(speed, MIN_SPEED, MAX_SPEED, "%")
+        _within(force, MIN_FORCE, MAX_FORCE, "N")
         if self._switches.emergency_stop:
             raise error_for(hresult.EMERGENCY_STOP_ON)
         if not self.motor:
@@ -276,7 +279,7 @@ class Hand:
         self._cycles.require_open()
         self.stop()
         self.force = 0.0
-        self._move = _Move(target, SPEED * speed / MOST_SPEED, force, grips, homing, Deferred[None]())
+        self._move = _Move(target, SPEED * speed / MAX_SPEED, force, grips, homing, Deferred[None]())
         self._cycles.wake()
         return self._move.done
 
@@ -284,17 +287,17 @@ class Hand:
         start, remaining = self.position, abs(move.target - self.position)
         braking = math.sqrt(2 * ACCELERATION * remaining)
         self._speed = min(self._speed + ACCELERATION * PERIOD, move.speed, braking)
-        way = self._speed * PERIOD
-        arrived = way >= remaining
-        end = move.target if arrived else start + math.copysign(way, move.target - start)
+        distance = self._speed * PERIOD
+        arrived = distance >= remaining
+        end = move.target if arrived else start + math.copysign(distance, move.target - start)
         if self.workpiece is not None and self.workpiece.meets(start, end):
             self.position, self.force = self.workpiece.width, move.force
         else:
             self.position = end
         if arrived or self.holding:
-            self._over(move)
+            self._finish(move)
 
-    def _over(self, move: _Move) -> None:
+    def _finish(self, move: _Move) -> None:
         self._move, self._speed = None, 0.0
         if move.grips and not self.holding:
             move.done.set_exception(error_for(hresult.GRIP_NOT_DETECTED))
@@ -306,13 +309,13 @@ class Hand:
         if not 0 <= number < len(self.taught):
             raise error_for(
                 hresult.VALUE_OUT_OF_RANGE,
-                tr("no taught position {number:g}", number=number) + f" (0..{len(self.taught) - 1})",
+                tr("taught position {number:g} does not exist", number=number) + f" (0..{len(self.taught) - 1})",
             )
         return self.taught[number]
 
 
 def _within(value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:  # NaN is not
+    if not low <= value <= high:  # rejects NaN as well
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
             tr("{value:g} {unit} is not within", value=value, unit=unit) + f" {low:g}..{high:g}",

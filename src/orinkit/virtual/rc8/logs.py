@@ -1,7 +1,7 @@
-"""The error log and the operation log: bounded, newest first, as arrays in the form clients read.
+"""The error log and the operation log: bounded, newest first, as arrays in the layout that clients read.
 
 Both records begin with the same nine numbers: code, year, month, weekday (0 Sunday), day, hour, minute, second,
-millisecond. What follows is not settled by any document for every place; this controller fills
+millisecond. The documents do not define all of the remaining elements; this controller fills
 
 * error log: 9 program name, 10 line, 11 file ID, 12 message, 13 original code, 14 caller, 15 address of the caller;
 * operation log: 9 caller, 10 address of the caller, 11 text.
@@ -27,19 +27,19 @@ LOG_LENGTH: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class ErrorRecord:
-    """One error, or one notice.
+    """One error or notice.
 
     Attributes:
-        code: unsigned, 32 bits.
-        message: in the controller's language.
-        moment: controller's local date and time.
-        subcode: more about the error; 0 where there is nothing.
-        program: name of the program, ``""`` outside programs.
-        line: line of the program, counted from 1; 0 outside programs.
-        file_id: number of the program file.
-        original: the code that led to this one, unsigned; 0 where there is none.
-        caller: name of the client's controller object, ``""`` where no client is the cause.
-        address: address of that client.
+        code: Return code, unsigned, 32 bits.
+        message: Text in the controller's language.
+        moment: Local date and time of the controller.
+        subcode: Additional code; 0 if there is none.
+        program: Name of the program; ``""`` outside programs.
+        line: Line of the program, counted from 1; 0 outside programs.
+        file_id: Number of the program file.
+        original: Code that caused this error, unsigned; 0 if there is none.
+        caller: Name of the client's controller object; ``""`` if no client caused the error.
+        address: Address of that client.
     """
 
     code: int
@@ -54,13 +54,13 @@ class ErrorRecord:
     address: str = ""
 
     def as_current(self) -> list[Value]:
-        """Return the answer of GetCurErrorInfo; place 3 has the file ID in its high and the line in its low 16 bits."""
+        """Return the result of GetCurErrorInfo; element 3: high 16 bits file ID, low 16 bits line."""
         place = (self.file_id & 0x7FFF) << 16 | self.line & 0xFFFF
         code = hresult.signed(self.code)
         return [code, self.message, self.subcode, place, self.program, self.line, self.file_id]
 
     def as_logged(self) -> list[Value]:
-        """Return the answer of GetErrorLog."""
+        """Return the result of GetErrorLog."""
         place: list[Value] = [self.program, self.line, self.file_id]
         origin: list[Value] = [hresult.signed(self.original), self.caller, self.address]
         return [hresult.signed(self.code), *_stamp(self.moment), *place, self.message, *origin]
@@ -68,14 +68,14 @@ class ErrorRecord:
 
 @dataclass(frozen=True, slots=True)
 class OperationRecord:
-    """One operation: a client connected, a mode changed.
+    """One operation, such as a connection of a client or a change of mode.
 
     Attributes:
-        code: kind of operation (:class:`~orinkit.virtual.rc8.state.Operation`).
-        text: what was done, in the controller's language.
-        moment: controller's local date and time.
-        caller: name of the client's controller object, ``""`` for the pendant.
-        address: address of that client.
+        code: Type of operation (:class:`~orinkit.virtual.rc8.state.Operation`).
+        text: Description in the controller's language.
+        moment: Local date and time of the controller.
+        caller: Name of the client's controller object; ``""`` for the pendant.
+        address: Address of that client.
     """
 
     code: int
@@ -85,12 +85,12 @@ class OperationRecord:
     address: str = ""
 
     def as_logged(self) -> list[Value]:
-        """Return the answer of GetOprLog."""
+        """Return the result of GetOprLog."""
         return [self.code, *_stamp(self.moment), self.caller, self.address, self.text]
 
 
 class RecordLog(Generic[T]):
-    """A bounded list, newest first: a record too many pushes the oldest out."""
+    """A bounded list of records, newest first; the oldest record is dropped when it is full."""
 
     def __init__(self, length: int = LOG_LENGTH) -> None:
         self._records: deque[T] = deque(maxlen=length)
@@ -99,20 +99,20 @@ class RecordLog(Generic[T]):
         return len(self._records)
 
     def add(self, record: T) -> None:
-        """Put a record in front."""
+        """Add a record as the newest one."""
         self._records.appendleft(record)
 
     def clear(self) -> None:
-        """Forget every record."""
+        """Remove all records."""
         self._records.clear()
 
     @property
     def newest(self) -> T | None:
-        """The newest record, ``None`` when there is none."""
+        """The newest record, or ``None`` if there is none."""
         return self._records[0] if self._records else None
 
     def at(self, index: int) -> T:
-        """Return a record, 0 the newest.
+        """Return a record by index; 0 is the newest.
 
         Raises:
             CallError: DISP_E_BADINDEX.
@@ -123,7 +123,10 @@ class RecordLog(Generic[T]):
         except IndexError:
             pass
         count = len(self._records)
-        raise error_for(hresult.DISP_E_BADINDEX, tr("{index}; there are {count}", index=index, count=count))
+        raise error_for(
+            hresult.DISP_E_BADINDEX,
+            tr("index {index} is out of range; the log has {count} records", index=index, count=count),
+        )
 
 
 ErrorLog = RecordLog[ErrorRecord]
@@ -132,6 +135,6 @@ Now = Callable[[], datetime]
 
 
 def _stamp(moment: datetime) -> list[Value]:
-    weekday = moment.isoweekday() % 7  # 0 Sunday: year, month, weekday, day ... is the order of Windows' SYSTEMTIME
+    weekday = moment.isoweekday() % 7  # 0 is Sunday; the order of the fields is that of SYSTEMTIME on Windows
     date: list[Value] = [moment.year, moment.month, weekday, moment.day]
     return [*date, moment.hour, moment.minute, moment.second, moment.microsecond // 1000]

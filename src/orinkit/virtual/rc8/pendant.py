@@ -1,4 +1,4 @@
-"""The buttons of the controller: what a person presses, for tests and for people without a cabinet in front of them."""
+"""The teach pendant and the operator's panel: what a person operates at the controller, for tests and for users."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Token
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
-"""A tenth of the largest speed: what hand operation has at most."""
+"""A tenth of the largest speed: the limit of manual operation."""
 
 
 class Pendant:
-    """The teach pendant and the operator's panel. Every method may be called from any thread.
+    """The teach pendant and the operator's panel. Every method is thread-safe.
 
-    A press that the state of the controller does not allow raises :class:`orinkit.CallError` with the controller's
-    code; an argument that cannot be is a :class:`ValueError`.
+    If the state of the controller does not allow an operation, it raises :class:`orinkit.CallError` with the code of
+    the controller; an invalid argument raises :class:`ValueError`.
     """
 
     def __init__(self, state: RC8State) -> None:
         self._state = state
 
     def mode(self, mode: int) -> None:
-        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic. What moves is stopped, the motor goes off."""
+        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic. Stops a motion and switches the motor off."""
         self._state.set_mode(mode)
 
     def token(self, token: Token | str) -> None:
@@ -40,11 +40,11 @@ class Pendant:
         self._state.set_token(token if isinstance(token, Token) else Token.parse(token))
 
     def emergency_stop(self, on: bool = True) -> None:
-        """Press the emergency stop, or with ``False`` release it."""
+        """Press the emergency stop, or release it (``False``)."""
         self._state.emergency_stop(on)
 
     def protective_stop(self, on: bool = True) -> None:
-        """Set the protective stop, or take it away."""
+        """Set the protective stop, or clear it (``False``)."""
         self._state.protective_stop(on)
 
     def auto_enable(self, on: bool = True) -> None:
@@ -52,18 +52,18 @@ class Pendant:
         self._state.auto_enable(on)
 
     def deadman(self, on: bool = True) -> None:
-        """Hold the enable switch, or let it go: outside automatic mode what moves stops, and the motor goes off."""
+        """Hold or release the enable switch; outside automatic mode, releasing it stops the arm and cuts the motor."""
         with self._state.cycles:
             self._state.switches.deadman = bool(on)
             if not on and self._state.switches.mode is not ModeSwitch.AUTOMATIC:
                 self._state.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
 
     def motor(self, on: bool = True) -> None:
-        """Switch the motor; it takes about a second.
+        """Switch the motor on or off, which takes about a second.
 
         Raises:
-            CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF; E_ACCESSDENIED,
-                the enable switch is not held outside automatic mode; MOTOR_OFF_WHILE_MOVING.
+            CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF; E_ACCESSDENIED if the
+                enable switch is not held outside automatic mode; MOTOR_OFF_WHILE_MOVING.
         """
         with self._state.cycles:
             if on:
@@ -74,24 +74,25 @@ class Pendant:
             self._state.arm.switch_motor(on)
 
     def jog(self, axis: int, distance: float) -> Ticket:
-        """Move one axis by degrees (mm) at a tenth of its speed, in manual mode with the enable switch held.
+        """Move one axis at a tenth of its speed, in manual mode with the enable switch held.
 
         Args:
-            axis: number from 1.
-            distance: degrees, or mm of a linear axis.
+            axis: Number of the axis, from 1.
+            distance: Distance, deg; mm for a linear axis.
 
         Returns:
-            the motion's ticket; ``ticket.state`` tells how far it is.
+            The ticket of the motion; ``ticket.state`` is its progress.
 
         Raises:
-            CallError: REFUSED_IN_AUTO_MODE; E_ACCESSDENIED, the enable switch is not held; MOTOR_NOT_ON; ROBOT_MOVING; a limit of the axis.
-            ValueError: no such axis.
+            CallError: REFUSED_IN_AUTO_MODE; E_ACCESSDENIED if the enable switch is not held; MOTOR_NOT_ON;
+                ROBOT_MOVING; the error of the axis if the target is outside its soft limits.
+            ValueError: If the axis does not exist.
         """
         with self._state.cycles:
             arm = self._state.arm
             if not 1 <= axis <= len(arm.model.axes):
                 count = len(arm.model.axes)
-                raise ValueError(tr("no axis {axis}; 1 to {count}", axis=axis, count=count))
+                raise ValueError(tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=count))
             if self._state.switches.mode is ModeSwitch.AUTOMATIC:
                 raise error_for(hresult.REFUSED_IN_AUTO_MODE)
             self._require_safe()
@@ -113,16 +114,16 @@ class Pendant:
         """Write a pose into a global variable: P (7 numbers), J (8), T (10) or V (3).
 
         Raises:
-            CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG, another number of values.
-            ValueError: another kind.
+            CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG if the number of values does not match the pose type.
+            ValueError: If the pose type is not one of these.
         """
         if kind not in ("P", "J", "T", "V"):
-            raise ValueError(tr("{kind!r} is none of P, J, T, V", kind=kind))
+            raise ValueError(tr("{kind!r} is not P, J, T or V", kind=kind))
         with self._state.cycles:
             self._state.variables.write(CLASSES[kind], index, Variant(int(VarType.R8) | ARRAY, list(values)))
 
     def speed(self, percent: float) -> None:
-        """Set the external speed, and accelerations as it has them by default (speed squared / 100).
+        """Set the external speed, and the external accelerations to their default (speed squared / 100).
 
         Raises:
             CallError: VALUE_OUT_OF_RANGE.
@@ -131,20 +132,20 @@ class Pendant:
             self._state.arm.speeds.set_external(percent)
 
     def slave_limit(self, number: int) -> None:
-        """Set "153: b-CAP Slave speed setting" (RC8 4.8): what commands in slave mode are limited to.
+        """Set the parameter "153: b-CAP Slave speed setting" (RC8 4.8): the limit of commands in slave mode.
 
         Args:
             number: 0 servo limit, 1 servo limit x external speed, 2 command limit, 3 command limit x external speed.
 
         Raises:
-            ValueError: another number.
+            ValueError: If the number is not 0 to 3.
         """
-        wanted = SlaveLimit.read(number)
+        limit = SlaveLimit.read(number)
         with self._state.cycles:
-            self._state.switches.slave_limit = wanted
+            self._state.switches.slave_limit = limit
 
     def machine_lock(self, on: bool = True) -> None:
-        """Set the machine lock: motions run, the arm stays.
+        """Set or clear the machine lock: with it, motions are executed, but the arm does not move.
 
         Raises:
             CallError: MOTOR_IS_ON.
@@ -152,10 +153,10 @@ class Pendant:
         self._state.machine_lock(on)
 
     def raise_error(self, code: int | str, message: str | None = None) -> None:
-        """Raise an error: a code, or the name of one (:mod:`orinkit.core.hresult`).
+        """Raise an error, given by its code or its name (:mod:`orinkit.core.hresult`).
 
         Raises:
-            ValueError: no such name.
+            ValueError: If the name does not exist.
         """
         self._state.raise_error(hresult.by_name(code).value if isinstance(code, str) else code, message)
 
@@ -163,16 +164,16 @@ class Pendant:
         """Clear the errors.
 
         Raises:
-            CallError: FATAL_ERROR_BEFORE, one needs a restart.
+            CallError: FATAL_ERROR_BEFORE if an error requires a restart.
         """
         self._state.clear_errors()
 
     def restart(self) -> None:
-        """Switch the controller off and on, as far as errors, motor, motions and programs go."""
+        """Reset errors, motor, motions and programs, as switching the controller off and on does."""
         self._state.restart()
 
     def status(self) -> Mapping[str, object]:
-        """Return how everything stands: plain values by name."""
+        """Return the state of switches, arm and programs as plain values by name."""
         with self._state.cycles:
             switches, arm = self._state.switches, self._state.arm
             return {
@@ -195,20 +196,20 @@ class Pendant:
             }
 
     def _require_enabled(self) -> None:
-        """Outside automatic mode the enable switch has to be held."""
+        """Raise E_ACCESSDENIED outside automatic mode unless the enable switch is held."""
         switches = self._state.switches
         if switches.mode is not ModeSwitch.AUTOMATIC and not switches.deadman:
             raise error_for(
                 hresult.E_ACCESSDENIED,
-                tr("hold the enable switch first (deadman on)"),
+                tr("the enable switch is not held. Try: deadman on"),
             )
 
     def _require_safe(self) -> None:
         switches = self._state.switches
-        for wrong, code in (
+        for active, code in (
             (switches.emergency_stop, hresult.EMERGENCY_STOP_ON),
             (switches.protective_stop, hresult.PROTECTIVE_STOP_ON),
             (self._state.faults.code, hresult.ERROR_PRESENT),
         ):
-            if wrong:
+            if active:
                 raise error_for(code)

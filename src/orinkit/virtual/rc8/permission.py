@@ -1,8 +1,8 @@
-"""Communication permission: which client may read, and which may also write (RC8 2.1).
+"""Communication permission: which clients may read, and which may also write (RC8 2.1).
 
-The RC8 sets it per device on the pendant; here it is set per client address, alone or as a network. The most specific
-entry that holds the address decides. It applies to every transport; a client without an IP address (a serial line, an
-in-process client) has the default.
+On an RC8 it is set per device on the pendant; here it is set per client address or network. The most specific
+entry that contains the address applies. It applies to every transport; a client without an IP address (a serial line,
+an in-process client) has the default.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from orinkit.core.i18n import tr
 
 
 class AccessRight(IntFlag):
-    """What a client may do; also the attribute bits of a variable: 1 readable, 2 writable."""
+    """The rights of a client; also the attribute bits of a variable: 1 readable, 2 writable."""
 
     NONE = 0
     READ = 1
@@ -30,14 +30,14 @@ _EVERYONE: Final = "*"
 
 
 class Permission:
-    """Who may do what.
+    """The access rights of clients by address.
 
     Args:
-        default: ``"rw"``, ``"r"`` or ``"none"``, for every address not listed.
-        by_address: the same by IPv4 or IPv6 address, or network such as ``"10.0.0.0/8"``.
+        default: ``"rw"``, ``"r"`` or ``"none"`` for every address that is not listed.
+        by_address: The right by IPv4 or IPv6 address, or by network such as ``"10.0.0.0/8"``.
 
     Raises:
-        ValueError: an address, a network or a right that cannot be read, or an address given twice.
+        ValueError: If an address, a network or a right is not valid, or an address is listed twice.
     """
 
     def __init__(self, default: str = "rw", by_address: Mapping[str, str] | None = None) -> None:
@@ -52,23 +52,23 @@ class Permission:
 
     @classmethod
     def parse(cls, text: str) -> Permission:
-        """Return the permission written as ``"192.168.0.7=r,10.0.0.0/8=rw,*=none"``; ``*`` is everyone else.
+        """Return the permission of a text such as ``"192.168.0.7=r,10.0.0.0/8=rw,*=none"``; ``*`` is the default.
 
         Raises:
-            ValueError: it cannot be read; the message quotes the part.
+            ValueError: If the text is not valid; the message quotes the invalid part.
         """
         rights: dict[str, str] = {}
-        for part in map(str.strip, text.split(",")):  # an empty part is refused: forgetting a right must not grant one
+        for part in map(str.strip, text.split(",")):  # an empty part is refused: a missing right must not grant access
             address, equals, right = map(str.strip, part.partition("="))
             if not equals:
-                raise ValueError(tr("{part!r} is no ADDRESS=RIGHT; for example 192.168.0.7=r,*=rw", part=part))
+                raise ValueError(tr("{part!r} is not ADDRESS=RIGHT. Try: for example 192.168.0.7=r,*=rw", part=part))
             if address in rights:
                 raise _twice(address)
             rights[address] = right
         return cls(rights.pop(_EVERYONE, "rw"), rights)
 
     def of(self, address: str) -> AccessRight:
-        """Return what a client at this address may do."""
+        """Return the rights of a client at this address."""
         try:
             host = ipaddress.ip_address(address)
         except ValueError:
@@ -85,7 +85,7 @@ def _access(name: str) -> AccessRight:
     access = _NAMES.get(name.strip().lower())
     if access is None:
         raise ValueError(
-            tr('{name!r} is no right; "rw" reads and writes, "r" only reads, "none" does neither', name=name)
+            tr('{name!r} is not a valid right. Try: "rw" (read and write), "r" (read only) or "none"', name=name)
         )
     return access
 
@@ -94,7 +94,7 @@ def _network(text: str) -> _Network:
     try:
         return ipaddress.ip_network(text.strip())
     except ValueError as error:
-        raise ValueError(tr("{text!r} is no IP address or network ({error})", text=text, error=error)) from None
+        raise ValueError(tr("{text!r} is not an IP address or network ({error})", text=text, error=error)) from None
 
 
 def _twice(address: str) -> ValueError:

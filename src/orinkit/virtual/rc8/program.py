@@ -1,4 +1,4 @@
-"""The controller as a running program sees it: variables, I/O, the arm, time (the ``World`` of PacScript)."""
+"""The controller as seen by a running program: variables, I/O, the arm, time (PacScript's ``HostInterface``)."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ _HAND_PLANES: Final = {"XYH": 2, "YZH": 0, "ZXH": 1}
 
 
 class TaskHost:
-    """What one task does to the controller.
+    """The host interface of one task.
 
     Args:
-        operator: the task.
-        suspend: suspends it.
-        arm, moves: the robot.
-        variables: global variables and I/O.
-        seconds: gives the controller's time, s.
-        show: is told what it prints: task, kind, text.
+        operator: The task.
+        suspend: Callback that suspends the task.
+        arm, moves: The robot.
+        variables: Global variables and I/O.
+        seconds: Callback that returns the controller's time, s.
+        show: Callback invoked with each printed text: task, type, text.
     """
 
     def __init__(
@@ -54,32 +54,32 @@ class TaskHost:
         self._variables = variables
         self._seconds = seconds
         self._show = show
-        self._paused = False  # the arm, by pause()
-        self._holding = False  # the program, by Hold
+        self._paused = False  # pause() has stopped the arm
+        self._holding = False  # the program has executed Hold
 
-    # --- the task is stopped, goes on, ends ---------------------------------------------------------------------
+    # --- suspend, continue, end ---------------------------------------------------------------------------------
 
     def pause(self) -> None:
-        """Bring the arm to rest on its path, if it is this program that moves it."""
+        """Bring the arm to standstill on its path if this program holds it."""
         if self._arm.holder is self._operator and self._arm.busy and not self._arm.held:
             self._paused = True
             self._arm.hold()
 
     def go_on(self) -> None:
-        """Go on with the motion that :meth:`pause` has paused."""
+        """Continue the motion paused by :meth:`pause`."""
         if self._paused and self._arm.holder is self._operator:
             self._arm.unhold()
         self._paused = self._holding = False
 
     def leave(self, *, halt: bool) -> None:
-        """Give the arm back; with ``halt`` what it moves is brought to rest, else it ends by itself."""
+        """Release the arm; with ``halt`` its motion is stopped, otherwise it runs to its end."""
         self._paused = self._holding = False
         if self._arm.holder is self._operator:
             if halt:
                 self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
             self._arm.give()
 
-    # --- variables, time, texts ---------------------------------------------------------------------------------
+    # --- variables, time, output --------------------------------------------------------------------------------
 
     def read(self, kind: VariableKind, index: int) -> Value:
         """Return the value of a global variable."""
@@ -92,11 +92,11 @@ class TaskHost:
         self._global(lambda: self._variables.write(CLASSES[kind], index, given))
 
     def read_io(self, kind: PointKind, point: int) -> int:
-        """Return an I/O point, or the number in several."""
+        """Return the state of an I/O point, or the number in 8, 16 or 32 points."""
         return int(self._global(lambda: self._variables.read(CLASSES[kind], point).value))
 
     def write_io(self, kind: PointKind, point: int, value: int) -> None:
-        """Set an I/O point, or several to the lowest bits of a number."""
+        """Set an I/O point, or 8, 16 or 32 points to the lowest bits of a number."""
         bits = CLASSES[kind].bits
         lowest = value & (1 << bits) - 1
         if kind in ("IOW", "IOD") and lowest >> bits - 1:
@@ -108,28 +108,28 @@ class TaskHost:
         return self._seconds()
 
     def show(self, kind: Literal["msg", "dbg"], text: str, title: str = "") -> None:
-        """Show a message to whoever listens to the controller."""
+        """Pass a printed text to the controller's log and clients."""
         self._show(str(self._operator), kind, f"{title}: {text}" if title else text)
 
     # --- the robot ----------------------------------------------------------------------------------------------
 
     def take_arm(self, group: int, keep: bool) -> None:  # noqa: ARG002 - there is one arm
-        """Take the arm."""
+        """Acquire the arm semaphore."""
         require("TakeArm", self._arm, self._operator)
         self._arm.take(self._operator, keep=keep)
 
     def give_arm(self) -> None:
-        """Give the arm back."""
+        """Release the arm semaphore."""
         require("GiveArm", self._arm, self._operator)
         self._arm.give()
 
     def motor(self, on: bool) -> Wait:
-        """Switch the motor."""
+        """Switch the motor on or off."""
         require("Motor on" if on else "Motor off", self._arm, self._operator)
         return _until(self._arm.switch_motor(on))
 
     def move(self, interpolation: int, targets: tuple[Target, ...], options: MotionOptions) -> Wait:
-        """Move."""
+        """Move to targets."""
         if interpolation == CURVE and len(targets) == 1 and not targets[0].kind:
             return self._curve(targets[0], options)
         return self._motion("Move", options, lambda: self._moves.move(interpolation, targets, options))
@@ -137,24 +137,24 @@ class TaskHost:
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move to before a target."""
+        """Move to the approach position of a target."""
         return self._motion(
             "Approach", options, lambda: self._moves.approach(interpolation, target, distance, mark, options)
         )
 
     def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Wait:
-        """Move back."""
+        """Move back from the present position."""
         return self._motion("Depart", options, lambda: self._moves.depart(interpolation, distance, mark, options))
 
     def drive(
         self, pairs: tuple[tuple[int, float], ...], absolute: bool, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move joints."""
+        """Move single axes."""
         name = "DriveAEx" if absolute else "DriveEx"
         return self._motion(name, options, lambda: self._moves.drive(pairs, absolute, mark, options))
 
     def rotate(self, plane: Plane, angle: float, pivot: Target | None, options: MotionOptions) -> Wait:
-        """Turn about the normal of a plane of the work frame, or of the hand."""
+        """Rotate about the normal of a plane of the work frame or of the tool frame."""
 
         def begin() -> list[Ticket]:
             tcp = self._arm.space.tcp(self._arm.queue.end_joints)
@@ -174,7 +174,7 @@ class TaskHost:
         self._arm.speeds.set_acceleration(*(KEEP if value is None else value for value in (accel, decel)))
 
     def ext_speed(self, speed: float, accel: float | None, decel: float | None) -> None:
-        """Set the external speeds."""
+        """Set the external speed, acceleration and deceleration."""
         require("ExtSpeed", self._arm, self._operator)
         self._arm.speeds.set_external(speed, *(SQUARE if value is None else value for value in (accel, decel)))
 
@@ -184,25 +184,25 @@ class TaskHost:
         self._arm.space.tools.current = self._arm.space.tools.check(number)
 
     def change_work(self, number: int) -> None:
-        """Select a work."""
+        """Select a work frame."""
         require("Change", self._arm, self._operator)
         self._arm.space.works.current = self._arm.space.works.check(number)
 
     def hold(self) -> Wait:
-        """Suspend the program until it is started again."""
+        """Suspend the program until it is started again (Hold)."""
         self._holding = True
         self._suspend()
         return lambda: not self._holding
 
     def current(self, kind: Literal["P", "J", "T", "FIG"], dest: bool = False) -> Value:
-        """Return where the robot is, or where it was sent."""
+        """Return the present pose of the robot, or with ``dest`` the destination of its motion."""
         source = state_report.destination(self._arm) if dest else state_report.current(self._arm)
         if kind == "FIG":
             return source.figure()
         return tuple({"P": source.position, "J": source.angles, "T": source.trans}[kind]())
 
     def convert(self, name: str, arguments: tuple[Value, ...]) -> Value:
-        """Return J2P, Dev, OutRange ..."""
+        """Return the result of a pose function such as J2P, Dev or OutRange."""
         given = [
             Variant(_R8_ARRAY, list(each)) if isinstance(each, tuple) else Variant(VarType.I4, each)
             for each in arguments
@@ -227,9 +227,9 @@ class TaskHost:
         return np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
 
     def _motion(self, name: str, options: MotionOptions, begin: Callable[[], list[Ticket]]) -> Wait:
-        """Begin a motion, when there is room in the queue; the wait is over when it is, or has been passed.
+        """Begin a motion as soon as the queue has room; the wait is complete when the motion has ended or been passed.
 
-        With ``Next`` it is over when the motion is in the queue.
+        With ``Next`` the wait is complete when the motion is in the queue.
         """
         require(name, self._arm, self._operator)
         begun: list[Deferred[None]] = []
@@ -249,10 +249,10 @@ class TaskHost:
         try:
             return access()
         except CallError as error:
-            if error.code == hresult.VARIABLE_INDEX_INVALID:  # a program has a code of its own for it
+            if error.code == hresult.VARIABLE_INDEX_INVALID:  # programs have their own code for it
                 raise error_for(hresult.GLOBAL_VARIABLE_OUT_OF_RANGE, error.detail) from None
             if error.code == hresult.DISP_E_TYPEMISMATCH:
-                raise error_for(hresult.VARIABLE_CHANGE_FAILED, tr("a value of another type")) from None
+                raise error_for(hresult.VARIABLE_CHANGE_FAILED, tr("the value has another type")) from None
             raise
 
 

@@ -1,4 +1,4 @@
-"""The virtual RC8 as a provider, and the switches that a person, a test or a program outside has on it."""
+"""The virtual RC8 as a provider, and its operation from Python: errors, mode, emergency stop."""
 
 from __future__ import annotations
 
@@ -36,37 +36,37 @@ class VirtualRC8(Provider):
     """A virtual RC8 robot controller.
 
     Args:
-        counts: how many variables of each class I F D V P J T S; 100 of one that is not named.
-        io_points: how many I/O points.
-        state: directory in which the variables are kept; ``None`` to forget them at the end.
-        model: its arm: a name of :data:`orinkit.arms.MODEL_NAMES`, a TOML file, or a
-            :class:`~orinkit.arms.Model`.
-        mode: what the mode switch is at.
-        token: the executable token: a :class:`Token`, or its text (:meth:`Token.parse`).
-        motor: whether the motor is on from the beginning.
-        joints: where the arm stands, degrees; its home pose if not given.
-        samples: put the sample programs into a file store that is empty.
-        slave_licence: the licence of the slave function is registered; without it slave mode is refused.
-        slave_limit: what commands in slave mode are limited to: a :class:`SlaveLimit`, or its number 0 to 3.
-        strict_time: a late set-point ends slave mode at once, as on a real controller (0x84201482; in mode 1 the arm
-            stops in place). Otherwise the controller's time stands still until it comes, for 250 ms at most, and
-            :attr:`lateness` counts it.
-        permission: who may read and write; everyone both, if not given.
-        clock: its clock; real time, if not given.
-        accept_pc_provider: answer also to ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
+        counts: Number of variables of each class I F D V P J T S; 100 for a class that is not listed.
+        io_points: Number of I/O points.
+        state: Directory in which the variables are kept; ``None`` to discard them when the controller is closed.
+        model: The arm: a name of :data:`orinkit.arms.MODEL_NAMES`, a TOML file, or an
+            :class:`~orinkit.arms.ArmModel`.
+        mode: Initial position of the mode switch.
+        token: The executable token: a :class:`Token`, or its text (:meth:`Token.parse`).
+        motor: True if the motor is on initially.
+        joints: Initial joint position, deg; the home pose if not given.
+        samples: Put the sample programs into the file store if it is empty.
+        slave_licence: True if the licence of the slave function is registered; without it slave mode is refused.
+        slave_limit: Limit of commands in slave mode: a :class:`SlaveLimit`, or its number 0 to 3.
+        strict_time: If True, a late set-point ends slave mode at once, as on a real controller (0x84201482; in mode 1
+            the arm stops in place). Otherwise the controller's time stands still until the set-point arrives, for up to
+            250 ms, and :attr:`lateness` counts it.
+        permission: Access rights by client address; read and write for every client if not given.
+        clock: The clock of the controller; real time if not given.
+        accept_pc_provider: Also accept ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
             send by mistake; a real controller refuses it.
-        serial_no: serial number.
-        version: software version.
-        language: of its texts: ``"en"``, ``"ja"``, or ``None`` for that of the process.
+        serial_no: Serial number.
+        version: Software version.
+        language: Language of the texts: ``"en"``, ``"ja"``, or ``None`` for that of the process.
 
     Attributes:
-        state: what its clients share: :class:`~orinkit.virtual.rc8.state.RC8State`.
-        pendant: its buttons, for a person or a test.
+        state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
+        pendant: The pendant, for a person or a test.
 
     Raises:
-        ValueError: a count, a class, a language, a model, a mode, a token or a limit that there is not; joints that
-            the arm cannot take.
-        StateError: the state directory cannot be used.
+        ValueError: If a count, class, language, model, mode, token or limit is not valid, or the arm cannot reach the
+            joint position.
+        StateError: If the state directory cannot be used.
     """
 
     def __init__(
@@ -92,9 +92,9 @@ class VirtualRC8(Provider):
         language: Language | None = None,
     ) -> None:
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
-        translator(language)  # an unknown language is refused before anything is made
+        translator(language)  # refuse an unknown language before anything is created
         if state is not None and not os.fspath(state):
-            raise ValueError(tr("the state directory has an empty name"))
+            raise ValueError(tr("the name of the state directory is empty"))
         if not isinstance(permission, Permission | None):
             raise TypeError(
                 tr(
@@ -146,14 +146,14 @@ class VirtualRC8(Provider):
         self.pendant = Pendant(self.state)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
-        """Return the controller object for one client; the machine name does not matter."""
+        """Return the controller object for one client; the machine name is ignored."""
         access = self.state.permission.of(client.address)
         return RC8Controller(
             ClientContext(self.state, Origin(name, client.address), access, client.drain_input), option
         )
 
     def close(self) -> None:
-        """Stop everything, write down the variables, let go of the state directory; closing twice is no error."""
+        """Stop the controller, save the variables and release the state directory; does nothing the second time."""
         self.state.close()
         self._forget()
 
@@ -168,22 +168,22 @@ class VirtualRC8(Provider):
         file_id: int = 0,
         original: int = 0,
     ) -> None:
-        """Raise an error in the controller, as :meth:`orinkit.virtual.rc8.state.RC8State.raise_error` tells.
+        """Raise an error in the controller; see :meth:`orinkit.virtual.rc8.state.RC8State.raise_error`.
 
         Raises:
-            ValueError: a code that has more than 32 bits.
+            ValueError: If the code has more than 32 bits.
         """
         self.state.raise_error(
             code, message, subcode=subcode, program=program, line=line, file_id=file_id, original=original
         )
 
     def clear_errors(self) -> None:
-        """Forget the current errors; the log keeps them."""
+        """Clear the current errors; the log keeps them."""
         self.state.clear_errors()
 
     @property
     def lateness(self) -> Lateness:
-        """How late the set-points of the present stream in slave mode are, or those of the last one were."""
+        """The lateness of the set-points of the current stream in slave mode, or of the last one."""
         with self.guard:
             return self.state.arm.slave.lateness(0)
 
@@ -191,7 +191,7 @@ class VirtualRC8(Provider):
         """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.
 
         Raises:
-            ValueError: another number.
+            ValueError: If the number is not 1, 2 or 3.
         """
         self.state.set_mode(mode)
 

@@ -1,8 +1,8 @@
-"""What all clients of one virtual RC8 share: variables, arm, programs, files, errors, logs, switches, time.
+"""The state shared by all clients of one virtual RC8: variables, arm, programs, files, errors, logs, switches, time.
 
-Objects that clients hold (controller, variables, robots, tasks, files) refer to one :class:`RC8State` and keep nothing of
-the controller themselves. Whoever looks at it or changes it holds ``cycles`` as a lock: the server around every call of
-a client, the cycle itself while it steps, and the methods here, which may be called from any thread.
+The objects of clients (controller, variables, robots, tasks, files) refer to one :class:`RC8State` and hold no state of
+the controller themselves. Reading or changing it requires the lock ``cycles``: the server holds it around every call of
+a client, the control loop while it steps, and the methods here acquire it, so that they are thread-safe.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _MODE_NAMES: Final[Mapping[ModeSwitch, str]] = {
 
 
 class Operation(IntEnum):
-    """Kinds of operations in the operation log."""
+    """Types of operations in the operation log."""
 
     CONNECT = 1
     DISCONNECT = 2
@@ -69,11 +69,11 @@ class Operation(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What the controller says it is.
+    """The identity that the controller reports.
 
     Attributes:
-        serial_no: serial number, ``@SERIAL_NO`` and SysInfo 0.
-        version: software version, ``@VERSION``.
+        serial_no: Serial number, ``@SERIAL_NO`` and SysInfo 0.
+        version: Software version, ``@VERSION``.
         maker: ``@MAKER_NAME``.
         type: ``@TYPE``, and the source of its messages.
     """
@@ -86,7 +86,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Who does something: a client by the name of its controller object and its address, or nobody in particular."""
+    """The originator of an operation: a client (name of its controller object, address), or empty if there is none."""
 
     caller: str = ""
     address: str = ""
@@ -96,27 +96,27 @@ _NOBODY: Final = Origin()
 
 
 class RC8State:
-    """The controller.
+    """The state of the controller.
 
     Args:
-        clock: its clock.
-        identity: what it says it is.
-        permission: who may read and write.
-        language: of its texts; None for the current language of the process.
-        counts: how many of each class of variables it has.
-        io_points: how many I/O points it has.
-        store: where its variables are kept, ``None`` for nowhere.
-        model: its arm.
-        files: directory in which its files are kept.
-        switches: how they are set at the beginning.
+        clock: The clock of the controller.
+        identity: The identity that it reports.
+        permission: Access rights by client address.
+        language: Language of its texts; None for the current language of the process.
+        counts: Number of variables of each class.
+        io_points: Number of I/O points.
+        store: Database of its variables, or ``None`` to keep them in memory only.
+        model: Its arm.
+        files: Directory of its files.
+        switches: Initial state of the switches.
 
     Attributes:
-        cycles: the 8 ms cycle, and the lock around everything here.
-        arm, moves: the robot, and what plans its motions.
-        hand, timers: the electric hand; what ends by time.
-        tasks: the programs.
-        supervisors_running: how many supervisory (TSR) tasks run.
-        battery_due: when the encoder batteries have to be replaced.
+        cycles: The 8 ms control loop, which is also the lock of the whole state.
+        arm, moves: The robot, and the planner of its motions.
+        hand, timers: The electric hand; operations that end after a time.
+        tasks: The programs.
+        supervisors_running: Number of running supervisory (TSR) tasks.
+        battery_due: When the encoder batteries have to be replaced.
     """
 
     def __init__(
@@ -167,17 +167,17 @@ class RC8State:
 
     @property
     def cycle_seconds(self) -> float:
-        """Seconds from when the controller was switched on to its last cycle: when the arm's joints were last read."""
+        """Seconds from switching the controller on to its last cycle, in which the joint position was last read."""
         return self.cycles.seconds
 
     @property
     def programs_running(self) -> int:
-        """How many program tasks run."""
+        """Number of running program tasks."""
         return self.tasks.running
 
     @property
     def battery_passed(self) -> bool:
-        """Whether the encoder batteries should have been replaced by now."""
+        """True if the replacement of the encoder batteries is overdue."""
         return self.calendar.now() > self.battery_due
 
     def raise_error(
@@ -192,20 +192,20 @@ class RC8State:
         original: int = 0,
         origin: Origin = _NOBODY,
     ) -> None:
-        """Put an error on the current list and into the log, and tell the clients; a notice is only logged.
+        """Add an error to the current errors and to the log, and notify the clients; a notice is only logged.
 
         Args:
-            code: signed or unsigned; level 0 and successes are notices.
-            message: text, ``None`` for that of the code.
-            subcode: more about the error.
-            program: name of the program that it happened in.
-            line: line of that program, counted from 1.
-            file_id: number of that program's file.
-            original: the code that led to this one.
-            origin: the client that caused it.
+            code: Signed or unsigned; level 0 and successes are notices.
+            message: Text; ``None`` for the text of the code.
+            subcode: Additional code.
+            program: Name of the program in which the error occurred.
+            line: Line of that program, counted from 1.
+            file_id: Number of that program's file.
+            original: Code that caused this error.
+            origin: Client that caused it.
 
         Raises:
-            ValueError: a code that has more than 32 bits.
+            ValueError: If the code has more than 32 bits.
         """
         code = hresult.unsigned(code)
         text = self.faults.text(code) if message is None else message
@@ -220,7 +220,7 @@ class RC8State:
                 self._react(code)
 
     def _react(self, code: int) -> None:
-        """Do to robot and programs what an error of this code does (docs/howto/robot.md)."""
+        """Apply the effect of an error of this code to robot and programs (docs/howto/robot.md)."""
         level = level_of(code)
         if level < _STOPPING_LEVEL:
             return
@@ -232,10 +232,10 @@ class RC8State:
         self.tasks.stop_all()
 
     def clear_errors(self, origin: Origin = _NOBODY) -> None:
-        """Forget the current errors; the log keeps them.
+        """Clear the current errors; the log keeps them.
 
         Raises:
-            CallError: FATAL_ERROR_BEFORE, one of them is of level 5: the controller has to be restarted.
+            CallError: FATAL_ERROR_BEFORE if an error has level 5: the controller has to be restarted.
         """
         with self.cycles:
             if self.faults.fatal:
@@ -244,7 +244,7 @@ class RC8State:
             self.log(Operation.CLEAR_ERROR, self.say("Errors cleared"), origin)
 
     def restart(self) -> None:
-        """Do what switching it off and on does for errors, motor, motions and programs; clients stay connected."""
+        """Reset errors, motor, motions and programs, as switching off and on does; clients stay connected."""
         with self.cycles:
             self.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.stop_all()
@@ -254,30 +254,30 @@ class RC8State:
             self.log(Operation.RESTART, self.say("Restarted"))
 
     def set_mode(self, mode: int) -> None:
-        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic; a motion is stopped and the motor goes off.
+        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic; stops a motion and switches the motor off.
 
         Raises:
-            ValueError: another number.
+            ValueError: If the number is not 1, 2 or 3.
         """
-        wanted = read_mode(mode)
+        new = read_mode(mode)
         with self.cycles:
-            if wanted is self.switches.mode:
+            if new is self.switches.mode:
                 return
-            self.switches.mode = wanted
+            self.switches.mode = new
             self._halt_all(hresult.EMERGENCY_STOP_OR_MODE_CHANGE)
-            text = self.say("Mode: {mode}", mode=self.say(_MODE_NAMES[wanted]))
+            text = self.say("Mode: {mode}", mode=self.say(_MODE_NAMES[new]))
             self.log(Operation.MODE, text)
-            self.events.publish(EventKind.MODE, wanted, text, self.calendar.now())
+            self.events.publish(EventKind.MODE, new, text, self.calendar.now())
 
     def set_token(self, token: Token) -> None:
-        """Give the executable token to somebody else; what runs goes on."""
+        """Assign the executable token; running motions and programs continue."""
         with self.cycles:
             if token != self.switches.token:
                 self.switches.token = token
                 self.log(Operation.TOKEN, self.say("Executable token: {token}", token=token))
 
     def emergency_stop(self, on: bool) -> None:
-        """Press or release the emergency stop; pressed, it brings the arm to rest and the motor goes off."""
+        """Press or release the emergency stop; pressing it stops the arm and then switches the motor off."""
         on = bool(on)
         with self.cycles:
             if on is self.switches.emergency_stop:
@@ -290,7 +290,7 @@ class RC8State:
             self.events.publish(EventKind.EMERGENCY_STOP, int(on), text, self.calendar.now())
 
     def protective_stop(self, on: bool) -> None:
-        """Set or take away the protective stop; set, it brings the arm to rest and the motor goes off."""
+        """Set or clear the protective stop; setting it stops the arm and then switches the motor off."""
         with self.cycles:
             if bool(on) is self.switches.protective_stop:
                 return
@@ -301,7 +301,7 @@ class RC8State:
             self.log(Operation.PROTECTIVE_STOP, text)
 
     def auto_enable(self, on: bool) -> None:
-        """Set the auto-enable input; when it goes off the arm is brought to rest and that is an error."""
+        """Set the auto-enable input; switching it off raises an error, stops the arm and switches the motor off."""
         with self.cycles:
             if bool(on) is self.switches.auto_enable:
                 return
@@ -313,10 +313,10 @@ class RC8State:
                 self._halt_all(hresult.AUTO_ENABLE_WENT_OFF)
 
     def machine_lock(self, on: bool, origin: Origin = _NOBODY) -> None:
-        """Set the machine lock: motions run, the arm stays where it is.
+        """Set or clear the machine lock: with it, motions are executed, but the arm does not move.
 
         Raises:
-            CallError: MOTOR_IS_ON: a lock that comes off while it is on would have the arm jump.
+            CallError: MOTOR_IS_ON: clearing the lock with the motor on would make the arm jump.
         """
         with self.cycles:
             if bool(on) is self.switches.machine_lock:
@@ -332,10 +332,10 @@ class RC8State:
         self.tasks.stop_all()
 
     def start_task(self, task: Task, mode: TaskMode, origin: Origin) -> None:
-        """Start a program; what is wrong with its text goes into the error log.
+        """Start a program; a syntax error is written to the error log.
 
         Raises:
-            CallError: as :meth:`Tasks.start`.
+            CallError: As for :meth:`Tasks.start`.
         """
         try:
             self.tasks.start(task, mode)
@@ -354,9 +354,9 @@ class RC8State:
         self.raise_error(code, f"{text}: {detail}" if detail else text)
 
     def _show(self, program: str, kind: str, text: str) -> None:
-        """A program prints: PrintMsg is an event for the clients, both are lines of the operation log.
+        """Record a printed text: PrintMsg is an event for the clients, both are lines of the operation log.
 
-        Not of the log on stderr: nobody may be reading that, and a program that prints for ever would stop there.
+        It is not written to the log on stderr: if nothing reads that, a program that prints forever would block.
         """
         self.log(Operation.PROGRAM_OUTPUT, f"{program}: {text}")
         if kind == "msg":
@@ -367,16 +367,16 @@ class RC8State:
         self.raise_error(code, f"{text}: {detail}" if detail else text, program=program, line=line)
 
     def _crashed(self, error: Exception) -> None:
-        """A part of the cycle has let out an exception: nothing moves on as if all were well."""
+        """Raise an error and stop everything after an unexpected exception in the control loop."""
         self.raise_error(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
         self._halt_all(hresult.UNDEFINED_ERROR)
 
     def log(self, operation: Operation, text: str, origin: Origin = _NOBODY) -> None:
-        """Write a line into the operation log."""
+        """Add a line to the operation log."""
         self.operations.add(OperationRecord(operation, text, self.calendar.now(), origin.caller, origin.address))
 
     def close(self) -> None:
-        """Stop everything and write down what has to be kept."""
+        """Stop the controller and save the variables."""
         self.cycles.close()
         with self.cycles:
             self.arm.close()
@@ -385,12 +385,14 @@ class RC8State:
 
 
 def read_mode(mode: int) -> ModeSwitch:
-    """Return a position of the mode switch.
+    """Return the position of the mode switch for a number.
 
     Raises:
-        ValueError: it is none of 1, 2, 3.
+        ValueError: If the number is not 1, 2 or 3.
     """
     try:
         return ModeSwitch(mode)
     except ValueError:
-        raise ValueError(tr("the mode is 1 manual, 2 teach check or 3 automatic, not {mode!r}", mode=mode)) from None
+        raise ValueError(
+            tr("mode must be 1 (manual), 2 (teach check) or 3 (automatic), not {mode!r}", mode=mode)
+        ) from None

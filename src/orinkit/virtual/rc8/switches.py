@@ -1,4 +1,4 @@
-"""What a person sets at the controller: mode switch, executable token, emergency stop, enabling inputs, machine lock."""
+"""The switches of the controller: mode switch, executable token, emergency stop, enabling inputs, machine lock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ModeSwitch(IntEnum):
 
 
 class SlaveLimit(IntEnum):
-    """What commands in slave mode are limited to ("153: b-CAP Slave speed setting", RC8 4.8)."""
+    """The limit of commands in slave mode ("153: b-CAP Slave speed setting", RC8 4.8)."""
 
     SERVO = 0
     SERVO_EXTERNAL = 1
@@ -28,25 +28,25 @@ class SlaveLimit(IntEnum):
 
     @classmethod
     def read(cls, number: int) -> SlaveLimit:
-        """Return the setting of a number.
+        """Return the setting for a number.
 
         Raises:
-            ValueError: it is none of 0 to 3.
+            ValueError: If the number is not 0 to 3.
         """
         try:
             return cls(number)
         except ValueError:
             raise ValueError(
                 tr(
-                    "the slave limit is 0 servo, 1 servo x external speed, 2 command or 3 command x external "
-                    "speed, not {number!r}",
+                    "slave limit must be 0 (servo), 1 (servo x external speed), 2 (command) or 3 (command x external "
+                    "speed), not {number!r}",
                     number=number,
                 )
             ) from None
 
 
 class TokenKind(Enum):
-    """Who has the executable token (start right, RC8 2.1): may start programs, switch the motor on, move the robot."""
+    """The holder of the executable token (RC8 2.1): may start programs, switch the motor on and move the robot."""
 
     TP = "tp"
     IO = "io"
@@ -59,8 +59,8 @@ class Token:
     """The executable token.
 
     Attributes:
-        kind: with whom it is.
-        address: with ``ETHERNET``, the address of the client that has it; ``""`` for every client.
+        kind: Type of the holder.
+        address: For ``ETHERNET``, the address of the client that has it; ``""`` for every client.
     """
 
     kind: TokenKind = TokenKind.ANY
@@ -68,10 +68,10 @@ class Token:
 
     @classmethod
     def parse(cls, text: str) -> Token:
-        """Return the token written as ``any``, ``tp``, ``io``, ``ethernet`` or ``ethernet:192.168.0.7``.
+        """Return the token of a text: ``any``, ``tp``, ``io``, ``ethernet`` or ``ethernet:192.168.0.7``.
 
         Raises:
-            ValueError: it is none of these.
+            ValueError: If the text is not one of these.
         """
         name, _, address = (part.strip() for part in text.partition(":"))
         try:
@@ -82,7 +82,7 @@ class Token:
                 raise ValueError(address)
         except ValueError:
             raise ValueError(
-                tr("unknown token {text!r}; use any, tp, io, ethernet or ethernet:ADDRESS", text=text)
+                tr("unknown token {text!r}. Try: any, tp, io, ethernet or ethernet:ADDRESS", text=text)
             ) from None
         return cls(kind, address)
 
@@ -90,10 +90,10 @@ class Token:
         return f"{self.kind.value}:{self.address}" if self.address else self.kind.value
 
     def refusal(self, address: str) -> int:
-        """Return the code with which a client at this address is refused, 0 if it has the token."""
+        """Return the error code for a client at this address, or 0 if it has the token."""
         if self.kind is TokenKind.ANY:
             return 0
-        if self.kind is not TokenKind.ETHERNET or not address:  # without an address it is no network client
+        if self.kind is not TokenKind.ETHERNET or not address:  # a client without an address is not a network client
             return hresult.START_RIGHT_NOT_ETHERNET
         if not self.address or _same(self.address, address):
             return 0
@@ -102,14 +102,14 @@ class Token:
 
 @dataclass(slots=True)
 class Switches:
-    """The switches and inputs. It starts in automatic mode (RC8 2.2), with nothing pressed and nothing stopped.
+    """The switches and inputs. Initially automatic mode (RC8 2.2) and no stop.
 
-    They are changed through :class:`~orinkit.virtual.rc8.state.RC8State`, which tells the clients and stops the robot.
+    Change them through :class:`~orinkit.virtual.rc8.state.RC8State`, which notifies the clients and stops the robot.
 
     Attributes:
-        slave_licence: whether the licence of the slave function is registered.
-        slave_limit: what commands in slave mode are limited to.
-        strict_time: whether a late set-point is an error at once, as on a real controller.
+        slave_licence: True if the licence of the slave function is registered.
+        slave_limit: Limit of commands in slave mode.
+        strict_time: True if a late set-point is an error at once, as on a real controller.
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC
@@ -125,7 +125,7 @@ class Switches:
 
     @property
     def torque_off(self) -> bool:
-        """Whether a stop keeps the torque off (STO)."""
+        """True while a stop keeps the torque off (STO)."""
         return self.emergency_stop or self.protective_stop
 
 

@@ -1,4 +1,4 @@
-"""The programs of the controller: one task for each ``.pcs`` file, run in slices of the 8 ms cycle."""
+"""The programs of the controller: one task per ``.pcs`` file, executed in slices of the 8 ms cycle."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 STATEMENTS: Final = 200
-"""Statements that a task executes in a cycle at most: 25,000 in a second."""
+"""Statements that a task executes per cycle at most: 25,000 per second."""
 
 ALL_STATEMENTS: Final = 800
-"""Statements of all tasks together in a cycle: more would leave too little of it for the arm and for clients."""
+"""Statements of all tasks together per cycle: more would leave too little time for the arm and for clients."""
 
 MOST_RUNNING: Final = 32
 PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
-_PART_OF_CYCLE: Final = 0.25  # that programs may take, where each of their statements is a long one
+_PART_OF_CYCLE: Final = 0.25  # time limit of all programs, for statements that take long
 _KEPT: Final = 32
 _LARGE: Final = 8192  # bytes; loading them takes about 0.1 s
 
 
 class Task:
-    r"""One program as it runs; as an operator of the arm it needs no right and no token, for its start had both.
+    r"""A program and its execution; as an operator of the arm it needs no right or token: its start required both.
 
     Attributes:
-        name: without suffix, as ``Pro1`` or ``folder\\Pro1``.
-        status: what it is doing.
-        cycle_seconds: how long its last cycle took, s.
+        name: Name without suffix, as ``Pro1`` or ``folder\\Pro1``.
+        status: State of execution.
+        cycle_seconds: Duration of the last cycle, s.
     """
 
     program: Final = True
@@ -53,7 +53,7 @@ class Task:
         self.world = world(self)
         self._seconds = seconds
         self._mode = TaskMode.CYCLE
-        self._ending = StopMode.DEFAULT  # STEP or CYCLE: where it is to stop
+        self._ending = StopMode.DEFAULT  # STEP or CYCLE: stop after the present step or cycle
         self._machine: Machine | None = None
         self._program: Program | None = None
         self._began = 0.0
@@ -63,38 +63,38 @@ class Task:
         return self.name
 
     def right(self) -> int:
-        """It may do what it was started for."""
+        """Return 0: the rights were checked when it was started."""
         return 0
 
     def token(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
-        """Who started it had the token."""
+        """Return 0: the client that started it had the token."""
         return 0
 
     @property
     def running(self) -> bool:
-        """Whether it runs."""
+        """True while the task is running."""
         return self.status is TaskStatus.RUNNING
 
     @property
     def line(self) -> int:
-        """The line that is executed next, from 1; 0 before the first start."""
+        """The line to be executed next, from 1; 0 before the first start."""
         return self._machine.line if self._machine else 0
 
     @property
     def elapsed(self) -> float:
-        """Seconds since it was started; 0 when it is not running."""
+        """Seconds since the start; 0 if the task is not running."""
         return self._seconds() - self._started if self.status is TaskStatus.RUNNING else 0.0
 
     def start(self, program: Program, mode: TaskMode) -> None:
-        """Run a program, or go on with it where it was suspended.
+        """Run a program, or continue it if it is suspended.
 
         Raises:
             CallError: PROGRAM_RUNNING.
         """
         if self.status is TaskStatus.RUNNING:
             raise error_for(hresult.PROGRAM_RUNNING, self.name)
-        going_on = self.status in (TaskStatus.SUSPENDED, TaskStatus.STEP_STOPPED) and program is self._program
-        if not going_on or self._machine is None:
+        continues = self.status in (TaskStatus.SUSPENDED, TaskStatus.STEP_STOPPED) and program is self._program
+        if not continues or self._machine is None:
             self._program = program
             self._machine = Machine(program, self.world)
             self._began = self._seconds()
@@ -104,7 +104,7 @@ class Task:
         self.world.go_on()
 
     def stop(self, mode: StopMode) -> None:
-        """Stop it; one that does not run stays as it is, but can be initialised."""
+        """Stop the task; a task that is not running is not changed, except by INITIALIZE."""
         if mode is StopMode.INITIALIZE:
             self.initialize(halt=True)
         elif self.status is TaskStatus.RUNNING:
@@ -115,21 +115,21 @@ class Task:
                 self.world.pause()
 
     def suspend(self) -> None:
-        """Stop where it is, at its own wish (Hold); a start goes on."""
+        """Suspend the task at its own request (Hold); a start continues it."""
         self.status = TaskStatus.SUSPENDED
 
     def initialize(self, *, halt: bool) -> None:
-        """Forget where it was and give the arm back; with ``halt`` its motion is brought to rest."""
+        """Reset the task to its beginning and release the arm; with ``halt`` its motion is stopped."""
         self.world.leave(halt=halt)
         self._machine = None
         self.status = TaskStatus.READY
 
-    def step(self, statements: int, tired: Callable[[], bool]) -> ProgramFault | None:
-        """Do what belongs to one cycle; returns the fault that ended it, if one did.
+    def step(self, statements: int, expired: Callable[[], bool]) -> ProgramFault | None:
+        """Execute the statements of one cycle; return the fault that ended the program, if any.
 
         Args:
-            statements: how many at most.
-            tired: tells when it has been long enough, however few they were.
+            statements: Largest number of statements.
+            expired: Callback that returns True when the time for programs is used up.
         """
         machine = self._machine
         if self.status is not TaskStatus.RUNNING or machine is None:
@@ -137,7 +137,7 @@ class Task:
         if self._mode is TaskMode.STEP or self._ending is StopMode.STEP:
             machine.step()
         else:
-            machine.run(statements, tired)
+            machine.run(statements, expired)
         if machine.state is MachineState.FAULT:
             self.initialize(halt=True)
             return machine.fault
@@ -160,19 +160,19 @@ class Task:
 
 
 class Tasks:
-    """All tasks: there is one for each program in the file store.
+    """All tasks: one per program in the file store.
 
     Args:
-        cycles: the controller's cycle.
-        arm, moves: the robot.
-        variables: global variables.
-        files: where the programs are.
-        seconds: gives the time since the controller was switched on, s.
-        report: is told of a program's fault: code, detail, program, line.
-        show: is told what a program prints: program, kind, text.
+        cycles: The control loop.
+        arm, moves: The robot.
+        variables: Global variables.
+        files: The file store with the programs.
+        seconds: Callback that returns the time since the controller was switched on, s.
+        report: Callback invoked with a program's fault: code, detail, program, line.
+        show: Callback invoked with each printed text: program, type, text.
 
     Attributes:
-        cycle_complete: a program has ended its cycle and none has been started since.
+        cycle_complete: True if a program has completed its cycle and none has been started since.
     """
 
     def __init__(
@@ -193,7 +193,7 @@ class Tasks:
 
     @property
     def running(self) -> int:
-        """How many tasks run."""
+        """Number of running tasks."""
         return sum(task.running for task in self._tasks.values())
 
     def names(self) -> list[str]:
@@ -201,24 +201,24 @@ class Tasks:
         return self._files.programs()
 
     def find(self, name: str) -> Task:
-        """Return the task of a program, in upper or lower case, with or without suffix.
+        """Return the task of a program, ignoring case, with or without suffix.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND, there is no such program.
+            CallError: E_CAO_OBJECT_NOTFOUND if the program does not exist.
         """
-        wanted = name.strip()
-        if wanted.lower().endswith(SUFFIX):
-            wanted = wanted[: -len(SUFFIX)]
+        stem = name.strip()
+        if stem.lower().endswith(SUFFIX):
+            stem = stem[: -len(SUFFIX)]
         try:
-            exists = bool(wanted) and self._files.exists(wanted + SUFFIX)
-        except CallError:  # it cannot be a name
+            exists = bool(stem) and self._files.exists(stem + SUFFIX)
+        except CallError:  # not a valid file name
             exists = False
         if not exists:
             raise not_found(name)
-        return self.named(self._files.path(wanted + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
+        return self.named(self._files.path(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
 
     def named(self, path: str) -> Task:
-        """Return the task of a path, whether there is such a program or not."""
+        """Return the task of a path, even if the program does not exist."""
         key = path.lower()
         task = self._tasks.get(key)
         if task is None:
@@ -228,7 +228,7 @@ class Tasks:
         return task
 
     def exists(self, task: Task) -> bool:
-        """Return whether a task's program is still there."""
+        """Return True if the program of a task still exists."""
         return self._files.exists(task.name + SUFFIX)
 
     def start(self, task: Task, mode: TaskMode) -> None:
@@ -247,12 +247,12 @@ class Tasks:
         self._cycles.wake()
 
     def stop_all(self) -> None:
-        """Stop every program for good: its next start is from the beginning. The arm is stopped by whoever calls."""
+        """Reset every program: its next start is from the beginning. The caller stops the arm."""
         for task in self._tasks.values():
             task.initialize(halt=False)
 
     def _file_changed(self, name: str) -> None:
-        """A program that is suspended and whose file has gone can never go on: it gives the arm back."""
+        """Drop a changed program; a suspended task whose file was deleted cannot continue and releases the arm."""
         key = name.lower().removesuffix(SUFFIX)
         self._programs.pop(key, None)
         task = self._tasks.get(key)
@@ -265,7 +265,7 @@ class Tasks:
         """Delete a task and its program.
 
         Raises:
-            CallError: PROGRAM_RUNNING, it is not at its beginning; as the file store refuses.
+            CallError: PROGRAM_RUNNING if it is not at its beginning; otherwise the error of the file store.
         """
         if task.status is not TaskStatus.READY:
             raise error_for(hresult.PROGRAM_RUNNING, task.name)
@@ -273,47 +273,47 @@ class Tasks:
         self._tasks.pop(task.name.lower(), None)
 
     def step(self) -> bool:
-        """Do one cycle; returns whether a program runs."""
+        """Execute one cycle; return True if a program is running."""
         running = [task for task in self._tasks.values() if task.running]
         if not running:
             return False
-        self._first = (self._first + 1) % len(running)  # where time is short, each comes first in its turn
-        tired = self._cycles.stopwatch(_PART_OF_CYCLE)
+        self._first = (self._first + 1) % len(running)  # round-robin, in case the time does not suffice for all
+        expired = self._cycles.stopwatch(_PART_OF_CYCLE)
         for task in running[self._first :] + running[: self._first]:
-            if task.running:  # no other one's fault has stopped it meanwhile
-                self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), tired)
-            if tired():
+            if task.running:  # the fault of another task may have stopped it
+                self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), expired)
+            if expired():
                 break
         return self.running > 0
 
-    def _run(self, task: Task, statements: int, tired: Callable[[], bool]) -> None:
-        fault = task.step(statements, tired)
+    def _run(self, task: Task, statements: int, expired: Callable[[], bool]) -> None:
+        fault = task.step(statements, expired)
         if fault is not None:
             self._report(fault.code, fault.detail, task.name, fault.line)
         elif not task.running:
             self.cycle_complete = task.status is TaskStatus.READY
-        if not task.running and not self.exists(task):  # its file was deleted while it ran
+        if not task.running and not self.exists(task):  # its file was deleted during execution
             self._tasks.pop(task.name.lower(), None)
 
     def is_large(self, task: Task) -> bool:
-        """Return whether loading a task's program takes long enough to be done outside the controller's lock."""
+        """Return True if loading the program takes so long that it must be done outside the controller's lock."""
         return self.exists(task) and self._files.size(task.name + SUFFIX) > _LARGE
 
     def load(self, task: Task) -> Program:
-        """Return a task's program, compiled; one that has not changed is compiled once.
+        """Return a task's program, compiled; an unchanged program is compiled only once.
 
         Raises:
-            CallError: SYNTAX_ERROR, with file, line and column in its detail; as the file store refuses.
+            CallError: SYNTAX_ERROR with file, line and column in its detail; otherwise the error of the file store.
         """
         key, source = task.name.lower(), self._files.read(task.name + SUFFIX)
-        known = self._programs.get(key)
-        if known is None or known[0] != source:
-            known = self._programs[key] = (source, _compiled(source, task.name + SUFFIX))
-            while len(self._programs) > _KEPT:  # what runs has its own
+        cached = self._programs.get(key)
+        if cached is None or cached[0] != source:
+            cached = self._programs[key] = (source, _compiled(source, task.name + SUFFIX))
+            while len(self._programs) > _KEPT:  # running tasks have their own reference
                 self._programs.popitem(last=False)
-        if isinstance(known[1], CallError):
-            raise error_for(known[1].code, known[1].detail)
-        return known[1]
+        if isinstance(cached[1], CallError):
+            raise error_for(cached[1].code, cached[1].detail)
+        return cached[1]
 
 
 def _compiled(source: bytes, file: str) -> Program | CallError:
@@ -324,7 +324,7 @@ def _compiled(source: bytes, file: str) -> Program | CallError:
 
 
 def milliseconds(seconds: float) -> int:
-    """Return a time as VT_I4, ms."""
+    """Return a time in ms as VT_I4."""
     return min(int(seconds * _MILLISECONDS), 0x7FFF_FFFF)
 
 

@@ -1,4 +1,4 @@
-"""A directory for a controller that keeps nothing: removed with it, or by the next one where its process was killed."""
+"""A temporary directory for a controller without persistent state; leftovers of killed processes are removed later."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from typing import Final
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, flock
-except (
-    ImportError
-):  # Windows: what a killed process leaves stays until somebody clears the directory of temporary files
+except ImportError:  # Windows: the directory of a killed process remains until the temporary files are cleaned up
     _locks = False
 else:
     _locks = True
@@ -22,14 +20,14 @@ else:
 _PREFIX: Final = "orinkit-rc8-"
 _LOCK: Final = "lock"
 _FLAGS: Final = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
-_swept: set[str] = set()  # directories of temporary files, once for each process
+_swept: set[str] = set()  # parent directories already searched for leftovers by this process
 
 
 class TemporaryDirectory:
-    """One directory. It is locked as long as its process lives, which a number of a process could not tell for sure.
+    """A temporary directory that is locked while its process lives; a process ID would not be a reliable sign of life.
 
     Attributes:
-        path: where the controller keeps its files.
+        path: Path of the directory.
     """
 
     def __init__(self) -> None:
@@ -42,10 +40,10 @@ class TemporaryDirectory:
             self._lock = os.open(self.path / _LOCK, _FLAGS | os.O_CREAT, 0o600)
             if _locked(self._lock) and (self.path / _LOCK).exists():
                 return
-            os.close(self._lock)  # another process took it for a leftover at that very moment
+            os.close(self._lock)  # another process has just removed it as a leftover
 
     def remove(self) -> None:
-        """Remove it; does nothing the second time."""
+        """Remove the directory; does nothing the second time."""
         shutil.rmtree(self.path, ignore_errors=True)
         if self._lock >= 0:
             os.close(self._lock)
@@ -53,7 +51,7 @@ class TemporaryDirectory:
 
 
 def sweep(parent: Path) -> None:
-    """Remove the directories of this user's processes that do not live any more."""
+    """Remove the directories left by terminated processes of this user."""
     if not _locks:
         return
     with suppress(OSError), os.scandir(parent) as entries:
@@ -66,7 +64,7 @@ def sweep(parent: Path) -> None:
 def _remove_if_left(path: Path) -> None:
     status = path.lstat()
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-        return  # nor through a link that somebody else has planted
+        return  # another user's directory, or a link planted by one
     lock = os.open(path / _LOCK, _FLAGS)
     try:
         if _locked(lock):
@@ -76,7 +74,7 @@ def _remove_if_left(path: Path) -> None:
 
 
 def _locked(descriptor: int) -> bool:
-    """Lock a file; False where another process has done so."""
+    """Lock a file; return False if another process holds the lock."""
     if _locks:
         try:
             flock(descriptor, LOCK_EX | LOCK_NB)
