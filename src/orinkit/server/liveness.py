@@ -1,8 +1,9 @@
-"""A client whose motions run has to show that it is there; one that does not is stopped.
+"""Liveness of clients whose motions run: the motions of a silent client are stopped.
 
-Two limits. The server's own is for clients without a connection whose end would tell of theirs: nothing heard for that long
-while no call of theirs is at work and their arm moves, and they are taken to have gone. The client's own (``Alive=<ms>``)
-holds on every wire, also during a call: nothing heard, and what it moves is brought to rest; if it stays silent, it is gone.
+There are two limits. The server's limit applies to connectionless clients, for which no connection loss can be detected: a
+client is disconnected if nothing is received for that long while it has no call in progress and its arm moves. The client's
+own limit (``Alive=<ms>``) applies on every transport, also during a call: if nothing is received, the motions are stopped;
+if the client stays silent, it is disconnected.
 """
 
 from __future__ import annotations
@@ -16,83 +17,85 @@ from orinkit.cao.session import Session
 logger = logging.getLogger("orinkit.server")
 
 GONE: Final = 10.0
-"""Seconds of silence after which a client is taken to have gone that has promised signs of life."""
+"""Seconds of silence after which a client with ``Alive`` is disconnected."""
 
 
 class MonitoredClient(Protocol):
-    """A client, as far as it is watched."""
+    """A client that a :class:`LivenessMonitor` monitors."""
 
     @property
     def heard(self) -> float:
-        """When something came from it."""
+        """The time of the last request or keep-alive, s."""
 
     @property
     def answered(self) -> float:
-        """When it was last answered."""
+        """The time of the last reply, s."""
 
     @property
     def at_work(self) -> bool:
-        """Whether a call of it is at work."""
+        """Whether a call is in progress."""
 
     @property
     def promise(self) -> float | None:
-        """Seconds within which it wants to be heard; ``None`` where it has promised nothing."""
+        """The client's own limit (``Alive``), s; ``None`` if it has not set one."""
 
     @property
     def patience(self) -> float | None:
-        """Seconds that it may be silent while its motions run and no call is at work; ``None`` without limit."""
+        """The server's limit, s; ``None`` if there is no limit."""
 
     @property
     def session(self) -> Session | None:
-        """Its objects, ``None`` where it is no client any more."""
+        """The client's objects; ``None`` after it has disconnected."""
 
     def give_up(self, reason: str) -> None:
-        """It is taken to have gone."""
+        """Disconnect the client, which has become unreachable."""
 
 
 class LivenessMonitor:
-    """Watches one client.
+    """Monitors one client.
 
     Args:
-        loop: the event loop that it lives in.
-        client: who is watched.
+        loop: the event loop of the client.
+        client: the client to monitor.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, client: MonitoredClient) -> None:
         self._loop = loop
         self._client = client
         self._timer: asyncio.TimerHandle | None = None
-        self._stopped_at = -1.0  # what was last heard when its arm was stopped
+        self._stopped_at = -1.0  # client.heard when its motions were stopped
 
     def attend(self) -> None:
-        """Something has come of the client: watch it from now on, until it is silent and nothing moves."""
+        """Monitor the client from now on, until it is silent and nothing moves; called with every request."""
         promise = self._client.promise
         if self._timer is None:
-            self._look()
+            self._check()
         elif promise is not None and self._timer.when() > self._loop.time() + promise:
-            self._timer.cancel()  # it was set before the client promised
-            self._look()
+            self._timer.cancel()  # set before the client sent Alive
+            self._check()
 
     def end(self) -> None:
-        """Watch it no more."""
+        """Stop monitoring."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         self._timer = None
         client, now = self._client, self._loop.time()
         session = client.session
         if session is None:
             return
         due = [
-            each for each in (self._mind_promise(session, now), self._mind_silence(session, now)) if each is not None
+            each
+            for each in (self._check_client_limit(session, now), self._check_server_limit(session, now))
+            if each is not None
         ]
         if due and client.session is session:
-            self._timer = self._loop.call_at(min(due), self._look)
+            self._timer = self._loop.call_at(min(due), self._check)
 
-    def _mind_silence(self, session: Session, now: float) -> float | None:
-        """Return when to look again; ``None`` where nothing can happen before something comes of the client."""
+    def _check_server_limit(self, session: Session, now: float) -> float | None:
+        """Apply the server's limit; return the time of the next check, or ``None`` if none is due before a request."""
         client = self._client
         patience = client.patience
         if patience is None:
@@ -102,10 +105,11 @@ class LivenessMonitor:
             return until
         if not session.is_moving():
             return None
-        client.give_up(f"nothing heard for {patience:g} s while its arm moves")
+        client.give_up(f"nothing received for {patience:g} s while its arm moves")
         return None
 
-    def _mind_promise(self, session: Session, now: float) -> float | None:
+    def _check_client_limit(self, session: Session, now: float) -> float | None:
+        """Apply the client's own limit; return the time of the next check, or ``None`` if the client has no limit."""
         client = self._client
         promise = client.promise
         if promise is None:
@@ -114,10 +118,12 @@ class LivenessMonitor:
         if now < heard + promise:
             return heard + promise
         if now >= heard + max(GONE, promise):
-            client.give_up(f"nothing heard for {now - heard:.3g} s; it had promised a sign of life every {promise:g} s")
+            client.give_up(
+                f"nothing received for {now - heard:.3g} s; it had announced a keep-alive every {promise:g} s"
+            )
             return None
         if self._stopped_at != heard and session.is_moving():
             self._stopped_at = heard
-            logger.warning("a client is silent for %g s: its arm is stopped", promise)
+            logger.warning("a client has been silent for %g s: its arm is stopped", promise)
             session.stop_moving()
         return min(now + promise, heard + max(GONE, promise))

@@ -1,8 +1,8 @@
-"""How much log one client can cause: ten messages of a kind, then one in ten seconds, and how many were left out.
+"""Rate limit of log messages per client: ten messages of a kind, then one every ten seconds, and a count of the rest.
 
-:func:`install` puts one :class:`LogLimiter` on the loggers that a client's calls reach, whatever handlers the program has.
-Servers say with :data:`CLIENT` on whose behalf something is being done. A kind is a logger with a message as it is written
-in the source, ``"%s: %s"``, and the record's ``kind`` where the call gave one in ``extra``.
+:func:`install` adds one :class:`LogLimiter` to the loggers that clients can trigger, regardless of the program's handlers.
+Servers set :data:`CLIENT` to the client on whose behalf they work. A kind of message is the combination of the logger, the
+level, the format string (``"%s: %s"``), and the record's ``kind`` if ``extra`` contains one.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from typing import Final, Protocol, TypeAlias
 from orinkit.core.i18n import printable, tr
 
 CLIENT: Final[ContextVar[str]] = ContextVar("client", default="")
-"""Address of the client for whom something is being done; ``""`` where it is done for nobody in particular."""
+"""Address of the client on whose behalf the current context runs; ``""`` if there is none."""
 
 LOGGERS: Final = (
     "orinkit.server", "orinkit.session", "orinkit.bcap.server", "orinkit.gateway", "orinkit.rc8", "orinkit.virtual.rc8",
     "orinkit.ve026a",
 )  # fmt: skip
-"""Loggers whose records a client can cause."""
+"""Loggers whose records clients can trigger."""
 
 BURST: Final = 10
-"""Messages of one kind that one client causes before any is left out."""
+"""Messages of one kind from one client before any is suppressed."""
 INTERVAL: Final = 10.0
-"""Seconds for one more message; and after which it is told how many were left out."""
+"""Seconds until one more message is allowed, and until the number of suppressed messages is logged."""
 
-_MOST_KINDS: Final = 1024  # that are counted apart; those of all further clients count together
+_MAX_KINDS: Final = 1024  # counted separately; messages of further clients share one count
 _REPORT: Final = "throttle_report"
 
 _Key: TypeAlias = tuple[str, str, int, str, str]  # client, logger, level, message, kind
@@ -43,7 +43,7 @@ class _Timer(Protocol):
 
 @dataclass(slots=True)
 class _MessageCount:
-    """What is known of one kind of message of one client."""
+    """Token bucket of one kind of message of one client."""
 
     left: float
     at: float
@@ -52,11 +52,11 @@ class _MessageCount:
 
 
 class LogLimiter(logging.Filter):
-    """Lets a burst of each kind of message of each client through, then one in :data:`INTERVAL` seconds.
+    """Passes a burst of each kind of message of each client, then one per :data:`INTERVAL`.
 
     Args:
         clock: returns the time, s.
-        later: calls a function after some seconds.
+        later: schedules a function to be called after a number of seconds; returns a timer.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class LogLimiter(logging.Filter):
     ) -> None:
         super().__init__()
         self._clock = clock
-        self._later = later or _in_a_thread
+        self._later = later or _thread_timer
         self._lock = threading.Lock()
-        self._counts: dict[_Key, _MessageCount] = {}  # the one that has been quiet longest first
+        self._counts: dict[_Key, _MessageCount] = {}  # least recently used first
         self._timer: _Timer | None = None
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record is to be written."""
+        """Return True if the record is to be written."""
         if _REPORT in record.__dict__:
             return True
         now = self._clock()
@@ -93,7 +93,7 @@ class LogLimiter(logging.Filter):
         kind = str(getattr(record, "kind", ""))
         key = (CLIENT.get(), record.name, record.levelno, str(record.msg), kind)
         count = self._counts.pop(key, None)
-        if count is None and len(self._counts) >= _MOST_KINDS and not self._forget_quiet(now):
+        if count is None and len(self._counts) >= _MAX_KINDS and not self._discard_quiet(now):
             key = ("", *key[1:])
             count = self._counts.pop(key, None)
         if count is None:
@@ -101,8 +101,8 @@ class LogLimiter(logging.Filter):
         self._counts[key] = count
         return count
 
-    def _forget_quiet(self, now: float) -> bool:
-        """Forget the kind that has been quiet longest; False where even that one counts still."""
+    def _discard_quiet(self, now: float) -> bool:
+        """Discard the least recently used count; return False if even that one is still needed."""
         key, count = next(iter(self._counts.items()))
         quiet = not count.suppressed and count.left + (now - count.at) / INTERVAL >= BURST
         if quiet:
@@ -110,10 +110,10 @@ class LogLimiter(logging.Filter):
         return quiet
 
     def report(self) -> None:
-        """Log how many messages have been left out since it was said last."""
+        """Log how many messages have been suppressed since the last report."""
         with self._lock:
             timer, self._timer = self._timer, None
-            told = [
+            reports = [
                 (key[1], key[2], count.suppressed, count.sample)
                 for key, count in self._counts.items()
                 if count.suppressed
@@ -122,7 +122,7 @@ class LogLimiter(logging.Filter):
                 count.suppressed = 0
         if timer is not None:
             timer.cancel()
-        for name, level, suppressed, sample in told:
+        for name, level, suppressed, sample in reports:
             logging.getLogger(name).log(
                 level,
                 tr("%s similar messages suppressed: %s"),
@@ -132,7 +132,7 @@ class LogLimiter(logging.Filter):
             )
 
     def forget(self) -> None:
-        """Begin anew; what was left out is not told."""
+        """Reset all counts without reporting suppressed messages."""
         with self._lock:
             timer, self._timer = self._timer, None
             self._counts.clear()
@@ -143,11 +143,11 @@ class LogLimiter(logging.Filter):
 def _first_line(record: logging.LogRecord) -> str:
     try:
         return record.getMessage().partition("\n")[0]
-    except Exception:  # noqa: BLE001 - arguments that do not fit are for whoever writes the record to tell of
+    except Exception:  # noqa: BLE001 - the handlers report arguments that do not match the format
         return str(record.msg)
 
 
-def _in_a_thread(seconds: float, function: Callable[[], None]) -> _Timer:
+def _thread_timer(seconds: float, function: Callable[[], None]) -> _Timer:
     timer = threading.Timer(seconds, function)
     timer.name = "orinkit-throttle"
     timer.daemon = True
@@ -156,10 +156,10 @@ def _in_a_thread(seconds: float, function: Callable[[], None]) -> _Timer:
 
 
 THROTTLE: Final = LogLimiter()
-"""That of all servers of the process."""
+"""The limiter of all servers in this process."""
 
 
 def install() -> None:
-    """Have :data:`THROTTLE` watch the loggers whose records a client can cause; again does nothing."""
+    """Add :data:`THROTTLE` to :data:`LOGGERS`; further calls do nothing."""
     for name in LOGGERS:
         logging.getLogger(name).addFilter(THROTTLE)

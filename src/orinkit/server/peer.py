@@ -1,4 +1,4 @@
-"""A b-CAP client, server side: the shell around conversation and session that all kinds of connections share."""
+"""A b-CAP client, server side: connects a conversation to a session; common to all transports."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
-_TURNS_OF_A_LOOK: Final = 3
+_DRAIN_TURNS: Final = 3
 
 
 class Peer(ABC):
-    """One client, or one who may become one.
+    """A client, or a peer that may become a client.
 
-    A kind of connection derives from it, sets the first three attributes once it is connected, and gives what it
-    receives to :meth:`_act`.
+    Each transport has a subclass. It sets ``_name``, ``_host``, ``_send`` and ``_is_gone`` once it is connected, and
+    passes the actions for received data to :meth:`_act`.
 
     Args:
-        shared: what all clients of the server share.
-        loop: the event loop that it lives in.
-        profile: how its packets travel.
+        shared: the state shared by all clients of the server.
+        loop: the event loop of the connection.
+        profile: the b-CAP transport profile.
 
     Attributes:
-        _name: who it is, for the log.
-        _host: the same without the port: one who comes again is the same client.
-        _send: sends bytes, or drops them where nobody takes them; never waits.
-        _is_gone: tells whether there is nobody any more to whom anything could be sent.
-        _session: its objects; ``None`` while it is no client.
+        _name: the client's name in the log.
+        _host: the same without the port, so that it is the same client for the log limiter after it has reconnected.
+        _send: sends bytes without blocking, or drops them if the peer cannot receive them.
+        _is_gone: returns True if nothing can be sent to the peer any more.
+        _session: the client's objects; ``None`` if the peer is not a client.
     """
 
     _name: str
@@ -58,7 +58,7 @@ class Peer(ABC):
         self._loop = loop
         self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, profile, shared.host.dialect)
         self._session: Session | None = None
-        self._vigil: LivenessMonitor | None = None
+        self._liveness: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
         self._cancellable = False
         self._alarm: asyncio.TimerHandle | None = None
@@ -68,10 +68,10 @@ class Peer(ABC):
         self._network: str | None = None
         self._held = False
 
-    # --- who it is ------------------------------------------------------------------------------------------------
+    # --- identity ------------------------------------------------------------------------------------------------
 
     def _admit(self) -> Session | None:
-        """Make it a client, if there is room for one more."""
+        """Open a session, unless the limits on clients are reached; return ``None`` in that case."""
         shared = self._shared
         CLIENT.set(self._host)
         reason = shared.make_room(self.network)
@@ -84,40 +84,40 @@ class Peer(ABC):
         return self._session
 
     def _leave(self, reason: object = None) -> None:
-        """It is a client no more: whatever it held is released, what it waits for is cancelled.
+        """Close the session: release the client's objects and cancel the call in progress.
 
-        Work in a thread goes on, as a thread cannot be cancelled; an object that it makes is released then.
+        A blocking call continues, because a thread cannot be cancelled; an object that it creates is released afterwards.
         """
         self._set_alarm(None)
-        if self._vigil is not None:
-            self._vigil.end()
+        if self._liveness is not None:
+            self._liveness.end()
         self._waiting = None
         self._shared.open.discard(self)
-        session, self._session = self._session, None  # they know each other: without this only the collector ends them
+        session, self._session = self._session, None  # breaks a reference cycle
         task, self._task = self._task, None
         if task is not None and self._cancellable:
             task.cancel()
         if session is not None:
-            before = CLIENT.set(self._host)  # the server may be closing, in a task of the program
+            before = CLIENT.set(self._host)  # the server may be closing it from another context
             logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
             session.close()
             CLIENT.reset(before)
 
     @property
     def network(self) -> str:
-        """Where it is from; see :class:`~orinkit.server.context.Client`."""
+        """The network of its address; see :class:`~orinkit.server.context.Client`."""
         if self._network is None:
             self._network = network_of(self._host)
         return self._network
 
     def idle_since(self) -> float | None:
-        """Return when it was last heard of; ``None`` where it holds an object, or a call is at work."""
+        """Return the time of its last request; ``None`` if it holds an object or has a call in progress."""
         session = self._session
         return None if session is None or len(session) or self._task is not None else self._heard
 
     def give_way(self) -> None:
-        """Be a client no more: another one has come, and this one holds nothing."""
-        self._rest("idle, it has made way for another client")
+        """Disconnect, to make room for another client; called only if this client is idle."""
+        self._rest("idle; disconnected to make room for another client")
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
@@ -125,58 +125,58 @@ class Peer(ABC):
 
     @property
     def heard(self) -> float:
-        """When the last whole request came."""
+        """The time of the last complete request."""
         return self._conversation.heard
 
     @property
     def answered(self) -> float:
-        """When it was last answered."""
+        """The time of the last reply."""
         return self._conversation.answered
 
     @property
     def at_work(self) -> bool:
-        """Whether a call of it is at work."""
+        """Whether a call is in progress."""
         return self._conversation.busy
 
     @property
     def promise(self) -> float | None:
-        """Seconds within which it wants to be heard."""
+        """The client's own limit on silence (``Alive``), s."""
         return self._conversation.alive
 
     @property
     def session(self) -> Session | None:
-        """Its objects."""
+        """The client's objects."""
         return self._session
 
     def give_up(self, reason: str) -> None:
-        """It is taken to have gone."""
+        """Close the connection: the peer has become unreachable."""
         logger.warning("%s: closed: %s", self._name, reason)
         self.abort()
 
-    def _attend(self) -> None:
-        if self._vigil is None:
-            self._vigil = LivenessMonitor(self._loop, self)
-        self._vigil.attend()
+    def _mark_alive(self) -> None:
+        if self._liveness is None:
+            self._liveness = LivenessMonitor(self._loop, self)
+        self._liveness.attend()
 
     @abstractmethod
     def _about(self) -> ClientInfo:
-        """Return who it is, for the device."""
+        """Return information on the client, for the provider."""
 
     @abstractmethod
     def close(self) -> None:
-        """Close it from this side, once what was written has been sent."""
+        """Close the connection after pending data has been sent."""
 
     @abstractmethod
     def abort(self) -> None:
-        """Close it at once, whatever was to be sent."""
+        """Close the connection immediately and drop pending data."""
 
     def drain_input(self, handled: Callable[[], None]) -> None:
-        """Call back once everything that has arrived by now has been handled; may be called from any thread.
+        """Invoke ``handled`` after all data received so far has been processed; may be called from any thread.
 
-        The next turn of the loop asks for what has arrived, the one behind it has handled that. One more, because the
-        loop may just have asked and not begun to handle. A loop that is closed handles nothing any more.
+        The next turn of the loop polls for received data, and the turn after it has processed the data. One more turn is
+        necessary because the loop may have polled already. If the loop is closed, ``handled`` is invoked immediately.
         """
-        turns = iter(range(_TURNS_OF_A_LOOK - 1))
+        turns = iter(range(_DRAIN_TURNS - 1))
 
         def turn() -> None:
             if next(turns, None) is None:
@@ -189,17 +189,17 @@ class Peer(ABC):
         except RuntimeError:  # the server has been closed
             handled()
 
-    # --- what the conversation says ---------------------------------------------------------------------------------
+    # --- actions of the conversation ---------------------------------------------------------------------------------
 
     def _act(self, actions: Iterator[Action]) -> None:
-        CLIENT.set(self._host)  # nobody resets it: every entry into a connection sets its own
+        CLIENT.set(self._host)  # not reset: every entry point of a connection sets it
         for action in actions:
-            if self._is_gone():  # what else it asked for is for nobody
+            if self._is_gone():  # nobody reads further replies
                 return
             if type(action) is Execute:
                 session = self._session
                 if session is None:
-                    session = self._newcomer()
+                    session = self._new_session()
                 if session is None:
                     self._refuse(action)
                 else:
@@ -208,7 +208,7 @@ class Peer(ABC):
                 self._send(action.data)
             elif type(action) is Decode:
                 self._hold()
-                self._be_busy(self._decode(action), cancellable=True)
+                self._run_task(self._decode(action), cancellable=True)
             elif type(action) is Close:
                 level = self._shared.refusal_level(self._loop.time(), "closed")
                 logger.log(level, "%s: closed: %s", self._name, action.reason)
@@ -220,19 +220,19 @@ class Peer(ABC):
                 self._waiting = actions
                 return
 
-    def _newcomer(self) -> Session | None:
-        """Return the session for a call of one who is no client; ``None`` refuses it."""
+    def _new_session(self) -> Session | None:
+        """Return a session for a call of a peer that is not a client, or ``None`` to refuse the call."""
         return None
 
     def _rest(self, reason: object = None) -> None:
-        """It is a client no more, but may become one again."""
+        """Close the session; the peer may become a client again."""
         self._leave(reason)
 
     def _refuse(self, call: Execute) -> None:
         self._answer(call, CallReply(hresult.E_MAX_CONNECT))
 
-    def _be_busy(self, work: Coroutine[object, object, None], *, cancellable: bool) -> None:
-        """Have something done that takes its time, and the client told meanwhile that it is at work."""
+    def _run_task(self, work: Coroutine[object, object, None], *, cancellable: bool) -> None:
+        """Run a coroutine for the current call; meanwhile the client receives S_EXECUTING."""
         self._task = task = self._loop.create_task(work)
         self._cancellable = cancellable
         self._shared.tasks.add(task)
@@ -240,16 +240,16 @@ class Peer(ABC):
         self._set_alarm(self._conversation.deadline())
 
     def _hold(self) -> None:  # noqa: B027 - not every kind of connection does it
-        """DrainInput at no further request while one is read, or its result written, elsewhere.
+        """Stop reading requests while the worker decodes one or encodes its result.
 
-        Where requests may be lost each is answered at once; its client sends it again.
+        Not needed on unreliable transports: there a request during that time may be dropped, as the client sends it again.
         """
 
-    def _let_go(self) -> None:  # noqa: B027
-        """DrainInput at further requests again."""
+    def _unhold(self) -> None:  # noqa: B027
+        """Resume reading requests."""
 
-    def _go_on(self) -> None:
-        """Do what had to wait, unless it has to wait longer."""
+    def _resume(self) -> None:
+        """Process deferred actions, unless they are still held."""
         if not (self._slow or self._held):
             waiting, self._waiting = self._waiting, None
             if waiting is not None:
@@ -266,18 +266,18 @@ class Peer(ABC):
         if self._session is not session or self._is_gone():
             return
         self._free()
-        self._let_go()
+        self._unhold()
         waiting, self._waiting = self._waiting, None
         self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
         if self.patience is not None or self._conversation.alive is not None:
-            self._attend()
+            self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
-            self._be_busy(self._finish(session, call, outcome), cancellable=type(outcome.work) is not BlockingCall)
+            self._run_task(self._finish(session, call, outcome), cancellable=type(outcome.work) is not BlockingCall)
 
     async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
         begin_call(lambda: self._conversation.timed_out or not self._serves(session))
@@ -285,7 +285,7 @@ class Peer(ABC):
             result = await result_of(pending.work)
         except BaseException as error:
             if isinstance(error, asyncio.CancelledError) and not self._serves(session):
-                raise  # it is the client that has gone
+                raise  # cancelled because the client has disconnected
             reply = session.fail(pending, error)
         else:
             reply = session.complete(pending, result, told=not self._conversation.timed_out)
@@ -295,14 +295,14 @@ class Peer(ABC):
             self._answer(call, reply)
 
     def _serves(self, session: Session) -> bool:
-        """Whether the client whose session it is is still there; another one may have come in its place."""
+        """Return True if the session is still the current one; another client may have taken its place."""
         return self._session is session and not self._is_gone()
 
     def _answer(self, call: Execute, reply: CallReply) -> None:
         result = reply.result
         if result is not None and is_large(result):
             self._hold()
-            self._be_busy(self._encode(call, reply.code, result), cancellable=True)
+            self._run_task(self._encode(call, reply.code, result), cancellable=True)
         else:
             self._deliver(call, reply.code, result)
 
@@ -311,10 +311,10 @@ class Peer(ABC):
         encoded = await self._shared.worker.run(partial(self._conversation.encode, call, result))
         if self._session is session and not self._is_gone():
             self._free()
-            self._let_go()
+            self._unhold()
             self._conversation.go_on(self._loop.time())
             self._deliver(call, code, encoded)
-            self._go_on()
+            self._resume()
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
         data = self._conversation.finish(call, code, result)
@@ -334,9 +334,9 @@ class Peer(ABC):
 
 
 class ConnectionlessClient(Peer):
-    """A client without a connection: its first call makes it one, until Service_Stop."""
+    """A client without a connection: its session begins with its first call and ends with Service_Stop."""
 
-    def _newcomer(self) -> Session | None:
+    def _new_session(self) -> Session | None:
         return self._admit()
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:

@@ -1,4 +1,4 @@
-"""A pair of pseudo-terminals as a transport: a serial line without any hardware (POSIX)."""
+"""A pair of pseudo-terminals as an asyncio transport: a serial line without hardware (POSIX)."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _HIGH: Final = 65536
 
 
 class PseudoTerminal(asyncio.WriteTransport):
-    """This program's end of the pair; clients open the other one by its path.
+    """The server's end of a pair of pseudo-terminals; clients open the other end by its path.
 
-    The other end is kept open here as well, so that the line goes on when a client closes it.
+    The server keeps the other end open too, so that the line stays usable after a client has closed it.
 
     Args:
         loop: the event loop.
-        protocol: makes who is told what comes, from the path.
+        protocol: factory of the protocol; its argument is the path.
 
     Attributes:
-        path: of the other end, such as ``/dev/pts/3``.
+        path: path of the other end, such as ``/dev/pts/3``.
 
     Raises:
-        OSError: there is none to be had.
+        OSError: If no pseudo-terminal is available.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, protocol: Callable[[str], asyncio.Protocol]) -> None:
@@ -63,7 +63,7 @@ class PseudoTerminal(asyncio.WriteTransport):
         self._protocol.data_received(data)
 
     def _writable(self) -> None:
-        sent = self._take(self._waiting)
+        sent = self._write_some(self._waiting)
         del self._waiting[:sent]
         if self._waiting or self._closed:
             return
@@ -74,8 +74,8 @@ class PseudoTerminal(asyncio.WriteTransport):
             self._paused = False
             self._protocol.resume_writing()
 
-    def _take(self, data: bytes | bytearray | memoryview) -> int:
-        """Write what the line takes now; returns how much that was."""
+    def _write_some(self, data: bytes | bytearray | memoryview) -> int:
+        """Write as much as possible without blocking; return the number of bytes written."""
         try:
             return os.write(self._end, data)
         except (BlockingIOError, InterruptedError):
@@ -99,17 +99,17 @@ class PseudoTerminal(asyncio.WriteTransport):
         os.close(self._other_end)
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptors to replace in a forked child."""
         return () if self._closed else (self._end, self._other_end)
 
     # --- asyncio.WriteTransport -------------------------------------------------------------------------------------
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """Send what the line takes now, and the rest as soon as it takes it."""
+        """Send as much as possible now, and the rest as soon as the line accepts it."""
         if self._closing:
             return
         if not self._waiting:
-            data = data[self._take(data) :]
+            data = data[self._write_some(data) :]
             if not data or self._closed:
                 return
             self._loop.add_writer(self._end, self._writable)
@@ -119,7 +119,7 @@ class PseudoTerminal(asyncio.WriteTransport):
             self._protocol.pause_writing()
 
     def reset_write_buffer(self) -> None:
-        """Drop what waits to be sent, here and in the system; named as that of a serial port."""
+        """Drop unsent data, here and in the system; has the name of the method of serial ports."""
         self._waiting.clear()
         if not self._closed:
             termios.tcflush(self._other_end, termios.TCIFLUSH)
@@ -129,20 +129,20 @@ class PseudoTerminal(asyncio.WriteTransport):
                     self._paused = False
                     self._protocol.resume_writing()
 
-    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:  # noqa: ARG002 - it resumes when nothing waits
-        """Set how many bytes may wait before the protocol is asked to pause."""
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:  # noqa: ARG002 - resumes when the buffer is empty
+        """Set the number of unsent bytes above which the protocol is paused."""
         self._high = _HIGH if high is None else high
 
     def get_write_buffer_size(self) -> int:
-        """Return how many bytes wait to be sent."""
+        """Return the number of unsent bytes."""
         return len(self._waiting)
 
     def is_closing(self) -> bool:
-        """Whether it has been closed, or is being closed."""
+        """Return True if the transport is closing or closed."""
         return self._closing
 
     def close(self) -> None:
-        """Close it when what was written has been taken."""
+        """Close the transport after pending data has been sent."""
         if not self._closing:
             self._closing = True
             self._loop.remove_reader(self._end)
@@ -150,5 +150,5 @@ class PseudoTerminal(asyncio.WriteTransport):
                 self._finish(None)
 
     def abort(self) -> None:
-        """Close it at once."""
+        """Close the transport immediately."""
         self._finish(None)

@@ -1,4 +1,4 @@
-"""b-CAP clients on a serial line, server side: on a serial port, or on a pseudo-terminal."""
+"""b-CAP server on a serial line: a serial port or a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 logger = logging.getLogger("orinkit.server")
 
 REOPENED_EVERY: Final = 1.0
-"""Seconds from one try to the next to open a port again that has broken."""
+"""Seconds between attempts to reopen a port that has failed."""
 
-_MOST_WAITING: Final = 16384  # bytes of answers that wait to be sent; those that follow are dropped
+_MAX_UNSENT: Final = 16384  # bytes of unsent replies; further replies are dropped
 
 
 class SerialClient(ConnectionlessClient, asyncio.Protocol):
-    """Whoever is at the other end of a serial line, one client after the other.
+    """The client at the other end of a serial line; clients may succeed one another.
 
     Args:
-        shared: what all clients of the server share.
-        loop: the event loop that it lives in.
-        path: of the line, for the device and the log.
-        lost: is called when the line has broken or has been closed.
+        shared: the state shared by all clients of the server.
+        loop: the event loop of the line.
+        path: path of the line, for the provider and the log.
+        lost: callback invoked when the line has failed or has been closed.
     """
 
     def __init__(
@@ -55,32 +55,34 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     # --- the transport calls these ------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The line is open."""
-        self._transport = transport = cast("asyncio.WriteTransport", transport)  # some are one by their methods only
+        """Handle the opening of the line."""
+        self._transport = transport = cast(
+            "asyncio.WriteTransport", transport
+        )  # some do not derive from WriteTransport
         self._is_gone = transport.is_closing
-        transport.set_write_buffer_limits(_MOST_WAITING)
+        transport.set_write_buffer_limits(_MAX_UNSENT)
         self._shared.all.add(self)
         if self._shared.closing:
             transport.abort()
 
     def data_received(self, data: bytes) -> None:
-        """Bytes have come, of a client or from nowhere."""
+        """Handle received bytes: packets, or noise."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(data, now))
         if self._silence is None and self._conversation.pending:
-            self._silence = self._loop.call_at(now + SILENCE, self._fallen_silent)
+            self._silence = self._loop.call_at(now + SILENCE, self._on_silence)
 
     def pause_writing(self) -> None:
-        """Nobody reads, or the line is slow: drop the answers that follow, they are asked for again."""
+        """Drop further replies, because the client does not read or the line is slow; the client repeats its requests."""
         self._full = True
-        logger.debug("%s does not take its answers", self._name)
+        logger.debug("%s does not read its replies", self._name)
 
     def resume_writing(self) -> None:
-        """It takes them again."""
+        """Send replies again."""
         self._full = False
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The line has broken, or has been closed: whatever the client held is released."""
+        """Release the client's objects after the line has failed or has been closed."""
         if self._silence is not None:
             self._silence.cancel()
             self._silence = None
@@ -95,60 +97,60 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         if not self._full and not self._transport.is_closing():
             self._transport.write(data)
 
-    def _fallen_silent(self) -> None:
-        """A packet has begun; give it up, unless more of it has come meanwhile."""
+    def _on_silence(self) -> None:
+        """Abandon a partial packet, unless more of it has been received meanwhile."""
         self._silence = None
         if self._is_gone() or not self._conversation.pending:
             return
         now = self._loop.time()
         if now < self._heard + SILENCE:
-            self._silence = self._loop.call_at(self._heard + SILENCE, self._fallen_silent)
+            self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
         while self._conversation.pending and not self._is_gone():
-            # a packet behind a packet behind noise: none may wait for more bytes
+            # noise may be followed by several packets; all of them must be found without further bytes
             self._act(self._conversation.timeout(now))
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self._name, LINE.name, 0, self.drain_input)
 
     def _rest(self, reason: object = None) -> None:
-        """The client has gone: what it has not read is not for the next one."""
+        """Close the session and drop unsent replies, which the next client must not receive."""
         super()._rest(reason)
-        self._forget_unsent()
+        self._drop_unsent()
 
     def give_up(self, reason: str) -> None:
-        """The client is taken to have gone; the line goes on."""
+        """Close the session of an unreachable client; the line stays open."""
         logger.warning("%s: %s", self._name, reason)
         self._conversation.abandon()
         self._rest(reason)
 
     def close(self) -> None:
-        """Close the line once what was written has been taken."""
+        """Close the line after pending data has been sent."""
         self._transport.close()
 
     def abort(self) -> None:
-        """Close the line at once."""
-        self._forget_unsent()  # closing a port waits for what it has not sent yet
+        """Close the line immediately."""
+        self._drop_unsent()  # otherwise closing the port waits for unsent data
         self._transport.abort()
 
-    def _forget_unsent(self) -> None:
+    def _drop_unsent(self) -> None:
         port = self._transport.get_extra_info("serial")
         try:
             port.reset_write_buffer()
-        except OSError:  # it is broken
+        except OSError:  # the port has failed
             pass
 
 
 class PortListener:
-    """Takes clients on a serial port; one that breaks, as it does when it is pulled out, is opened again.
+    """Serves a serial port; reopens the port if it fails, for example after it was unplugged.
 
     Args:
         address: the port.
-        shared: what all clients of the server share.
-        loop: the event loop that it lives in.
+        shared: the state shared by all clients of the server.
+        loop: the event loop of the port.
 
     Attributes:
-        url: of the port; a setting is shown if it is not the usual one.
+        url: the URL of the port, with the settings that differ from the defaults.
     """
 
     def __init__(self, address: SerialAddress, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
@@ -166,8 +168,8 @@ class PortListener:
         """Open the port.
 
         Raises:
-            ConnectFailed: it cannot be opened.
-            MissingExtra: serialx is missing.
+            ConnectFailed: If the port cannot be opened.
+            MissingExtra: If serialx is not installed.
         """
         listener = cls(address, shared, asyncio.get_running_loop())
         await listener._open_port()
@@ -190,10 +192,10 @@ class PortListener:
 
     def _lost(self, error: Exception | None) -> None:
         if not self._closed:
-            logger.warning("%s: lost: %s; it is tried to open it again", self.url, error)
-            self._reopening = self._loop.create_task(self._open_again())
+            logger.warning("%s: lost: %s; trying to reopen the port", self.url, error)
+            self._reopening = self._loop.create_task(self._reopen())
 
-    async def _open_again(self) -> None:
+    async def _reopen(self) -> None:
         while True:
             await asyncio.sleep(REOPENED_EVERY)
             try:
@@ -201,15 +203,15 @@ class PortListener:
             except ConnectFailed as error:
                 logger.debug("%s: %s", self.url, error)
             else:
-                logger.info("%s: open again", self.url)
+                logger.info("%s: reopened", self.url)
                 return
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 
     async def close(self) -> None:
-        """Open the port no more; :class:`SerialClient` closes it."""
+        """Stop reopening the port; :class:`SerialClient` closes it."""
         self._closed = True
         if self._reopening is not None:
             self._reopening.cancel()
@@ -217,10 +219,10 @@ class PortListener:
 
 
 class PtyListener:
-    """Takes clients on a pseudo-terminal.
+    """Serves a pseudo-terminal.
 
     Attributes:
-        url: for clients.
+        url: the URL for clients.
     """
 
     def __init__(self, terminal: PseudoTerminal) -> None:
@@ -231,7 +233,7 @@ class PtyListener:
         """Open a pair of pseudo-terminals.
 
         Raises:
-            ConnectFailed: there is none to be had.
+            ConnectFailed: If no pseudo-terminal is available.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -241,8 +243,8 @@ class PtyListener:
         except (ImportError, OSError) as error:
             raise ConnectFailed(
                 tr(
-                    "cannot open {address}: {error}. Try: pseudo-terminals are a thing of Linux and macOS; "
-                    "in Windows use a serial port",
+                    "cannot open {address}: {error}. Try: on Windows use a serial port; "
+                    "pseudo-terminals exist only on Linux and macOS",
                     address=address,
                     error=error,
                 )

@@ -1,4 +1,4 @@
-"""A b-CAP client's TCP connection, server side, and the listener that takes them."""
+"""b-CAP server on TCP: the connection of a client, and the listener."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from orinkit.transport.tcp_keepalive import prepare
 logger = logging.getLogger("orinkit.server")
 
 PATIENCE: Final = 10.0
-"""Seconds that a client has for its first call, for each packet, and for its last answers."""
+"""Seconds that a client has to make its first call, to send each packet, and to read its last replies."""
 PROGRESS: Final = 64 * 1024
-"""Bytes of a packet in :data:`PATIENCE` seconds with which a client has that long again: long packets on slow lines."""
+"""Bytes of a packet to be sent within :data:`PATIENCE` to get that time again; allows long packets on slow lines."""
 
-_TO_BE_TOLD: Final = 5.0  # seconds in which one client too many may ask once and be told
-_TOLD: Final = 64  # of those who are told at a time; further ones are closed at once
+_REFUSAL_TIME: Final = 5.0  # s for a refused client to make one call and receive E_MAX_CONNECT
+_MAX_REFUSED: Final = 64  # limit on the refused clients that stay connected for that; others are closed immediately
 
 
 class TcpConnection(Peer, asyncio.BufferedProtocol):
-    """One client on TCP, or on another stream.
+    """A client on TCP, or on another stream.
 
-    A buffered protocol, because asyncio gives a plain one every piece of data in a new block of 256 KiB, which costs
-    more than everything else that is done for a call.
+    This is a BufferedProtocol because asyncio allocates a new block of 256 KiB for each chunk of data for a plain Protocol,
+    which takes longer than the rest of a call.
     """
 
     def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile = STREAM) -> None:
@@ -41,20 +41,20 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._kind = profile.name
         shared.opening += 1
         self._idle_timer: asyncio.TimerHandle | None = None
-        self._partial = 0  # bytes of it that are counted
-        self._begun = 0.0  # when the packet began that is not whole yet; 0 where there is none
-        self._seen = 0, 0  # packets before it, and its bytes then
+        self._partial = 0  # bytes of the incomplete packet in ServerContext.partial
+        self._begun = 0.0  # start time of the incomplete packet; 0 if there is none
+        self._seen = 0, 0  # at that time: number of packets before it, and bytes of it
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client has connected."""
-        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
+        """Admit or refuse a client that has connected."""
+        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
         self._send = transport.write
         self._is_gone = transport.is_closing
         prepare(transport.get_extra_info("socket"), self._shared.dead_after)
         host, port = (transport.get_extra_info("peername") or ("", 0))[:2]
-        self._place = (host, port)
+        self._peername = (host, port)
         self._name = f"{host}:{port}"
         self._host = str(host)
         self._heard = self._loop.time()
@@ -64,23 +64,23 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         if self._shared.closing:
             transport.abort()
         elif self._admit() is not None:
-            self._idle_timer = self._loop.call_at(self._heard + PATIENCE, self._look_at_the_time)
-        elif len(self._shared.turned_away) < _TOLD:
+            self._idle_timer = self._loop.call_at(self._heard + PATIENCE, self._check_progress)
+        elif len(self._shared.turned_away) < _MAX_REFUSED:
             self._shared.turned_away.add(self)
-            self._alarm = self._loop.call_later(_TO_BE_TOLD, transport.abort)
+            self._alarm = self._loop.call_later(_REFUSAL_TIME, transport.abort)
         else:
             transport.abort()
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
-        """Where to put what comes next; all connections share it, for it is read at once."""
+        """Return the receive buffer; all connections share it, because the data is processed immediately."""
         return self._shared.buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        """The client has sent something."""
+        """Process received data."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(bytes(self._shared.view[:nbytes]), now))
         incomplete = self._conversation.incomplete
-        if (incomplete or self._partial) and not self._held:  # one that waits for the worker counts until it is read
+        if (incomplete or self._partial) and not self._held:  # a packet in the worker counts until it is decoded
             self._count(incomplete)
         if incomplete:
             self._await_packet(now)
@@ -88,22 +88,22 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._begun = 0.0
 
     def pause_writing(self) -> None:
-        """The client does not take its answers: stop listening to it."""
+        """Stop reading, because the client does not read its replies."""
         self._slow = True
         self._transport.pause_reading()
 
     def resume_writing(self) -> None:
-        """It takes them again."""
+        """Resume reading."""
         self._slow = False
         if not self._held:
             self._transport.resume_reading()
-        self._go_on()
+        self._resume()
 
     def _hold(self) -> None:
         self._held = True
         self._transport.pause_reading()
 
-    def _let_go(self) -> None:
+    def _unhold(self) -> None:
         self._held = False
         if self._partial:
             self._count(self._conversation.incomplete)
@@ -111,7 +111,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._transport.resume_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client has gone: whatever it held is released."""
+        """Release the client's objects after it has disconnected."""
         if self._idle_timer is not None:
             self._idle_timer.cancel()
             self._idle_timer = None
@@ -121,46 +121,44 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._shared.discard(self)
 
     def _count(self, incomplete: int) -> None:
-        """Count the bytes of a packet that has begun; there is only so much room for those of all clients."""
+        """Count the bytes of the incomplete packet; close the connection if the limit for all clients is exceeded."""
         before, self._partial = self._partial, incomplete
         if self._shared.partial.change(before, incomplete) or self._is_gone():
             return
         self._send(self._conversation.refuse_packet())
         level = self._shared.refusal_level(self._loop.time(), "partial")
-        logger.log(
-            level, "%s: closed: packets that have not come whole have %d bytes", self._name, self._shared.partial.bytes
-        )
+        logger.log(level, "%s: closed: incomplete packets have %d bytes", self._name, self._shared.partial.bytes)
         self.close()
 
     # --- time ---------------------------------------------------------------------------------------------------
 
     def _await_packet(self, now: float) -> None:
-        """A packet has begun: its rest is to come."""
+        """Start the timer for the rest of a packet."""
         if not self._begun or self._conversation.packets != self._seen[0]:
             self._mark(now)
         if self._idle_timer is None and not self._is_gone():
-            self._idle_timer = self._loop.call_at(self._begun + PATIENCE, self._look_at_the_time)
+            self._idle_timer = self._loop.call_at(self._begun + PATIENCE, self._check_progress)
 
     def _mark(self, now: float) -> None:
         self._begun = now
         self._seen = self._conversation.packets, self._conversation.incomplete
 
-    def _look_at_the_time(self) -> None:
-        """A first call, or the rest of a packet, should have come by now, unless it began later."""
+    def _check_progress(self) -> None:
+        """Close the connection if the first call or the rest of a packet is overdue; otherwise restart the timer."""
         self._idle_timer = None
         now = self._loop.time()
-        if self._held:  # it is this side that takes its time
-            self._idle_timer = self._loop.call_at(now + PATIENCE, self._look_at_the_time)
+        if self._held:  # the server is busy with the packet, not the client
+            self._idle_timer = self._loop.call_at(now + PATIENCE, self._check_progress)
         elif not self._conversation.calls:
-            self._give_up("it has made no call")
+            self._give_up("no call received")
         elif self._begun:
-            # while its answers are not taken, it is this side that does not read
+            # if the client does not read its replies, the server has stopped reading
             if self._slow or self._conversation.incomplete - self._seen[1] >= PROGRESS:
                 self._mark(now)
             if now < self._begun + PATIENCE:
                 self._await_packet(now)
             else:
-                self._give_up("the rest of a packet has not come")
+                self._give_up("incomplete packet: rest not received")
 
     def _give_up(self, reason: str) -> None:
         level = self._shared.refusal_level(self._loop.time(), "silent")
@@ -170,7 +168,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     # --- the shell ------------------------------------------------------------------------------------------------
 
     def _about(self) -> ClientInfo:
-        host, port = self._place
+        host, port = self._peername
         return ClientInfo(host, self._kind, port, self.drain_input)
 
     def _refuse(self, call: Execute) -> None:
@@ -178,31 +176,31 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self.close()
 
     def give_way(self) -> None:
-        """Be a client no more: another one has come, and this one holds nothing."""
+        """Disconnect, to make room for another client; called only if this client is idle."""
         super().give_way()
         self._transport.abort()
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptor to replace in a forked child."""
         return (self._transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:
-        """Close the connection from this side, once what was written has been sent; not later than in 10 s."""
+        """Close the connection after pending data has been sent, at the latest in 10 s."""
         self._transport.close()
         if self._idle_timer is not None:
             self._idle_timer.cancel()
         self._idle_timer = self._loop.call_later(PATIENCE, self._transport.abort)
 
     def abort(self) -> None:
-        """Close the connection at once, whatever was to be sent."""
+        """Close the connection immediately and drop pending data."""
         self._transport.abort()
 
 
 class TcpListener:
-    """Takes clients at one address.
+    """Accepts TCP clients at one address.
 
     Attributes:
-        url: with the real port.
+        url: the address, with the actual port.
     """
 
     def __init__(self, server: asyncio.Server, url: str) -> None:
@@ -212,11 +210,11 @@ class TcpListener:
 
     @classmethod
     async def open(cls, address: Address, shared: ServerContext) -> Self:
-        """Listen.
+        """Open a listening socket.
 
         Raises:
-            OSError: the address cannot be used.
-            ValueError: the host is no host name.
+            OSError: If the address cannot be used.
+            ValueError: If the host is not a valid host name.
         """
         loop = asyncio.get_running_loop()
         server = await loop.create_server(
@@ -226,9 +224,9 @@ class TcpListener:
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptors to replace in a forked child."""
         return [each.fileno() for each in self._server.sockets]
 
     async def close(self) -> None:
-        """Take no more clients."""
+        """Stop accepting clients."""
         await accepting.close(self._server)

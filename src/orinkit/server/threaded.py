@@ -1,4 +1,4 @@
-"""Serving beside an ordinary program: :func:`serve`. asyncio is imported only when something is served."""
+"""Serving in a background thread: :func:`serve`. asyncio is imported only when a server is started."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Server:
-    """A server that runs beside the program, in a thread of its own; :func:`serve` makes one."""
+    """A server that runs in a background thread; created by :func:`serve`."""
 
     def __init__(self, server: AsyncServer) -> None:
         import asyncio
@@ -51,23 +51,26 @@ class Server:
 
     @property
     def url(self) -> str:
-        """The first address that is served, with its real port or path."""
+        """The first address of the server, with its actual port or path."""
         return self._server.url
 
     @property
     def urls(self) -> list[str]:
-        """Every address that is served."""
+        """Every address of the server."""
         return list(self._server.urls)
 
     @property
     def clients(self) -> int:
-        """How many clients are connected."""
+        """The number of connected clients."""
         return self._server.clients
 
     def wait(self, seconds: float | None = None) -> None:
-        """Wait until the server is closed by another thread, the seconds have passed, or Ctrl-C is pressed.
+        """Wait until the server is closed by another thread, the time has passed, or Ctrl-C is pressed.
 
-        Ctrl-C ends the wait quietly, so that ``with serve(...) as server: server.wait()`` is a whole program.
+        Ctrl-C ends the wait without an exception, so that ``with serve(...) as server: server.wait()`` is a complete program.
+
+        Args:
+            seconds: how long to wait, s; ``None`` for no limit.
         """
         try:
             self._thread.join(seconds)
@@ -75,7 +78,7 @@ class Server:
             pass
 
     def close(self) -> None:
-        """Stop listening, let every client go, close the providers; does nothing the second time."""
+        """Stop listening, disconnect all clients, and close the providers; further calls do nothing."""
         if not self._closed and self._thread.is_alive():
             self._asyncio.run_coroutine_threadsafe(self._server.close(), self._loop).result()
             self._stop()
@@ -101,14 +104,14 @@ def serve(
     alive: float = ALIVE,
     http: HttpOptions = DEFAULT_HTTP,
 ) -> Server:
-    """Serve providers beside the program until the server is closed; use it in a ``with`` statement.
+    """Serve providers in a background thread until the server is closed; use it in a ``with`` statement.
 
     The arguments are those of :class:`AsyncServer`.
 
     Raises:
-        InvalidAddress: a URL cannot be used.
-        ConnectFailed: an address cannot be opened; none is then.
-        MissingExtra: a package is not there that serial ports, or HTTP, need.
+        InvalidAddress: If a URL cannot be used.
+        ConnectFailed: If an address cannot be opened; then none stays open.
+        MissingExtra: If a package that serial ports or HTTP require is not installed.
     """
     from orinkit.server.aio_server import AsyncServer
 

@@ -1,4 +1,4 @@
-"""b-CAP clients on UDP, server side: one socket for all of them, who are told apart by their addresses."""
+"""b-CAP server on UDP: one socket for all clients, which are distinguished by their addresses."""
 
 from __future__ import annotations
 
@@ -22,22 +22,24 @@ from orinkit.values.variant import Variant
 logger = logging.getLogger("orinkit.server")
 
 FORGOTTEN_AFTER: Final = 10.0
-"""Seconds of silence after which a client is taken to have gone (reference behaviour: docs/protocol.md)."""
+"""Seconds of silence after which a client is disconnected (reference behaviour: docs/protocol.md)."""
 
-_SIZE_READ: Final = "max_size"  # asyncio's: 256 KiB, in a new block for each datagram, which costs more than all else
-_LONGEST: Final = 65536  # bytes of any datagram
+_MAX_SIZE_ATTRIBUTE: Final = (
+    "max_size"  # asyncio's receive size: a new block of 256 KiB per datagram, slower than all the rest
+)
+_MAX_DATAGRAM: Final = 65536  # bytes of the longest datagram
 
-_Place: TypeAlias = tuple[Any, ...]  # of a client, as the socket gives it: host, port, and more for IPv6
+_SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host, port, and more for IPv6
 
 
 class UdpClient(ConnectionlessClient):
-    """One client on UDP.
+    """A client on UDP.
 
-    Its first call makes it one. It goes with Service_Stop, or when nothing is heard of it for :data:`FORGOTTEN_AFTER`
-    seconds and no call of it is at work. Until then the answer to its last request is kept, in case it was lost.
+    Its session begins with its first call. It ends with Service_Stop, or if nothing is received for :data:`FORGOTTEN_AFTER`
+    while no call is in progress. The reply to the last request is stored for :data:`FORGOTTEN_AFTER`, in case it was lost.
     """
 
-    def __init__(self, at: UdpSocket, place: _Place) -> None:
+    def __init__(self, at: UdpSocket, place: _SocketAddress) -> None:
         super().__init__(at.shared, at.loop, DATAGRAM)
         self.place = place
         self._socket = at
@@ -49,15 +51,15 @@ class UdpClient(ConnectionlessClient):
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes) -> None:
-        """It has sent a datagram."""
+        """Process a datagram of the client."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(data, now))
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self.place[0], DATAGRAM.name, self.place[1], self.drain_input)
 
-    def _newcomer(self) -> Session | None:
-        session = super()._newcomer()
+    def _new_session(self) -> Session | None:
+        session = super()._new_session()
         if session is not None:
             self._shared.all.add(self)
             self._socket.keep(self)
@@ -78,7 +80,7 @@ class UdpClient(ConnectionlessClient):
         if until > 0:
             self._timer = self._loop.call_later(until, self._look_at_the_time)
         else:
-            self._forget("nothing heard")
+            self._forget("nothing received")
 
     def _forget(self, reason: object = None) -> None:
         if self._timer is not None:
@@ -89,24 +91,24 @@ class UdpClient(ConnectionlessClient):
         self._shared.discard(self)
 
     def give_up(self, reason: str) -> None:
-        """It is taken to have gone: known no more."""
+        """Close the session of an unreachable client, and forget its address."""
         self._forget(reason)
 
     def close(self) -> None:
-        """Let it go, with all that it holds."""
+        """Close the session, and forget the client's address."""
         self._forget()
 
     def abort(self) -> None:
-        """Let it go."""
+        """Close the session, and forget the client's address."""
         self._forget()
 
 
 class UdpSocket(asyncio.DatagramProtocol):
-    """One socket, and the clients whose datagrams come there.
+    """A UDP socket and its clients.
 
     Args:
-        shared: what all clients of the server share.
-        loop: the event loop that it lives in.
+        shared: the state shared by all clients of the server.
+        loop: the event loop of the socket.
     """
 
     def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
@@ -114,40 +116,40 @@ class UdpSocket(asyncio.DatagramProtocol):
         self.loop = loop
         self._transport: asyncio.DatagramTransport | None = None
         self._full = False
-        self._callers: dict[_Place, UdpClient] = {}
-        self._resting: dict[_Place, UdpClient] = {}  # those of them who are no clients any more, the oldest first
+        self._callers: dict[_SocketAddress, UdpClient] = {}
+        self._resting: dict[_SocketAddress, UdpClient] = {}  # those of them without a session, oldest first
         self._closed = asyncio.Event()
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The socket is open."""
-        self._transport = cast("asyncio.DatagramTransport", transport)  # in Python 3.11 it is one by its methods only
-        if hasattr(transport, _SIZE_READ):
-            setattr(transport, _SIZE_READ, _LONGEST)
+        """Prepare the socket."""
+        self._transport = cast("asyncio.DatagramTransport", transport)  # not a subclass in Python 3.11
+        if hasattr(transport, _MAX_SIZE_ATTRIBUTE):
+            setattr(transport, _MAX_SIZE_ATTRIBUTE, _MAX_DATAGRAM)
         keep_from_children(self)
 
-    def datagram_received(self, data: bytes, addr: _Place) -> None:
-        """A datagram has come, of a client or of anybody."""
+    def datagram_received(self, data: bytes, addr: _SocketAddress) -> None:
+        """Process a datagram of a client or of an unknown sender."""
         caller = self._callers.get(addr)
         if caller is None:
-            caller = UdpClient(self, addr)  # is kept if this is a call
+            caller = UdpClient(self, addr)  # stored only if the datagram is a call
         caller.received(data)
 
     def error_received(self, exc: Exception) -> None:
-        """A datagram could not be sent or received; the client repeats what is lost."""
+        """Log that a datagram could not be sent or received; the client repeats a lost request."""
         logger.debug("UDP: %s", exc)
 
     def pause_writing(self) -> None:
-        """More answers wait than the socket takes: drop those that follow."""
+        """Drop further replies, because the socket's buffer is full."""
         self._full = True
 
     def resume_writing(self) -> None:
-        """It takes them again."""
+        """Send replies again."""
         self._full = False
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The socket has been closed."""
+        """Note that the socket has been closed."""
         if exc is not None:
             logger.error("UDP: closed: %s", exc)
         self._closed.set()
@@ -155,21 +157,21 @@ class UdpSocket(asyncio.DatagramProtocol):
     # --- for the clients ------------------------------------------------------------------------------------------
 
     def is_gone(self) -> bool:
-        """Whether nothing can be sent any more."""
+        """Return True if nothing can be sent any more."""
         return self._transport is None or self._transport.is_closing()
 
-    def send(self, place: _Place, data: bytes) -> None:
-        """Send a datagram, or drop it where the socket does not take it."""
+    def send(self, place: _SocketAddress, data: bytes) -> None:
+        """Send a datagram, or drop it if the socket's buffer is full."""
         if not self._full and self._transport is not None and not self._transport.is_closing():
             self._transport.sendto(data, place)
 
     def keep(self, caller: UdpClient) -> None:
-        """Know a client again."""
+        """Store a client that has a session."""
         self._callers[caller.place] = caller
         self._resting.pop(caller.place, None)
 
     def rest(self, caller: UdpClient) -> None:
-        """Know one again who is no client any more; not more of them than there may be clients, for anybody can be one."""
+        """Keep a client without a session, for duplicates; no more of them than clients, because anybody can be one."""
         if caller.place not in self._callers:
             return
         self._resting[caller.place] = caller
@@ -177,12 +179,12 @@ class UdpSocket(asyncio.DatagramProtocol):
             next(iter(self._resting.values())).close()
 
     def drop(self, caller: UdpClient) -> None:
-        """Know a client no more."""
+        """Forget a client."""
         self._callers.pop(caller.place, None)
         self._resting.pop(caller.place, None)
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
     async def close(self) -> None:
@@ -192,11 +194,11 @@ class UdpSocket(asyncio.DatagramProtocol):
             await self._closed.wait()
 
 
-def _bound(family: int, place: _Place) -> socket.socket:
-    """Return a socket that is bound; uvloop does not close those that it cannot bind, nor does it say why.
+def _bound(family: int, place: _SocketAddress) -> socket.socket:
+    """Return a bound socket; uvloop neither closes a socket that it cannot bind nor reports why.
 
     Raises:
-        OSError: the address cannot be used.
+        OSError: If the address cannot be used.
     """
     bound = socket.socket(family, socket.SOCK_DGRAM)
     try:
@@ -209,10 +211,10 @@ def _bound(family: int, place: _Place) -> socket.socket:
 
 
 class UdpListener:
-    """Takes clients at one address: with a socket for IPv4, and another for IPv6 where the host has both.
+    """Accepts UDP clients at one address: with one socket for IPv4 and another for IPv6 if the host has both.
 
     Attributes:
-        url: with the real port.
+        url: the address, with the actual port.
     """
 
     def __init__(self) -> None:
@@ -224,18 +226,18 @@ class UdpListener:
         """Open the sockets.
 
         Raises:
-            OSError: the address cannot be used.
-            ValueError: the host is no host name.
+            OSError: If the address cannot be used.
+            ValueError: If the host is not a valid host name.
         """
         loop = asyncio.get_running_loop()
         found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)
         listener = cls()
         try:
-            places: dict[int, _Place] = {}
+            places: dict[int, _SocketAddress] = {}
             for family, *_, place in found:
                 places.setdefault(family, place)
-            for kind, (host, _, *more) in places.items():
-                bound = _bound(kind, (host, address.port, *more))
+            for family, (host, _, *more) in places.items():
+                bound = _bound(family, (host, address.port, *more))
                 address = address._replace(port=bound.getsockname()[1])
                 _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(shared, loop), sock=bound)
                 listener._sockets.append(opened)
@@ -246,6 +248,6 @@ class UdpListener:
         return listener
 
     async def close(self) -> None:
-        """Take no more clients."""
+        """Close the sockets."""
         for opened in self._sockets:
             await opened.close()
