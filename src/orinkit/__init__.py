@@ -1,4 +1,4 @@
-"""orinkit: drive and serve DENSO robot controllers over b-CAP and e-CAP.
+"""orinkit: clients and servers for DENSO robot controllers over b-CAP and e-CAP.
 
 >>> import orinkit
 >>> with orinkit.connect("tcp://192.168.0.1:5007") as rc8:  # doctest: +SKIP

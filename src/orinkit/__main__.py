@@ -1,4 +1,4 @@
-"""``orinkit`` and ``python -m orinkit``."""
+"""Entry point of ``orinkit`` and ``python -m orinkit``."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from orinkit.core.i18n import tr
 
 
 def main() -> int:
-    """Run the command line of the process and return its exit code; Ctrl-C ends it from the first moment on."""
+    """Run the command line and return the exit code. Ctrl-C is handled from the beginning, including the imports."""
     try:
-        from orinkit.cli.app import main as run  # takes its time: an interrupt meanwhile is no error of the program
+        from orinkit.cli.app import main as run  # slow import: handle Ctrl-C during it, too
 
         return run()
     except KeyboardInterrupt:

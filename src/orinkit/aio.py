@@ -1,4 +1,4 @@
-"""The asynchronous side: the same names as in :mod:`orinkit`, for asyncio.
+"""The asyncio interface: the classes and functions of :mod:`orinkit`, for asyncio.
 
 ::
 

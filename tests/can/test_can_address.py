@@ -204,7 +204,7 @@ def test_a_package_that_is_missing(text: str, monkeypatch: pytest.MonkeyPatch) -
     name = missing[address.interface]
     found = optional_deps.find_spec
     monkeypatch.setattr(optional_deps, "find_spec", lambda package: None if package == name else found(package))
-    with pytest.raises(MissingExtra, match=rf"{name}; install it with: pip install 'orinkit\[can\]'"):
+    with pytest.raises(MissingExtra, match=rf"{name}\. Try: pip install 'orinkit\[can\]'"):
         open_bus(address)
 
 

@@ -588,7 +588,7 @@ def test_success_codes_beside_the_result(session):
         ("no such command", hresult.E_FAIL, "KeyError: 'no such command'"),
         ("dict", hresult.E_FAIL, "Controller_Execute cannot return dict"),
         ("huge", hresult.E_FAIL, "does not fit VT_I4"),
-        ("coded wrong", hresult.E_FAIL, "a return code has 32 bits"),
+        ("coded wrong", hresult.E_FAIL, "does not fit into 32 bits"),
         ("too wide", hresult.E_FAIL, "70000 does not fit VT_I2"),
     ],
 )

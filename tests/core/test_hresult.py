@@ -1,4 +1,4 @@
-"""The table of return codes: complete, consistent, bilingual, and an answer for every number there is."""
+"""The table of return codes: completeness, consistency, both languages, and a result for every 32-bit number."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_controller_codes_are_known(digits):
 
 
 @pytest.mark.parametrize("digits", PER_AXIS)
-def test_per_axis_codes_are_known_for_eight_axes_and_name_theirs(digits):
+def test_per_axis_codes_are_known_for_eight_axes_and_name_the_axis(digits):
     stems = set()
     for axis in AXES:
         code = CODES[int(f"{digits}{axis}", 16)]
@@ -159,7 +159,7 @@ def test_names_that_program_code_uses(name, value):
     assert by_name(name).value == value
 
 
-def test_the_mapping_key_is_the_value_and_no_code_is_given_twice():
+def test_the_mapping_key_is_the_value_and_no_code_occurs_twice():
     rows = len(_hresult_orin.ROWS) + len(_hresult_controller.ROWS) + sum(run[1] for run in _hresult_controller.RUNS)
     assert len(CODES) == rows
     assert all(code.value == value for value, code in CODES.items())
@@ -206,13 +206,13 @@ def test_texts_exist_in_both_languages(code):
         assert code.hint_ja.endswith("。")
 
 
-def test_texts_tell_codes_apart():
+def test_texts_of_controller_codes_are_unique():
     controller = [code for code in CODES.values() if code.value >> 16 not in range(0x8000, 0x8010)]
     for texts in ([code.en for code in controller], [code.ja for code in controller]):
         assert sorted(text for text in set(texts) if texts.count(text) > 1) == []
 
 
-def test_no_hint_is_left_unused():
+def test_all_hints_are_used():
     of_ranges = {"packet", "network"}
     assert {row[4] for row in _hresult_orin.ROWS} | of_ranges == set(_hresult_orin.HINTS)
     rows = {row[4] for row in _hresult_controller.ROWS}
@@ -220,7 +220,7 @@ def test_no_hint_is_left_unused():
     assert rows == set(_hresult_controller.HINTS)
 
 
-def test_text_and_hint_follow_the_language_in_force():
+def test_text_and_hint_follow_the_current_language():
     code = by_name("MOTOR_NOT_ON")
     assert (code.text, code.hint) == (code.en, code.hint_en)
     i18n.use("ja")
@@ -315,7 +315,7 @@ def test_level_of_controller_codes_only(value, level):
 
 
 @pytest.mark.parametrize("value", [0, 1, 0x900, 0x0F200501, 0x7FFFFFFF])
-def test_codes_below_the_sign_bit_are_no_failure(value):
+def test_codes_without_the_sign_bit_are_successes(value):
     assert not hresult.failed(value)
     assert not lookup(value).failed
     assert hresult.signed(value) == value
@@ -357,7 +357,7 @@ def test_a_number_of_more_than_32_bits_is_refused(function, value):
         (0x80912746, "Socket error 10054", "ソケットエラー 10054"),
         (
             0x80201235,
-            "Motion error, level 0 (notice, robot and tasks go on)",
+            "Motion error, level 0 (notice, robot and tasks continue)",
             "動作エラー、レベル0: 通知（ロボットとタスクは継続）",
         ),
         (
@@ -403,7 +403,7 @@ def test_an_unknown_code_gets_its_text_from_its_range(value, en, ja):
 
 
 def test_hints_of_unknown_codes():
-    assert lookup(0x83501234).hint_en.startswith("The controller's own text")
+    assert lookup(0x83501234).hint_en.startswith("Read the controller's own text")
     assert "GetErrorDescription" in lookup(0x83501234).hint_ja
     grave = lookup(0x84501234)
     assert grave.hint_en.startswith("Remove the cause")
@@ -418,7 +418,7 @@ def test_hints_of_unknown_codes():
 
 
 @given(st.integers(-0x80000000, 0xFFFFFFFF) | st.integers(0x80000000, 0x86000000) | st.sampled_from(sorted(CODES)))
-def test_every_32_bit_number_has_an_answer(number):
+def test_every_32_bit_number_has_a_result(number):
     code = lookup(number)
     value = hresult.unsigned(number)
     assert code.value == value
@@ -432,7 +432,7 @@ def test_every_32_bit_number_has_an_answer(number):
     assert (code.name == f"0x{value:08X}") == (value not in CODES)
 
 
-def test_by_name_takes_upper_and_lower_case():
+def test_by_name_ignores_case():
     assert by_name("E_HANDLE") is by_name(" e_handle ") is CODES[0x80070006]
 
 
@@ -440,7 +440,7 @@ def test_by_name_finds_every_code():
     assert all(by_name(code.name) is code for code in CODES.values())
 
 
-def test_an_unknown_name_is_refused_with_the_nearest_names():
+def test_an_unknown_name_is_refused_with_similar_names():
     with pytest.raises(ValueError, match=r"'e_handel'.*did you mean.*E_HANDLE"):
         by_name("e_handel")
     i18n.use("ja")
@@ -448,7 +448,7 @@ def test_an_unknown_name_is_refused_with_the_nearest_names():
         by_name("e_handel")
 
 
-def test_a_name_like_no_other_is_refused_without_a_suggestion():
+def test_a_name_without_similar_names_is_refused_without_a_suggestion():
     with pytest.raises(ValueError, match="'12345'") as caught:
         by_name("12345")
     assert "did you mean" not in str(caught.value)
@@ -471,6 +471,6 @@ def test_numbers_of_the_older_controller():
     assert all(re.fullmatch(r"([0-9A-F]{4}(-[0-9A-F]{4})?)?", code.rc7) for code in CODES.values())
 
 
-def test_a_code_of_ones_own_needs_no_hint():
+def test_a_user_defined_code_needs_no_hint():
     code = ReturnCode(0x80040201, "MY_ERROR", "Out of paper", "用紙切れ")
     assert (code.hint, code.rc7, code.family, code.level, code.failed) == ("", "", CodeFamily.USER, 0, True)

@@ -1,4 +1,4 @@
-"""The language of texts: from the environment at first, by hand at any time."""
+"""The language of texts: initially from the environment, changed with ``use``."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_the_first_variable_that_is_set_decides(monkeypatch, environment, expect
     assert i18n._from_environment() == expected
 
 
-def test_use_changes_every_text_from_then_on():
+def test_use_changes_all_further_texts():
     i18n.use("ja")
     assert (i18n.current(), i18n.choose("cat", "猫"), i18n.tr("a serial port")) == ("ja", "猫", "シリアルポート")
     i18n.use("en")
@@ -69,12 +69,12 @@ def test_use_changes_every_text_from_then_on():
         ("\u2028\u061c\ufeff", r"\u2028\u061c\ufeff"),
     ],
 )
-def test_what_somebody_else_wrote_is_made_printable(text, shown):
+def test_external_text_is_made_printable(text, shown):
     assert i18n.printable(text) == shown
     assert shown.isprintable()
 
 
-def test_blanks_and_joiners_of_other_languages_stay():
+def test_spaces_and_joiners_of_other_languages_are_kept():
     assert i18n.visible("日本語\u3000\u00a0\u200d\x1b") == "日本語\u3000\u00a0\u200d\\x1b"
     assert i18n.visible("a\tb\nc\r", "\t\n") == "a\tb\nc\\r"
 

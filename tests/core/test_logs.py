@@ -1,4 +1,4 @@
-"""Log records on stderr: nobody waits for the reader, what is dropped is counted, a record steers no terminal."""
+"""Log records on stderr: logging does not block, dropped records are counted, control characters are escaped."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def text_of(logger: logging.Logger) -> io.StringIO:
     return stream
 
 
-def test_a_program_goes_on_and_ends_when_nobody_reads_its_stderr():
+def test_a_program_continues_and_ends_if_its_stderr_is_not_read():
     program = subprocess.Popen(
         [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -58,7 +58,7 @@ def test_a_program_goes_on_and_ends_when_nobody_reads_its_stderr():
     assert lines[0].endswith("INFO orinkit.test: record 0")
 
 
-def test_what_was_dropped_is_told_when_there_is_room_again(logger):
+def test_dropped_records_are_reported_when_there_is_room_again(logger):
     ours, theirs = os.pipe()
     with os.fdopen(ours) as reader, os.fdopen(theirs, "w") as stream:
         handler = BoundedQueueHandler(stream)
@@ -68,13 +68,13 @@ def test_what_was_dropped_is_told_when_there_is_room_again(logger):
         stream.close()
         logger.removeHandler(handler)
         read = [reader.readline() for _ in range(1000)]
-        handler.close()  # writes what is left
+        handler.close()  # writes the remaining records
         read += reader.readlines()
     notices = [line for line in read if not line.startswith("x")]
-    assert notices == ["orinkit: 7 log records were dropped, as stderr was not read fast enough\n"]
+    assert notices == ["orinkit: 7 log records were dropped because stderr was not read fast enough\n"]
 
 
-def test_a_record_without_room_costs_no_waiting(logger):
+def test_a_full_queue_does_not_block(logger):
     ours, theirs = os.pipe()
     try:
         with os.fdopen(theirs, "w") as stream:
@@ -84,14 +84,14 @@ def test_a_record_without_room_costs_no_waiting(logger):
                 logger.warning("%s", "x" * 1000)
             until(lambda: handler.dropped > 0)
             began = time.monotonic()
-            handler.close()  # nobody ever reads
+            handler.close()  # the pipe is never read
             assert time.monotonic() - began < 20
             logger.removeHandler(handler)
     finally:
         os.close(ours)
 
 
-def test_foreign_text_is_cut_before_it_is_formatted(logger):
+def test_external_text_is_shortened_before_it_is_formatted(logger):
     stream = text_of(logger)
     before = time.process_time()
     logger.info("%s is %r", "\x1b" * 16_000_000, 5)
@@ -99,7 +99,7 @@ def test_foreign_text_is_cut_before_it_is_formatted(logger):
     assert len(stream.getvalue()) < 5 * logs.LONGEST
 
 
-def test_the_middle_of_a_long_record_is_left_out(logger):
+def test_the_middle_of_a_long_record_is_omitted(logger):
     stream = text_of(logger)
     try:
         _deep(400)
@@ -115,27 +115,27 @@ def test_the_middle_of_a_long_record_is_left_out(logger):
 def _deep(number: int) -> None:
     if not number:
         raise ValueError("the end")
-    _other(number - 1)  # two in turn: a traceback abbreviates one that calls itself
+    _other(number - 1)  # alternate two functions: a traceback abbreviates direct recursion
 
 
 def _other(number: int) -> None:
     _deep(number)
 
 
-def test_control_characters_are_visible(logger):
+def test_control_characters_are_escaped(logger):
     stream = text_of(logger)
     logger.info("%s", "\x1b[2J\r bell\a\nsecond line")
     assert stream.getvalue() == "\\x1b[2J\\r bell\\x07\nsecond line\n"
 
 
-def test_arguments_that_do_not_fit_are_told_in_one_line(logger):
+def test_arguments_that_do_not_fit_the_format_are_reported_in_one_line(logger):
     stream = text_of(logger)
     record = logger.makeRecord(logger.name, logging.INFO, __file__, 1, "%d of %d", (1,), None)
     logger.handlers[-1].handle(record)
     assert stream.getvalue() == "orinkit.test.logs: %d of %d: TypeError\n"
 
 
-def test_a_program_that_logs_already_is_left_alone(monkeypatch):
+def test_an_existing_log_configuration_is_kept(monkeypatch):
     root = logging.getLogger()
     monkeypatch.setattr(root, "handlers", [logging.NullHandler()])
     logs.to_stderr()

@@ -1,4 +1,4 @@
-"""Writing without waiting: what is kept, what is dropped, and what is said of errors."""
+"""Non-blocking output: order, dropped texts and errors."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from support.waiting import PATIENCE, until
 
 @pytest.fixture
 def pipe() -> Iterator[tuple[int, TextIO]]:
-    """A pipe: where it is read, and a stream to write to."""
+    """Return the read end of a pipe and a stream that writes to it."""
     ours, theirs = os.pipe()
     with os.fdopen(theirs, "w", encoding="utf-8") as stream:
         yield ours, stream
     os.close(ours)
 
 
-def everything(pipe: int) -> bytes:
-    """Return what is in a pipe now."""
+def read_available(pipe: int) -> bytes:
+    """Return the bytes that a pipe contains at present."""
     try:
         return os.read(pipe, 1 << 20)
     except BlockingIOError:
@@ -38,7 +38,7 @@ def outlets() -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name == "orinkit-outlet"]
 
 
-def test_all_is_written_in_its_order(pipe, monkeypatch):
+def test_texts_are_written_in_order(pipe, monkeypatch):
     monkeypatch.setattr(outlet_module, "_PATIENCE", PATIENCE)
     ours, stream = pipe
     outlet = BackgroundWriter(stream)
@@ -51,7 +51,7 @@ def test_all_is_written_in_its_order(pipe, monkeypatch):
     stream.write("still open")
 
 
-def test_what_nobody_reads_is_dropped_and_counted(pipe):
+def test_unread_texts_are_dropped_and_counted(pipe):
     ours, stream = pipe
     outlet = BackgroundWriter(stream)
     line = "x" * 999 + "\n"
@@ -62,17 +62,17 @@ def test_what_nobody_reads_is_dropped_and_counted(pipe):
     outlet.check()  # no error
     os.set_blocking(ours, False)
     read = 0
-    while outlets() or read % 1000:  # the one that was being written comes to its end
-        read += len(everything(ours))
-    read += len(everything(ours))
-    assert read // 1000 + outlet.dropped in (2999, 3000)  # it may be counted as neither
+    while outlets() or read % 1000:  # until the text in progress is written
+        read += len(read_available(ours))
+    read += len(read_available(ours))
+    assert read // 1000 + outlet.dropped in (2999, 3000)  # the text in progress may be counted as neither
 
 
-def test_a_reader_that_has_gone(pipe):
+def test_a_reader_that_closed_the_pipe(pipe):
     ours, stream = pipe
     outlet = BackgroundWriter(stream)
     null = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null, ours)  # it closes the pipe's end
+    os.dup2(null, ours)  # closes the read end of the pipe
     os.close(null)
     outlet.write("x")
     until(lambda: outlet.error)
@@ -83,7 +83,7 @@ def test_a_reader_that_has_gone(pipe):
     assert not outlets()
 
 
-def test_a_stream_without_a_descriptor_is_written_to_at_once():
+def test_a_stream_without_a_descriptor_is_written_to_synchronously():
     text = io.StringIO()
     outlet = BackgroundWriter(text)
     assert outlet.write("now") == 3
@@ -93,7 +93,7 @@ def test_a_stream_without_a_descriptor_is_written_to_at_once():
     outlet.close()
 
 
-def test_no_stream_at_all():
+def test_without_a_stream():
     outlet = BackgroundWriter(None)
     assert outlet.write("nowhere") == 7
     outlet.flush()

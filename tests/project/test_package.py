@@ -98,5 +98,5 @@ def test_serving_without_the_extra_names_it(device: str) -> None:
     )
     assert done.returncode == 1
     assert done.stderr == (
-        "orinkit: the virtual RC8 needs numpy, lark; install it with: pip install 'orinkit[virtual]'\n"
+        "orinkit: the virtual RC8 needs numpy, lark. Try: pip install 'orinkit[virtual]'\n"
     )

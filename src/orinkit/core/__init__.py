@@ -1,1 +1,1 @@
-"""Return codes, exceptions, languages, logging: what everything else builds on."""
+"""Return codes, exceptions, languages and logging: the foundation of all other packages."""

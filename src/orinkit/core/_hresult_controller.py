@@ -1,7 +1,7 @@
-"""The codes that a robot controller (RC8, RC9, COBOTTA) reports: one row per code.
+"""Return codes of robot controllers (RC8, RC9, COBOTTA), one row per code.
 
-The numbers and meanings are those of the RC8 document (4.3, 4.5) and of controllers in use; names and texts are this
-project's own. :mod:`orinkit.core.hresult` makes its table of these rows.
+Numbers and meanings come from the RC8 document (4.3, 4.5) and from controllers in use; names and texts are this project's
+own. :mod:`orinkit.core.hresult` builds its table from these rows.
 """
 
 from __future__ import annotations
@@ -9,75 +9,75 @@ from __future__ import annotations
 from typing import Final
 
 # fmt: off
-#: What to try, shared by several codes: key -> (English, Japanese).
+#: Remedies, each shared by several codes: key -> (English, Japanese).
 HINTS: Final[dict[str, tuple[str, str]]] = {
     "": ("", ""),
     "again": ("Clear the error, wait a moment and try again.", "エラーをクリアし、少し待ってからやり直してください。"),
     "arguments": ("Check the number, the types and the values of the arguments.", "引数の個数・型・値を確認してください。"),
-    "arm": ("Take the arm before moving (TakeArm; in Python: with robot.arm():). If another client or program holds it, that one has to give it back.", "動作の前にアーム制御権を取得してください (TakeArm、Python では with robot.arm():)。他が取得している場合は、その側で解放する必要があります。"),
-    "program_arm": ("A program that runs or is suspended holds the arm: stop it for good (Task_Stop 4; in Python: task.stop(\"initialize\")).", "実行中または中断中のプログラムがアーム制御権を持っています。初期化停止してください (Task_Stop 4、Python では task.stop(\"initialize\"))。"),
-    "paused": ("Go on with the motion (Unhold) or abandon it (Halt).", "動作を再開する (Unhold) か、中止 (Halt) してください。"),
-    "stopped": ("Find out what stopped it (an emergency stop, a mode, a Halt), then ask for the motion anew.", "停止の原因 (非常停止、モード切替、Halt など) を確認してから、改めて動作を指令してください。"),
-    "syntax": ("DrainInput at the program; the controller's error log (GetErrorLog 0) has file, line and column.", "プログラムを確認してください。ファイル名・行・桁はコントローラのエラーログ (GetErrorLog 0) にあります。"),
-    "auto": ("Turn the mode selector to automatic.", "モードを自動に切り替えてください。"),
+    "arm": ("Take the arm semaphore before moving (TakeArm; in Python: with robot.arm():). If another client or program holds it, that client or program must release it.", "動作の前にアーム制御権を取得してください (TakeArm、Python では with robot.arm():)。他が取得している場合は、その側で解放する必要があります。"),
+    "program_arm": ("A running or suspended program holds the arm semaphore; stop it with initialization (Task_Stop 4; in Python: task.stop(\"initialize\")).", "実行中または中断中のプログラムがアーム制御権を持っています。初期化停止してください (Task_Stop 4、Python では task.stop(\"initialize\"))。"),
+    "paused": ("Resume the motion (Unhold) or abort it (Halt).", "動作を再開する (Unhold) か、中止 (Halt) してください。"),
+    "stopped": ("Find the cause of the stop (emergency stop, mode change, Halt), then command the motion again.", "停止の原因 (非常停止、モード切替、Halt など) を確認してから、改めて動作を指令してください。"),
+    "syntax": ("Check the program; the controller's error log (GetErrorLog 0) has the file, line and column.", "プログラムを確認してください。ファイル名・行・桁はコントローラのエラーログ (GetErrorLog 0) にあります。"),
+    "auto": ("Set the mode selector to automatic.", "モードを自動に切り替えてください。"),
     "auto_enable": ("Check the auto-enable input of the controller.", "コントローラの自動イネーブル入力を確認してください。"),
-    "axis_speed": ("Lower the speed and acceleration, or put the poses closer together.", "速度・加速度を下げるか、位置指令の間隔を細かくしてください。"),
-    "calset": ("Do CALSET on the pendant.", "ペンダントで CALSET を実施してください。"),
+    "axis_speed": ("Reduce the speed and acceleration, or space the poses more closely.", "速度・加速度を下げるか、位置指令の間隔を細かくしてください。"),
+    "calset": ("Execute CALSET on the pendant.", "ペンダントで CALSET を実施してください。"),
     "clear": ("Remove the cause, clear the error (ClearError) and switch the motor on again.", "原因を取り除き、ClearError でエラーをクリアしてから、モータを ON にし直してください。"),
     "connection": ("Check the network, then connect again.", "ネットワークを確認し、接続し直してください。"),
-    "emergency": ("Release the emergency stop, or turn the mode switch to automatic; clear the error if there is one, and switch the motor on again.", "非常停止を解除するか自動モードに切り替え、エラーがあればクリアしてから、モータを ON にし直してください。"),
-    "enter_slave": ("Enter slave mode first (slvChangeMode). If it was on before, an earlier error ended it: look at the first error.", "先に slvChangeMode でスレーブモードに入ってください。直前まで有効だった場合は、先に起きたエラーで解除されています。最初のエラーを確認してください。"),
-    "error_first": ("DrainInput at the errors and clear them first (ClearError; in Python: rc8.errors(), rc8.clear_error()).", "エラーを確認し、先にクリアしてください (ClearError、Python では rc8.errors()、rc8.clear_error())。"),
-    "figure": ("Use a figure that the arm can take, or leave it to the controller (Fig -1).", "アームが取れる形態を指定するか、Fig に -1 を指定してコントローラに任せてください。"),
-    "file": ("Check the name of the file and its folder.", "ファイル名とフォルダ名を確認してください。"),
-    "first_error": ("DrainInput at the error that came before it: that one is the cause.", "先に発生したエラーが原因です。そちらを確認してください。"),
-    "grip": ("Check the workpiece, the width and the force of the hand.", "ワークの有無、ハンドの開き幅と力を確認してください。"),
-    "keep_up": ("Send the next pose in every cycle, and end a motion by sending the last pose at least twice.", "毎周期、次の位置指令を送ってください。動作の終わりには最後の位置を2回以上送ってください。"),
-    "leave_slave": ("Leave slave mode first (slvChangeMode 0), or read over another connection.", "先に slvChangeMode 0 でスレーブモードを終了するか、別の接続から読み出してください。"),
+    "emergency": ("Release the emergency stop or set the mode selector to automatic; clear the error, if any, and switch the motor on again.", "非常停止を解除するか自動モードに切り替え、エラーがあればクリアしてから、モータを ON にし直してください。"),
+    "enter_slave": ("Enter slave mode first (slvChangeMode). If it was already on, an earlier error ended it; check the first error.", "先に slvChangeMode でスレーブモードに入ってください。直前まで有効だった場合は、先に起きたエラーで解除されています。最初のエラーを確認してください。"),
+    "error_first": ("Check the errors and clear them first (ClearError; in Python: rc8.errors(), rc8.clear_error()).", "エラーを確認し、先にクリアしてください (ClearError、Python では rc8.errors()、rc8.clear_error())。"),
+    "figure": ("Specify a figure that the arm can reach, or let the controller choose (Fig -1).", "アームが取れる形態を指定するか、Fig に -1 を指定してコントローラに任せてください。"),
+    "file": ("Check the file name and the folder.", "ファイル名とフォルダ名を確認してください。"),
+    "first_error": ("Check the preceding error; it is the cause.", "先に発生したエラーが原因です。そちらを確認してください。"),
+    "grip": ("Check the workpiece, and the width and force of the hand.", "ワークの有無、ハンドの開き幅と力を確認してください。"),
+    "keep_up": ("Send a pose in every cycle; at the end of a motion, send the last pose at least twice.", "毎周期、次の位置指令を送ってください。動作の終わりには最後の位置を2回以上送ってください。"),
+    "leave_slave": ("Leave slave mode first (slvChangeMode 0), or use another connection for reading.", "先に slvChangeMode 0 でスレーブモードを終了するか、別の接続から読み出してください。"),
     "licence": ("Register the licence of the option on the controller.", "コントローラに該当オプションのライセンスを登録してください。"),
-    "limit": ("Keep the pose inside the software limits; OutRange (in Python: robot.out_of_range()) tells which axes leave them.", "ソフトリミット内の位置を指定してください。超える軸は OutRange (Python では robot.out_of_range()) で確認できます。"),
-    "load": ("Lower the speed and the load, check for a collision, and set the payload (PayLoad).", "速度と負荷を下げ、干渉の有無を確認し、PayLoad で負荷を正しく設定してください。"),
+    "limit": ("Keep the pose inside the soft limits; OutRange (in Python: robot.out_of_range()) returns the axes that exceed them.", "ソフトリミット内の位置を指定してください。超える軸は OutRange (Python では robot.out_of_range()) で確認できます。"),
+    "load": ("Reduce the speed and the load, check for a collision, and set the payload (PayLoad).", "速度と負荷を下げ、干渉の有無を確認し、PayLoad で負荷を正しく設定してください。"),
     "machine_lock": ("Release the machine lock.", "マシンロックを解除してください。"),
-    "manual": ("Turn the mode selector to manual.", "モードを手動に切り替えてください。"),
+    "manual": ("Set the mode selector to manual.", "モードを手動に切り替えてください。"),
     "manual_reset": ("Run ManualResetPreparation, then MotionPreparation, then switch the motor on.", "ManualResetPreparation、MotionPreparation の順に実行してから、モータを入れてください。"),
     "memory": ("Release objects that are no longer used.", "使っていないオブジェクトを解放してください。"),
     "motor_off": ("Switch the motor off first.", "先にモータを OFF にしてください。"),
     "motor_on": ("Switch the motor on (Motor 1; in Python: with robot.motor():) and wait until it is on.", "モータを ON にし (Motor 1、Python では with robot.motor():)、ON になるまで待ってください。"),
-    "name": ("Check the spelling of the name.", "名前のつづりを確認してください。"),
-    "next_cycle": ("Wait one cycle before the next pose.", "次の位置指令は1周期待ってから送ってください。"),
+    "name": ("Check the name.", "名前のつづりを確認してください。"),
+    "next_cycle": ("Wait one cycle before sending the next pose.", "次の位置指令は1周期待ってから送ってください。"),
     "option": ("Check the option string of the motion (SPEED=, ACCEL=, NEXT, ...).", "動作オプションの文字列（SPEED=、ACCEL=、NEXT など）を確認してください。"),
     "program_start": ("Start the program first.", "先にプログラムを起動してください。"),
     "program_stop": ("Stop the running programs first.", "先に実行中のプログラムを停止してください。"),
     "protective": ("Release the stop input, then clear the error.", "停止入力を解除してから、エラーをクリアしてください。"),
-    "range": ("Use a number that the controller has.", "コントローラに存在する番号を指定してください。"),
-    "reachable": ("Choose a pose within reach; OutRange (in Python: robot.out_of_range()) checks one without moving.", "可動範囲内の位置を指定してください。OutRange (Python では robot.out_of_range()) で動かさずに確認できます。"),
-    "resend": ("The pose was not taken: wait one cycle and send the same pose again.", "この位置指令は受け付けられていません。1周期待ってから同じ指令を送り直してください。"),
-    "reset": ("Restart the controller; if it comes back, contact the maker's service.", "コントローラを再起動してください。再発する場合は、メーカーのサービスに連絡してください。"),
+    "range": ("Use a number that exists on the controller.", "コントローラに存在する番号を指定してください。"),
+    "reachable": ("Choose a reachable pose; OutRange (in Python: robot.out_of_range()) checks a pose without moving.", "可動範囲内の位置を指定してください。OutRange (Python では robot.out_of_range()) で動かさずに確認できます。"),
+    "resend": ("The pose was not accepted; wait one cycle and send the same pose again.", "この位置指令は受け付けられていません。1周期待ってから同じ指令を送り直してください。"),
+    "reset": ("Restart the controller; if the error recurs, contact the manufacturer.", "コントローラを再起動してください。再発する場合は、メーカーのサービスに連絡してください。"),
     "right": ("Set the communication permission of this connection on the controller to read/write.", "コントローラ側で、この接続の通信権限を読み書き可に設定してください。"),
-    "singular": ("Keep away from the singular point, or pass it with a PTP motion.", "特異点から離れた経路にするか、PTP動作で通過してください。"),
-    "start_ethernet": ("Set the executable token on the pendant to Ethernet, with this client's address or Any.", "ペンダントで起動権をEthernetにし、アドレスをこのクライアントまたは「任意」に設定してください。"),
+    "singular": ("Choose a path away from the singular point, or pass it with a PTP motion.", "特異点から離れた経路にするか、PTP動作で通過してください。"),
+    "start_ethernet": ("On the pendant, set the executable token to Ethernet and its address to this client or Any.", "ペンダントで起動権をEthernetにし、アドレスをこのクライアントまたは「任意」に設定してください。"),
     "start_right": ("Change the executable token on the pendant.", "ペンダントで起動権の設定を変更してください。"),
-    "string": ("Shorten the string to 255 bytes.", "文字列を255バイト以内にしてください。"),
+    "string": ("Limit the string to 255 bytes.", "文字列を255バイト以内にしてください。"),
     "tasks": ("Stop tasks that are no longer needed.", "不要なタスクを停止してください。"),
-    "type": ("Use the type of the variable or argument.", "変数または引数の型に合わせてください。"),
-    "wait": ("Wait until it has finished, then try again.", "終了するのを待ってから、やり直してください。"),
-    "wait_still": ("Wait until the robot stands still, then try again.", "ロボットが停止してから、やり直してください。"),
-    "write": ("Only read it.", "読み出し専用として扱ってください。"),
+    "type": ("Use a value of the type of the variable or argument.", "変数または引数の型に合わせてください。"),
+    "wait": ("Wait for completion, then try again.", "終了するのを待ってから、やり直してください。"),
+    "wait_still": ("Wait for standstill of the robot, then try again.", "ロボットが停止してから、やり直してください。"),
+    "write": ("The item is read-only; do not write it.", "読み出し専用として扱ってください。"),
 }
 
 #: (value, name, English, Japanese, key of the hint, RC7 number).
 ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     # Motion and slave mode
-    (0x0F200501, "S_BUF_FULL", "Pose taken; the buffer is now full", "位置指令を受け付けた（バッファは満杯）", "next_cycle", ""),
+    (0x0F200501, "S_BUF_FULL", "Pose accepted; the buffer is now full", "位置指令を受け付けた（バッファは満杯）", "next_cycle", ""),
     (0x80201418, "SINGULAR_POINT_NOTICE", "Near a singular point (notice)", "特異点の近く（通知）", "singular", ""),
     (0x81201408, "MOTION_OPTION_INVALID", "Invalid motion option", "動作オプションが不正", "option", ""),
     (0x81201503, "TARGET_OUT_OF_RANGE", "The target is outside the working range", "目標位置が動作範囲外", "reachable", ""),
     (0x81201506, "SINGULAR_POINT_REFUSED", "Not possible near a singular point", "特異点の近くのため実行できない", "singular", ""),
     (0x81201519, "FIGURE_INVALID", "Invalid figure", "形態が不正", "figure", ""),
-    (0x83201401, "FIGURE_MISMATCH", "The figure does not match", "形態が一致しない", "figure", ""),
+    (0x83201401, "FIGURE_MISMATCH", "Figure mismatch", "形態が一致しない", "figure", ""),
     (0x83201404, "STOPPING_MOTION", "The motion is being stopped", "動作の停止処理中", "wait_still", "73FF"),
     (0x83201411, "INTERPOLATION_NOT_SUPPORTED", "Interpolation not supported", "対応していない補間方法", "arguments", ""),
-    (0x83201483, "E_BUF_FULL", "Buffer overflow; the pose was not taken", "バッファオーバーフロー（位置指令は受け付けていない）", "resend", ""),
+    (0x83201483, "E_BUF_FULL", "Buffer overflow; the pose was not accepted", "バッファオーバーフロー（位置指令は受け付けていない）", "resend", ""),
     (0x83201501, "OUT_OF_WORKING_RANGE", "Outside the working range", "動作範囲外", "reachable", ""),
     (0x83201504, "SINGULAR_POINT_STOP", "Stopped near a singular point", "特異点の近くで停止", "singular", ""),
     (0x83201530, "FORCE_CONTROL_TOO_FAST", "Too fast for force control", "力制御中の速度が速すぎる", "axis_speed", ""),
@@ -86,16 +86,16 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x83600015, "FIGURE_OUT_OF_RANGE", "Fig out of range", "Fig の値が範囲外", "figure", ""),
     (0x84201414, "TOOL_SPEED_OVER", "Commanded tool-tip speed too high", "ツール先端の指令速度が過大", "axis_speed", ""),
     (0x84201415, "TOOL_SPEED_OVER_2", "Commanded tool-tip speed too high (check 1415)", "ツール先端の指令速度が過大（検査1415）", "axis_speed", ""),
-    (0x84201482, "COMMAND_DELAY", "The next pose came too late: the buffer ran empty while moving", "位置指令が間に合わず、動作中にバッファが空になった", "keep_up", ""),
-    (0x84201486, "COMMAND_GENERATION_STOPPED", "Motion stopped and motor off because of another error", "別のエラーにより指令値の生成を停止（全軸停止、モータOFF）", "first_error", ""),
+    (0x84201482, "COMMAND_DELAY", "Late set-point: the buffer ran empty while moving", "位置指令が間に合わず、動作中にバッファが空になった", "keep_up", ""),
+    (0x84201486, "COMMAND_GENERATION_STOPPED", "Motion stopped and motor switched off because of another error", "別のエラーにより指令値の生成を停止（全軸停止、モータOFF）", "first_error", ""),
     (0x83500009, "OPTION_NOT_LICENSED", "Licence of the option not registered", "オプションのライセンスが未登録", "licence", ""),
     (0x83500121, "SLAVE_MODE_OFF", "slvMove refused: slave mode is off", "スレーブモードではないため slvMove を実行できない", "enter_slave", ""),
     (0x83500126, "LICENSE_NOT_REGISTERED", "Licence not registered", "ライセンスが未登録", "licence", ""),
     (0x83501032, "REFUSED_IN_SLAVE_MODE", "Not available in slave mode", "スレーブモード中は使用できない", "leave_slave", "2254"),
     (0x83501033, "SLAVE_MODE_REQUIRED", "Only available in slave mode", "スレーブモードでのみ使用できる", "enter_slave", ""),
     (0x81500177, "SLAVE_FUNCTION_ENABLED", "Not available while the b-CAP Slave function is enabled", "b-CAP Slave 機能が有効な間は使用できない", "leave_slave", ""),
-    # State and rights
-    (0x803022EF, "EMERGENCY_STOP_OR_MODE_CHANGE", "Emergency stop or change of mode", "非常停止またはモード切替", "emergency", ""),
+    # States and permissions
+    (0x803022EF, "EMERGENCY_STOP_OR_MODE_CHANGE", "Emergency stop or mode change", "非常停止またはモード切替", "emergency", ""),
     (0x81501001, "MOTOR_IS_ON", "Not possible while the motor is on", "モータONの間は実行できない", "motor_off", "200A"),
     (0x81501003, "MOTOR_NOT_ON", "The motor must be on", "モータがONになっていない", "motor_on", "2006"),
     (0x81501005, "MACHINE_LOCK_ON", "The machine lock is on", "マシンロック中", "machine_lock", "21DE"),
@@ -103,7 +103,7 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x8150100B, "PROGRAM_NOT_RUNNING", "A program must be running", "プログラムが実行中でない", "program_start", ""),
     (0x8150100D, "ROBOT_MOVING", "Not possible while the robot moves", "ロボット動作中は実行できない", "wait_still", "600B"),
     (0x8150100F, "ROBOT_PAUSED", "Not possible while the robot is paused", "ロボット一時停止中は実行できない", "paused", "21BF"),
-    (0x81501011, "STOPPING", "Being stopped", "停止処理中", "wait_still", "73FF"),
+    (0x81501011, "STOPPING", "Stopping in progress", "停止処理中", "wait_still", "73FF"),
     (0x81501012, "REFUSED_IN_MANUAL_MODE", "Not possible in manual mode", "手動モードでは実行できない", "auto", "21E2"),
     (0x81501013, "MANUAL_MODE_REQUIRED", "Only possible in manual mode", "手動モードでのみ実行できる", "manual", "21E3"),
     (0x81501016, "REFUSED_IN_AUTO_MODE", "Not possible in automatic mode", "自動モードでは実行できない", "manual", "21E6"),
@@ -114,35 +114,35 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x81501021, "AUTO_ENABLE_REQUIRED", "Auto enable must be on", "自動イネーブルがONになっていない", "auto_enable", "21F3"),
     (0x81501022, "PROTECTIVE_STOP_ON", "The protective stop is on", "防護停止中", "protective", ""),
     (0x81501025, "ERROR_PRESENT", "Not possible while an error is present", "エラー発生中は実行できない", "error_first", "21D3"),
-    (0x81501069, "MOTION_PREPARATION_NEEDED", "The motion preparation is needed", "動作準備が必要", "manual_reset", ""),
-    (0x81501070, "MOTION_PREPARATION_NOT_DONE", "The motion preparation is not done", "動作準備が完了していない", "manual_reset", ""),
+    (0x81501069, "MOTION_PREPARATION_NEEDED", "Motion preparation is required", "動作準備が必要", "manual_reset", ""),
+    (0x81501070, "MOTION_PREPARATION_NOT_DONE", "Motion preparation is not complete", "動作準備が完了していない", "manual_reset", ""),
     (0x81501078, "NOT_IN_SAFETY_STATE", "Not in safety state", "セーフティ状態ではない", "", ""),
     (0x82500004, "AUTO_ENABLE_WENT_OFF", "The auto-enable signal went off", "自動イネーブル信号がOFFになった", "auto_enable", "21FC"),
     (0x82500005, "AUTO_ENABLE_WENT_ON", "The auto-enable signal went on", "自動イネーブル信号がONになった", "auto_enable", "21FD"),
-    (0x82501009, "FATAL_ERROR_BEFORE", "An error of level 5 happened just before", "直前にレベル5のエラーが発生した", "reset", ""),
+    (0x82501009, "FATAL_ERROR_BEFORE", "An error of level 5 has just occurred", "直前にレベル5のエラーが発生した", "reset", ""),
     (0x83500008, "MOTOR_OFF_WHILE_MOVING", "Motor-off command while the robot was moving", "動作中にモータOFFの指令を受けた", "wait_still", "77B7"),
     (0x83500042, "ARM_GROUP_TAKEN", "The arm group is already taken", "アームグループの制御権は既に取得されている", "arm", ""),
-    (0x83500076, "STOPPED_DURING_PC_MOTION", "Stopped while a motion command of the PC was running", "PCからの動作命令の実行中に停止した", "stopped", ""),
-    (0x83500079, "ARM_TAKEN_BY_PACSCRIPT", "A PacScript program holds the arm", "PacScriptのプログラムがアーム制御権を持っている", "program_arm", ""),
+    (0x83500076, "STOPPED_DURING_PC_MOTION", "Stopped while a motion command from a PC was executing", "PCからの動作命令の実行中に停止した", "stopped", ""),
+    (0x83500079, "ARM_TAKEN_BY_PACSCRIPT", "A PacScript program holds the arm semaphore", "PacScriptのプログラムがアーム制御権を持っている", "program_arm", ""),
     (0x8350010F, "TOOL_WORK_CHANGE_WHILE_MOVING", "Tool or work cannot be changed while moving", "動作中はツール・ワークを変更できない", "wait_still", ""),
     (0x83500110, "SPEED_CHANGE_WHILE_MOVING", "The internal speed cannot be changed while moving", "動作中は内部速度を変更できない", "wait_still", ""),
     (0x83500160, "MOTOR_ON_TIMEOUT", "Switching the motor on timed out", "モータONがタイムアウト", "again", ""),
     (0x83500161, "MOTOR_OFF_TIMEOUT", "Switching the motor off timed out", "モータOFFがタイムアウト", "again", ""),
     (0x83500178, "EMERGENCY_STOP_NOT_RELEASED", "The emergency stop is still pressed", "非常停止が解除されていない", "emergency", "2008"),
     (0x83500188, "MOTOR_ON_FAILED", "The motor could not be switched on", "モータONに失敗", "again", ""),
-    (0x83500372, "MANUAL_RESET_PREPARATION_FIRST", "ManualResetPreparation must come first", "先に ManualResetPreparation が必要", "manual_reset", ""),
+    (0x83500372, "MANUAL_RESET_PREPARATION_FIRST", "ManualResetPreparation must be executed first", "先に ManualResetPreparation が必要", "manual_reset", ""),
     (0x8350048F, "GRIP_NOT_DETECTED", "No grip detected", "把持を検出できない", "grip", ""),
-    (0x83501024, "ARM_NOT_TAKEN", "The arm is not taken, or someone else holds it", "アーム制御権がないか、他が取得している", "arm", "21F7"),
-    (0x83501026, "START_RIGHT_NOT_PENDANT", "The start right must be with the pendant", "起動権がペンダントにない", "start_right", "2284-2289"),
-    (0x83501027, "START_RIGHT_NOT_IO", "The start right must be with the I/O", "起動権がI/Oにない", "start_right", "2284-2289"),
-    (0x83501028, "START_RIGHT_NOT_ETHERNET", "The start right must be with Ethernet", "起動権がEthernetにない", "start_ethernet", "2284-2289"),
-    (0x83501029, "START_RIGHT_NOT_THIS_ADDRESS", "The start right is with another IP address", "起動権がこのIPアドレスにない", "start_ethernet", "2284-2289"),
+    (0x83501024, "ARM_NOT_TAKEN", "The arm semaphore is not taken, or another client or program holds it", "アーム制御権がないか、他が取得している", "arm", "21F7"),
+    (0x83501026, "START_RIGHT_NOT_PENDANT", "The executable token is not assigned to the pendant", "起動権がペンダントにない", "start_right", "2284-2289"),
+    (0x83501027, "START_RIGHT_NOT_IO", "The executable token is not assigned to I/O", "起動権がI/Oにない", "start_right", "2284-2289"),
+    (0x83501028, "START_RIGHT_NOT_ETHERNET", "The executable token is not assigned to Ethernet", "起動権がEthernetにない", "start_ethernet", "2284-2289"),
+    (0x83501029, "START_RIGHT_NOT_THIS_ADDRESS", "The executable token is not assigned to this IP address", "起動権がこのIPアドレスにない", "start_ethernet", "2284-2289"),
     (0x8350103F, "CALSET_NOT_DONE", "CALSET has not been done", "CALSETが未実施", "calset", "6750"),
     (0x83501041, "ENCODER_REFERENCE_LOST", "The reference position of an encoder is lost", "エンコーダの基準位置が失われている", "calset", ""),
     (0x8350106E, "MOTOR_SWITCHING_OFF", "The motor cannot go on while it is going off", "モータOFF処理中はONにできない", "again", ""),
     # Arguments, variables and tasks
-    (0x80501043, "NO_READ_RIGHT", "This connection has no right to read", "この接続には読み出し権限がない", "right", ""),
-    (0x80501044, "NO_WRITE_RIGHT", "This connection has no right to write", "この接続には書き込み権限がない", "right", ""),
+    (0x80501043, "NO_READ_RIGHT", "This connection has no read permission", "この接続には読み出し権限がない", "right", ""),
+    (0x80501044, "NO_WRITE_RIGHT", "This connection has no write permission", "この接続には書き込み権限がない", "right", ""),
     (0x81500013, "FUNCTION_NOT_DEFINED", "Function not defined", "関数が定義されていない", "name", ""),
     (0x81500014, "ARGUMENT_COUNT_WRONG", "Wrong number of arguments", "引数の個数が違う", "arguments", ""),
     (0x81500018, "PARAMETER_INVALID", "Invalid parameter", "パラメータが不正", "arguments", ""),
@@ -162,12 +162,12 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x83500118, "VARIABLE_CHANGE_FAILED", "The variable could not be changed", "変数を変更できない", "type", ""),
     (0x83500127, "VALUE_OUT_OF_RANGE_2", "Value out of range (0127)", "値が範囲外（0127）", "arguments", "2003"),
     (0x83500168, "TIME_OPTION_NOT_ALLOWED", "The TIME option is not allowed here", "ここでは TIME オプションを使用できない", "option", ""),
-    # Errors of CAO as the controller's log keeps them; on the wire stays the ORiN code
+    # CAO errors as recorded in the controller's log; replies carry the ORiN code
     (0x81500142, "LOG_CAO_PROVIDER_NAME", "CAO: invalid provider name", "CAO: プロバイダ名が不正", "name", ""),
     (0x81500144, "LOG_CAO_VARIANT_TYPE", "CAO: VARIANT type not supported", "CAO: 対応していないVARIANT型", "type", ""),
     (0x81500145, "LOG_CAO_OBJECT_NOT_FOUND", "CAO: object not found", "CAO: オブジェクトが見つからない", "name", ""),
     (0x81500146, "LOG_CAO_ALREADY_REGISTERED", "CAO: already registered", "CAO: 登録済み", "name", ""),
-    (0x8150014A, "LOG_CAO_NOT_WRITABLE", "CAO: cannot be written", "CAO: 書き込みできない", "write", ""),
+    (0x8150014A, "LOG_CAO_NOT_WRITABLE", "CAO: not writable", "CAO: 書き込みできない", "write", ""),
     (0x8150014B, "LOG_CAO_COMMAND_RUNNING", "CAO: a command is being executed", "CAO: コマンドを実行中", "wait", ""),
     (0x8150014C, "LOG_CAO_NO_LICENSE", "CAO: no licence for the provider", "CAO: プロバイダのライセンスがない", "licence", ""),
     (0x81500151, "LOG_CAO_TIMEOUT", "CAO: timed out", "CAO: タイムアウト", "wait", ""),
@@ -175,7 +175,7 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x81500155, "LOG_CAO_NOT_IMPLEMENTED", "CAO: not implemented", "CAO: 未実装", "", ""),
     (0x81500157, "LOG_CAO_PARAMETER", "CAO: invalid parameter", "CAO: パラメータが不正", "arguments", ""),
     (0x8150015A, "LOG_CAO_HANDLE", "CAO: invalid handle", "CAO: ハンドルが不正", "", ""),
-    (0x8350013F, "BCAP_CONNECTION_FAILED", "The b-CAP connection failed", "b-CAPの接続に失敗", "connection", ""),
+    (0x8350013F, "BCAP_CONNECTION_FAILED", "b-CAP connection failed", "b-CAPの接続に失敗", "connection", ""),
     (0x83500156, "LOG_CAO_MEMORY", "CAO: out of memory", "CAO: メモリ不足", "memory", ""),
     # Commands over EtherNet/IP
     (0x83500176, "COMMAND_SLAVE_DISABLED", "The Command-Slave function is disabled", "コマンドスレーブ機能が無効", "", ""),
@@ -186,15 +186,15 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x83503023, "IO_COMMAND_SPEED", "I/O command: invalid speed", "I/Oコマンド: 速度が不正", "arguments", ""),
 )
 
-#: Runs of codes, value + n with n from 1: (value, how many, name, English, Japanese, key of the hint, RC7 number);
-#: ``{n}`` in the texts is n.
+#: Runs of codes, value + n for n from 1 to count: (value, count, name, English, Japanese, key of the hint, RC7 number);
+#: ``{n}`` in the texts is replaced by n.
 RUNS: Final[tuple[tuple[int, int, str, str, str, str, str], ...]] = (
     # The last digit is the axis
-    (0x82204010, 8, "MANUAL_SOFT_LIMIT_AXIS{n}", "Axis {n}: software limit in manual mode (check 401)", "第{n}軸: 手動モードのソフトリミット（検査401）", "limit", ""),
-    (0x82204020, 8, "MANUAL_SOFT_LIMIT_2_AXIS{n}", "Axis {n}: software limit in manual mode (check 402)", "第{n}軸: 手動モードのソフトリミット（検査402）", "limit", ""),
-    (0x83204070, 8, "SOFT_LIMIT_OVER_AXIS{n}", "Axis {n}: software limit passed while moving", "第{n}軸: 動作中にソフトリミットを超えた", "limit", ""),
+    (0x82204010, 8, "MANUAL_SOFT_LIMIT_AXIS{n}", "Axis {n}: soft limit in manual mode (check 401)", "第{n}軸: 手動モードのソフトリミット（検査401）", "limit", ""),
+    (0x82204020, 8, "MANUAL_SOFT_LIMIT_2_AXIS{n}", "Axis {n}: soft limit in manual mode (check 402)", "第{n}軸: 手動モードのソフトリミット（検査402）", "limit", ""),
+    (0x83204070, 8, "SOFT_LIMIT_OVER_AXIS{n}", "Axis {n}: soft limit exceeded while moving", "第{n}軸: 動作中にソフトリミットを超えた", "limit", ""),
     (0x832040B0, 8, "MOTOR_OVERLOAD_AXIS{n}", "Axis {n}: motor overload", "第{n}軸: モータ過負荷", "load", ""),
-    (0x83204230, 8, "TARGET_OVER_SOFT_LIMIT_AXIS{n}", "Axis {n}: target beyond the software limit", "第{n}軸: 目標位置がソフトリミットの外", "limit", ""),
+    (0x83204230, 8, "TARGET_OVER_SOFT_LIMIT_AXIS{n}", "Axis {n}: target beyond the soft limit", "第{n}軸: 目標位置がソフトリミットの外", "limit", ""),
     (0x84204040, 8, "COMMAND_ACCELERATION_OVER_AXIS{n}", "Axis {n}: commanded acceleration too high", "第{n}軸: 指令加速度が過大", "axis_speed", ""),
     (0x84204050, 8, "SENT_SPEED_OVER_AXIS{n}", "Axis {n}: commanded speed too high when sent to the servo", "第{n}軸: サーボへ送る指令速度が過大", "axis_speed", ""),
     (0x84204060, 8, "COMMAND_SPEED_OVER_AXIS{n}", "Axis {n}: commanded speed too high (check 406)", "第{n}軸: 指令速度が過大（検査406）", "axis_speed", ""),
@@ -203,32 +203,32 @@ RUNS: Final[tuple[tuple[int, int, str, str, str, str, str], ...]] = (
     (0x842040A0, 8, "COMMAND_SPEED_OVER_4_AXIS{n}", "Axis {n}: commanded speed too high (check 40A)", "第{n}軸: 指令速度が過大（検査40A）", "axis_speed", ""),
     (0x844044B0, 8, "CURRENT_OVER_AXIS{n}", "Axis {n}: excessive current", "第{n}軸: 電流が過大", "load", ""),
     (0x84404510, 8, "POSITION_DEVIATION_AXIS{n}", "Axis {n}: position deviation too large", "第{n}軸: 位置偏差が過大", "load", ""),
-    (0x84404530, 8, "SERVO_SPEED_COMMAND_OVER_AXIS{n}", "Axis {n}: speed command too high, seen by the servo", "第{n}軸: サーボ側で検出した速度指令が過大", "axis_speed", ""),
-    (0x84404540, 8, "SERVO_ACCELERATION_COMMAND_OVER_AXIS{n}", "Axis {n}: acceleration command too high, seen by the servo", "第{n}軸: サーボ側で検出した加速度指令が過大", "axis_speed", ""),
-    # Others counted from 1
+    (0x84404530, 8, "SERVO_SPEED_COMMAND_OVER_AXIS{n}", "Axis {n}: speed command too high (detected by the servo)", "第{n}軸: サーボ側で検出した速度指令が過大", "axis_speed", ""),
+    (0x84404540, 8, "SERVO_ACCELERATION_COMMAND_OVER_AXIS{n}", "Axis {n}: acceleration command too high (detected by the servo)", "第{n}軸: サーボ側で検出した加速度指令が過大", "axis_speed", ""),
+    # The last digit is not an axis
     (0x8150001D, 10, "ARGUMENT_{n}_INVALID", "Argument {n} is invalid", "第{n}引数が不正", "arguments", ""),
-    (0x83501029, 5, "START_RIGHT_NOT_COM{n}", "The start right must be with the serial port COM{n}", "起動権がシリアルポートCOM{n}にない", "start_right", "2284-2289"),
+    (0x83501029, 5, "START_RIGHT_NOT_COM{n}", "The executable token is not assigned to the serial port COM{n}", "起動権がシリアルポートCOM{n}にない", "start_right", "2284-2289"),
 )
 
-#: What a level says, from 0 up: (English, Japanese).
+#: Meanings of levels 0 to 5: (English, Japanese).
 LEVELS: Final[tuple[tuple[str, str], ...]] = (
-    ("notice, robot and tasks go on", "通知（ロボットとタスクは継続）"),
+    ("notice, robot and tasks continue", "通知（ロボットとタスクは継続）"),
     ("refused, wrong state or argument", "状態または引数の不備による拒否"),
     ("caution", "注意"),
     ("error", "エラー"),
-    ("grave error", "重大エラー"),
+    ("serious error", "重大エラー"),
     ("fatal", "致命的エラー"),
 )
 
-#: What levels say in a motion code, where it is more than in :data:`LEVELS`.
+#: Meanings of levels in motion codes that are more specific than :data:`LEVELS`.
 MOTION_LEVELS: Final[dict[int, tuple[str, str]]] = {
     3: ("all axes stopped, motor off", "全軸瞬時停止、モータOFF"),
     4: ("all axes emergency-stopped, motor off", "全軸非常停止、モータOFF"),
 }
 
-#: What to try, by level, with a code that is not in this table: key of the hint.
+#: Remedies for codes that are not in this table, by level: key of the hint.
 LEVEL_HINTS: Final[dict[int, str]] = {4: "clear", 5: "reset"}
 
-#: What to try besides with a code that is not in this table.
-ASK: Final = ("The controller's own text can be read with GetErrorDescription.", "コントローラ側の説明文は GetErrorDescription で読み出せます。")
+#: Additional hint for codes that are not in this table.
+ASK: Final = ("Read the controller's own text with GetErrorDescription.", "コントローラ側の説明文は GetErrorDescription で読み出せます。")
 # fmt: on

@@ -1,4 +1,4 @@
-"""Something that is being opened in asyncio."""
+"""An awaitable that is also an asynchronous context manager."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any, Generic, Protocol, TypeVar
 
 
 class Closable(Protocol):
-    """What can be closed."""
+    """An object with an asynchronous ``close``."""
 
     async def close(self) -> None:
-        """Close."""
+        """Close the object."""
 
 
 C = TypeVar("C", bound=Closable)
 
 
 class AwaitableContext(Generic[C]):
-    """Something that is being opened: ``async with`` opens and closes it, ``await`` only opens it."""
+    """Opens an object: ``async with`` opens and closes it, ``await`` only opens it."""
 
     def __init__(self, opening: Coroutine[Any, Any, C]) -> None:
         self._opening = opening

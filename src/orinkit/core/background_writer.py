@@ -1,4 +1,4 @@
-"""Writing without waiting: what drives a robot or a motor must not be held up by a reader that does not read."""
+"""Non-blocking output: a program that controls a robot or a motor must not block on a slow reader of its output."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from collections.abc import Callable
 from threading import Condition, Thread
 from typing import Final, TextIO
 
-_MOST: Final = 1000  # texts that wait for the reader
-_PATIENCE: Final = 1.0  # s without any progress after which a reader is given up
+_MAX_QUEUED: Final = 1000  # texts
+_PATIENCE: Final = 1.0  # s without progress after which close() stops waiting for the reader
 
 
 class BackgroundWriter:
-    """Writes texts to a stream from a thread of its own. Those that find too many before them are dropped, and counted.
+    """Writes texts to a stream from its own thread. If the queue is full, further texts are dropped and counted.
 
-    It takes the place of a file where only ``write`` and ``flush`` are called. A stream without a descriptor, as a text in
-    memory, is written to at once.
+    It can replace a file for callers that use only ``write`` and ``flush``. A stream without a file descriptor, for example
+    ``io.StringIO``, is written to synchronously.
 
     Args:
-        stream: stdout or stderr; ``None`` where it is closed: nothing is written then.
-        notice: makes a text of the number of texts that were dropped; it is written as soon as there is room again. Without
-            it nothing is.
+        stream: stdout or stderr; ``None`` if it is closed, in which case nothing is written.
+        notice: Function that returns a notice for a number of dropped texts. The notice is written as soon as the queue has
+            room again. Without it, no notice is written.
 
     Attributes:
-        dropped: how many texts nobody has read.
-        error: what has ended the writing, ``None`` as long as nothing has.
+        dropped: Number of dropped texts.
+        error: Error that ended the writing, or ``None``.
     """
 
     def __init__(self, stream: TextIO | None, notice: Callable[[int], str] | None = None) -> None:
         self.dropped = 0
         self._notice = notice
-        self._untold = 0  # texts dropped of which no notice tells yet
+        self._unreported = 0  # dropped texts since the last notice
         self.error: OSError | None = None
         self._stream = stream
         self._texts: deque[str] = deque()
@@ -47,38 +47,38 @@ class BackgroundWriter:
 
     @property
     def encoding(self) -> str:
-        """The stream's."""
+        """The encoding of the stream."""
         return "utf-8" if self._stream is None else self._stream.encoding
 
     def isatty(self) -> bool:
-        """Whether the stream is a terminal."""
+        """Return True if the stream is a terminal."""
         return self._stream is not None and self._stream.isatty()
 
     def write(self, text: str) -> int:
-        """Have a text written; returns at once, and says nothing of errors."""
+        """Queue a text for writing; return immediately. Errors are reported by :meth:`check` only."""
         if self._thread is None:
             self._write_now(text)
             return len(text)
         with self._changed:
-            if self.error is None and len(self._texts) < _MOST:
-                self._tell()
+            if self.error is None and len(self._texts) < _MAX_QUEUED:
+                self._queue_notice()
                 self._texts.append(text)
                 self._changed.notify_all()
             else:
                 self.dropped += 1
-                self._untold += 1
+                self._unreported += 1
         return len(text)
 
     def flush(self) -> None:
-        """Nothing: texts are written as soon as they can be."""
+        """Do nothing: texts are written as soon as possible."""
 
     def check(self) -> None:
-        """Raise the error that has ended the writing, if there was one."""
+        """Raise the error that ended the writing, if any."""
         if self.error is not None:
             raise self.error
 
     def close(self, seconds: float = float("inf")) -> None:
-        """Wait until all is written, no reader has taken anything for a second, or the seconds have passed."""
+        """End the writing: wait until the queue is empty, nothing has been read for 1 s, or a time in s has passed."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -110,24 +110,24 @@ class BackgroundWriter:
             with self._changed:
                 self.error = error
 
-    def _tell(self) -> None:
-        """Put the notice of what was dropped behind what was not."""
-        if self._notice is not None and self._untold:
-            self._texts.append(self._notice(self._untold))
-        self._untold = 0
+    def _queue_notice(self) -> None:
+        """Queue a notice of the dropped texts, if there are any."""
+        if self._notice is not None and self._unreported:
+            self._texts.append(self._notice(self._unreported))
+        self._unreported = 0
 
     def _next(self) -> str | None:
         with self._changed:
             if not self._texts:
-                self._tell()
+                self._queue_notice()
             self._changed.wait_for(lambda: self._texts or self._ended)
             return self._texts.popleft() if self._texts else None
 
 
 def _copy_of(stream: TextIO) -> TextIO | None:
-    """Return a stream to the same place; ``None`` where it has no descriptor.
+    """Return a duplicate of a stream, or ``None`` if it has no file descriptor.
 
-    Writing to the stream itself would hold its lock, which the end of the program needs.
+    A blocked write to the stream itself would hold its lock, and the interpreter needs that lock at exit.
     """
     try:
         stream.flush()

@@ -1,21 +1,21 @@
-"""Return codes: what a number means, in English and Japanese, and what to try.
+"""Return codes: names, meanings and hints, in English and Japanese.
 
-A b-CAP or e-CAP answer carries one 32-bit return code. Codes below 0x80000000 are a success. The others come from
-several sources, told apart by their range (VE026A table 3-4, e-CAP table 3)::
+A reply of b-CAP or e-CAP carries one 32-bit return code. Codes below 0x80000000 mean success. The range of an error code
+shows its source (VE026A table 3-4, e-CAP table 3)::
 
     0x8000xxxx 0x8002xxxx 0x8007xxxx   COM                    Family.GENERAL
     0x800002xx 0x800004xx 0x800009xx   CAO                    Family.CAO
     0x80010000..0x800101FF             b-CAP packets          Family.PACKET
-    0x80040200..0x8004FFFF             the device's own       Family.USER
+    0x80040200..0x8004FFFF             the served device      Family.USER
     0x8091xxxx                         a socket error number  Family.SOCKET (0x809100AA: Family.BUSY)
     0x8LMMNNNN                         the robot controller   by MM: Family.MOTION, SERVO, SAFETY, PROGRAM, ...
 
-In a controller code L is the level, 0 (notice) to 5 (fatal), MM the subsystem and NNNN the number. Many motion and servo
-codes end in the number of the axis, 1 to 8.
+In a controller code, L is the level, 0 (notice) to 5 (fatal), MM the subsystem and NNNN the number. The last digit of many
+motion and servo codes is the axis, 1 to 8.
 
-:data:`CODES` has every known code, :func:`lookup` answers for any code, known or not. Each code that does not name an
-axis is also a constant of this module, and so is the first one of each run (``..._AXIS1``; the other axes follow on it).
-Where one meaning has several numbers, the later names end in ``_2``, ``_3`` ...
+:data:`CODES` contains the known codes; :func:`lookup` also accepts unknown ones. Each code without an axis is a constant of
+this module. Of a run of codes (one per axis), the first is a constant (``..._AXIS1``) and the others follow it numerically.
+If several codes have the same meaning, the names of the later ones end in ``_2``, ``_3`` ...
 """
 
 from __future__ import annotations
@@ -221,19 +221,19 @@ START_RIGHT_NOT_COM1: Final = 0x8350102A
 
 
 class CodeFamily(enum.Enum):
-    """Which kind of return code it is; :mod:`orinkit.core.errors` has one exception class for each kind of error."""
+    """The source of a return code; :mod:`orinkit.core.errors` has an exception class for each family of errors."""
 
     SUCCESS = "success"
     GENERAL = "general"  #: COM: 0x8000xxxx, 0x8002xxxx, 0x8007xxxx ...
     CAO = "cao"  #: CAO engine and providers
     PACKET = "packet"  #: malformed or oversized packets
-    BUSY = "busy"  #: the request before is still being processed
+    BUSY = "busy"  #: the previous request is still executing
     SOCKET = "socket"  #: the low 16 bits are a socket error number
     USER = "user"  #: defined by the served device
     MOTION = "motion"  #: controller, subsystem 20
     SERVO = "servo"  #: controller, subsystem 40
     SAFETY = "safety"  #: controller, subsystems 48, 49, 4A (with I/O units)
-    PROGRAM = "program"  #: controller, subsystem 50 (with states and rights)
+    PROGRAM = "program"  #: controller, subsystem 50 (programs, states, permissions)
     OPTION = "option"  #: controller, subsystem 58 (electric hand and options)
     LANGUAGE = "language"  #: controller, subsystem 60 (interpreter)
     PENDANT = "pendant"  #: controller, subsystem 80
@@ -257,16 +257,16 @@ _MAX_LEVEL: Final = 5
 
 @dataclass(frozen=True, slots=True)
 class ReturnCode:
-    """One return code with its name, its texts and what to try.
+    """A return code with its name, meaning and hint.
 
     Attributes:
-        value: The code, unsigned 32 bit.
-        name: Its symbol, as in the documents (``E_HANDLE``) or ours (``COMMAND_DELAY``); ``0x83201234`` if unknown.
+        value: Code, unsigned 32 bits.
+        name: Symbol from the documents (``E_HANDLE``) or of this project (``COMMAND_DELAY``); ``0x83201234`` if unknown.
         en: Short English text, without a full stop.
         ja: Short Japanese text, without a full stop.
-        hint_en: What to try, one or two English sentences; empty where nothing useful can be said.
-        hint_ja: The same in Japanese.
-        rc7: The number of the same error on an RC7 controller, empty if unknown.
+        hint_en: Remedy in one or two English sentences; empty if none is known.
+        hint_ja: Remedy in Japanese.
+        rc7: Number of the same error on an RC7 controller; empty if unknown.
     """
 
     value: int
@@ -279,65 +279,65 @@ class ReturnCode:
 
     @property
     def text(self) -> str:
-        """The short text in the language in force."""
+        """The short text in the current language."""
         return choose(self.en, self.ja)
 
     @property
     def hint(self) -> str:
-        """What to try, in the language in force; may be empty."""
+        """The remedy in the current language; may be empty."""
         return choose(self.hint_en, self.hint_ja)
 
     @property
     def family(self) -> CodeFamily:
-        """Which kind of code it is."""
+        """The source of the code."""
         return family(self.value)
 
     @property
     def level(self) -> int:
-        """How grave a controller code is, 0 (notice) to 5 (fatal); 0 for every other code."""
+        """The severity of a controller code, 0 (notice) to 5 (fatal); 0 for all other codes."""
         return self.value >> 24 & 0xF if _is_controller(self.value) else 0
 
     @property
     def failed(self) -> bool:
-        """Whether it is an error."""
+        """True if the code is an error."""
         return failed(self.value)
 
 
 def unsigned(code: int) -> int:
-    """Return a code as an unsigned 32-bit number, whether it came signed or unsigned.
+    """Return a signed or unsigned code as an unsigned 32-bit number.
 
     Raises:
-        ValueError: The number fits neither a signed nor an unsigned 32-bit integer.
+        ValueError: If the number fits neither a signed nor an unsigned 32-bit integer.
     """
     if not -0x8000_0000 <= code <= 0xFFFF_FFFF:
-        raise ValueError(tr("a return code has 32 bits, -0x80000000 to 0xFFFFFFFF; {code:#x} does not fit", code=code))
+        raise ValueError(tr("return code {code:#x} does not fit into 32 bits (-0x80000000 to 0xFFFFFFFF)", code=code))
     return code & 0xFFFF_FFFF
 
 
 def signed(code: int) -> int:
-    """Return a code as the signed 32-bit number that a packet carries.
+    """Return a code as a signed 32-bit number, the form used in packets.
 
     Raises:
-        ValueError: The number fits neither a signed nor an unsigned 32-bit integer.
+        ValueError: If the number fits neither a signed nor an unsigned 32-bit integer.
     """
     value = unsigned(code)
     return value - 0x1_0000_0000 if value & 0x8000_0000 else value
 
 
 def failed(code: int) -> bool:
-    """Return whether a code is an error (its highest bit is set).
+    """Return True if a code is an error, that is, if its highest bit is set.
 
     Raises:
-        ValueError: The number fits neither a signed nor an unsigned 32-bit integer.
+        ValueError: If the number fits neither a signed nor an unsigned 32-bit integer.
     """
     return unsigned(code) >= 0x8000_0000
 
 
 def family(code: int) -> CodeFamily:
-    """Return which kind of code it is; depends on the number only, so unknown codes have one too.
+    """Return the source of a code. It follows from the number alone, so unknown codes have a family, too.
 
     Raises:
-        ValueError: The number fits neither a signed nor an unsigned 32-bit integer.
+        ValueError: If the number fits neither a signed nor an unsigned 32-bit integer.
     """
     value = unsigned(code)
     if value < 0x8000_0000:
@@ -356,14 +356,14 @@ def _com_family(value: int) -> CodeFamily:
         return CodeFamily.CAO
     if 0x8001_0000 <= value <= 0x8001_01FF:
         return CodeFamily.PACKET
-    # e-CAP table 3 gives 0x8001xxxx to the device; b-CAP (VE026A table 3-4) took the first 512 for packets.
+    # e-CAP table 3 assigns 0x8001xxxx to the device; b-CAP (VE026A table 3-4) uses the first 512 for packets.
     if 0x8001_0200 <= value <= 0x8001_FFFF or 0x8004_0200 <= value <= 0x8004_FFFF:
         return CodeFamily.USER
     return CodeFamily.GENERAL
 
 
 def _is_controller(value: int) -> bool:
-    """Whether it is 0x8LMMNNNN: a level up to 5, and not a COM facility (0x800) or a socket error (0x8091)."""
+    """Return True for 0x8LMMNNNN with a level up to 5, neither a COM facility (0x800) nor a socket error (0x8091)."""
     return 0x8010_0000 <= value < 0x8000_0000 + (_MAX_LEVEL + 1 << 24) and value >> 16 != 0x8091
 
 
@@ -378,22 +378,22 @@ def _rows() -> Iterator[ReturnCode]:
             yield ReturnCode(base + n, name.format(n=n), en.format(n=n), ja.format(n=n), *hints, rc7)
 
 
-#: Every known code by its unsigned value.
+#: All known codes by unsigned value.
 CODES: Final[Mapping[int, ReturnCode]] = MappingProxyType({code.value: code for code in _rows()})
 _BY_NAME: Final = {code.name: code for code in CODES.values()}
 
 
 def lookup(code: int) -> ReturnCode:
-    """Return what is known about a code.
+    """Return the name, meaning and hint of a code.
 
-    A code that is not in :data:`CODES` gets its number as name and a text from its range: family, level and, for motion
-    and servo codes, the axis.
+    For a code that is not in :data:`CODES`, the name is the number, and the text is composed of the family, the level and,
+    for motion and servo codes, the axis.
 
     Args:
-        code: The code, signed or unsigned.
+        code: Code, signed or unsigned.
 
     Raises:
-        ValueError: The number fits neither a signed nor an unsigned 32-bit integer.
+        ValueError: If the number fits neither a signed nor an unsigned 32-bit integer.
     """
     value = unsigned(code)
     known = CODES.get(value)
@@ -401,21 +401,21 @@ def lookup(code: int) -> ReturnCode:
 
 
 def by_name(name: str) -> ReturnCode:
-    """Return the code of a name, in upper or lower case.
+    """Return the code with a name; upper and lower case are equivalent.
 
     Raises:
-        ValueError: No code has this name; the message has the nearest names.
+        ValueError: If no code has this name; the message suggests similar names.
     """
     wanted = name.strip().upper()
     found = _BY_NAME.get(wanted)
     if found is not None:
         return found
-    from difflib import get_close_matches  # only when something is wrong already
+    from difflib import get_close_matches  # slow to import, needed for errors only
 
     near = ", ".join(get_close_matches(wanted, _BY_NAME, n=3))
     if near:
-        raise ValueError(tr("no return code is named {name!r}; did you mean {near}?", name=name, near=near))
-    raise ValueError(tr("no return code is named {name!r}", name=name))
+        raise ValueError(tr("unknown return code {name!r}; did you mean {near}?", name=name, near=near))
+    raise ValueError(tr("unknown return code {name!r}", name=name))
 
 
 _FAMILY_TEXTS: Final = {
@@ -466,7 +466,7 @@ def _unknown_controller(value: int) -> ReturnCode:
 
 
 def _axis(value: int) -> int:
-    """The axis that a motion or servo code ends in, 0 if it names none: such codes have numbers 4000 to 4FFF."""
+    """Return the axis of a motion or servo code, its last digit; 0 without an axis. Only numbers 4000 to 4FFF have one."""
     digit = value & 0xF
     per_axis = family(value) in (CodeFamily.MOTION, CodeFamily.SERVO) and value >> 12 & 0xF == 4
     return digit if per_axis and 1 <= digit <= 8 else 0

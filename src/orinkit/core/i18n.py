@@ -1,8 +1,8 @@
-"""The language of user-visible text, English or Japanese, and safe display of text from elsewhere.
+"""The language of user-visible text, English or Japanese, and safe display of external text.
 
-Messages are English in the source; the Japanese ones are in ``locale/ja/LC_MESSAGES/orinkit.po``, which ``tools/messages.py``
-keeps in step with the source. The language is chosen from ``ORINKIT_LANG``, ``LC_ALL``, ``LC_MESSAGES`` or ``LANG`` (the
-first that is set); :func:`use` changes it.
+The source contains the English messages. The Japanese ones are in ``locale/ja/LC_MESSAGES/orinkit.po``, which
+``tools/messages.py`` updates from the source. The initial language is taken from ``ORINKIT_LANG``, ``LC_ALL``,
+``LC_MESSAGES`` or ``LANG`` (the first that is set); :func:`use` changes it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _current: Language = _from_environment()
 
 
 def use(language: Language) -> None:
-    """Set the language of every text from now on: ``"en"`` or ``"ja"``."""
+    """Set the language of all further texts: ``"en"`` or ``"ja"``."""
     global _current
     if language not in ("en", "ja"):
         raise ValueError(f'language must be "en" or "ja", not {language!r}')
@@ -38,7 +38,7 @@ def use(language: Language) -> None:
 
 
 def current() -> Language:
-    """Return the language in force."""
+    """Return the current language."""
     return _current
 
 
@@ -46,24 +46,24 @@ def tr(message: str, /, **values: object) -> str:
     """Return a message in the current language.
 
     Args:
-        message: the English text, a literal; placeholders are written as for ``str.format``.
-        values: the values of the placeholders. Without any, braces in the message have no meaning.
+        message: English text, a literal, with placeholders as for ``str.format``.
+        values: Values of the placeholders. Without values, braces in the message are literal.
     """
     return translate(_current, message, **values)
 
 
 def choose(en: str, ja: str) -> str:
-    """Return the one of two texts of a bilingual table that is in the current language."""
+    """Return the text in the current language, out of an English and a Japanese one."""
     return ja if _current == "ja" else en
 
 
 def N_(message: str) -> str:  # noqa: N802 - the name by which gettext knows it
-    """Return the message as it is: it is in the catalogue, and :func:`tr` translates it when it is shown."""
+    """Mark a message for the catalogue and return it unchanged; pass it to :func:`tr` to display it."""
     return message
 
 
 def translate(language: Language, message: str, /, **values: object) -> str:
-    """Return a message in a given language; otherwise like :func:`tr`."""
+    """Return a message in the given language; otherwise like :func:`tr`."""
     text = _japanese().gettext(message) if language == "ja" and message else message
     return text.format(**values) if values else text
 
@@ -78,8 +78,8 @@ def _japanese() -> NullTranslations:
 
 
 LONGEST: Final = 200
-"""Characters of somebody else's text that an error or a log shows."""
-_QUOTED: Final = 40  # of one that an error quotes
+"""Maximum number of characters of an external text in an error or a log."""
+_QUOTED: Final = 40  # the same for a text that an error quotes
 
 
 _SPACES: Final = frozenset(  # of Unicode, Japanese ones among them, and the joiners within emoji and Indic words
@@ -88,15 +88,15 @@ _SPACES: Final = frozenset(  # of Unicode, Japanese ones among them, and the joi
 
 
 def visible(text: str, keep: str = "", escape: Callable[[str], str] = repr) -> str:
-    """Return a text with its control characters as escapes: it must not steer the terminal it is shown on.
+    """Return a text with its control characters escaped, so that it cannot control the terminal that displays it.
 
-    Those are the control characters of ASCII and Unicode, those that set the direction of text, line separators,
-    characters that take no room, and those that Unicode has not assigned.
+    Escaped are the control characters of ASCII and Unicode, direction marks, line separators, zero-width characters and
+    unassigned code points.
 
     Args:
-        text: somebody else's.
-        keep: characters that stay.
-        escape: makes a quoted text with escapes of a character.
+        text: External text.
+        keep: Characters to leave unchanged.
+        escape: Function that returns a character as a quoted, escaped text.
     """
     if text.isprintable():
         return text
@@ -106,18 +106,18 @@ def visible(text: str, keep: str = "", escape: Callable[[str], str] = repr) -> s
 
 
 def cut(text: str, longest: int = LONGEST) -> str:
-    """Return the beginning of a text, with an ellipsis where it goes on."""
+    """Return the beginning of a text, with an ellipsis if it was shortened."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def printable(text: str, longest: int = LONGEST) -> str:
-    """Return the beginning of a text for a line that people read, :func:`visible`.
+    """Return the beginning of a text for display, with control characters escaped (:func:`visible`).
 
-    It is cut first: escapes of a text of megabytes would take seconds.
+    The text is shortened first, because escaping several megabytes takes seconds.
     """
     return visible(cut(text, longest))
 
 
 def quoted(text: object, longest: int = _QUOTED) -> str:
-    """Return the beginning of somebody else's text as an error quotes it, or any other value as its short ``repr``."""
+    """Return the beginning of an external text in quotation marks, or the shortened ``repr`` of another value."""
     return repr(cut(text, longest)) if isinstance(text, str) else cut(repr(text), longest)

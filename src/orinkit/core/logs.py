@@ -1,7 +1,7 @@
-"""Log records on stderr, without ever waiting for whoever reads them.
+"""Non-blocking log output on stderr.
 
-A program that serves a robot must go on when nobody reads its stderr: a pipe holds 64 KiB, then a write waits, and with it
-the event loop, the motions and the emergency stop. :func:`to_stderr` takes the place of :func:`logging.basicConfig`::
+A program that serves a robot must continue even if its stderr is not read: a pipe holds 64 KiB, then a write blocks, and
+with it the event loop, the motions and the emergency stop. Use :func:`to_stderr` instead of :func:`logging.basicConfig`::
 
     from orinkit import serve
     from orinkit.core import logs
@@ -24,55 +24,56 @@ from orinkit.core.background_writer import BackgroundWriter
 from orinkit.core.i18n import tr, visible
 
 LONGEST: Final = 8192
-"""Characters of a record; of a longer one, such as a deep traceback, the middle is left out."""
+"""Maximum number of characters of a record. The middle of a longer one, such as a deep traceback, is omitted."""
 FORMAT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
-"""How :func:`to_stderr` writes a record."""
+"""Format of the records that :func:`to_stderr` writes."""
 
 _LONGEST_ARGUMENT: Final = 2048
-_AT_THE_END: Final = 1.0  # s that what has not been written gets when the program ends
+_CLOSE_TIMEOUT: Final = 1.0  # s
 
 
 class BoundedQueueHandler(logging.Handler):
-    """Writes records from a thread of its own; at most 1,000 of them wait.
+    """Writes records from its own thread; the queue holds at most 1,000 records.
 
-    Those that find no room are dropped. How many is written as soon as there is room again. Control characters are written
-    as escapes, so that a record cannot steer the terminal that it is shown on. At the end of the program, or in
-    :meth:`close`, the records that wait get one second.
+    If the queue is full, further records are dropped; their number is logged as soon as the queue has room again. Control
+    characters are escaped, so that a record cannot control the terminal that displays it. :meth:`close` and the end of the
+    program wait up to 1 s for queued records.
 
     Args:
-        stream: where to write; stderr by default. One without a file descriptor, as ``io.StringIO``, is written to at once.
+        stream: Output stream, stderr by default. A stream without a file descriptor, such as ``io.StringIO``, is written to
+            synchronously.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         super().__init__()
-        self._outlet = BackgroundWriter(sys.stderr if stream is None else stream, _notice)
+        self._writer = BackgroundWriter(sys.stderr if stream is None else stream, _notice)
 
     @property
     def dropped(self) -> int:
-        """How many records have been dropped so far."""
-        return self._outlet.dropped
+        """The number of dropped records."""
+        return self._writer.dropped
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Have a record written; returns at once."""
+        """Queue a record for writing; return immediately."""
         try:
             text = self.format(_bounded(record))
-        except Exception as error:  # noqa: BLE001 - as logging does, but without its own way to stderr
+        except Exception as error:  # noqa: BLE001 - logging would write it to stderr directly
             text = f"{record.name}: {record.msg!s:.200}: {type(error).__name__}"
         if len(text) > LONGEST:
             text = f"{text[: LONGEST // 2]}\n...\n{text[-LONGEST // 2 :]}"
-        self._outlet.write("\n".join(map(visible, text.split("\n"))) + "\n")
+        self._writer.write("\n".join(map(visible, text.split("\n"))) + "\n")
 
     def close(self) -> None:
-        """Give the records that wait one second, then write no more."""
-        self._outlet.close(_AT_THE_END)
+        """Wait up to 1 s for queued records, then stop writing."""
+        self._writer.close(_CLOSE_TIMEOUT)
         super().close()
 
 
 def to_stderr(level: int = logging.INFO) -> None:
-    """Have the program's log written to stderr by a :class:`BoundedQueueHandler`, unless it has a handler already.
+    """Write the program's log to stderr through a :class:`BoundedQueueHandler`, unless the root logger has a handler.
 
     Args:
-        level: of the records that are written.
+        level: Minimum level of the records.
     """
     root = logging.getLogger()
     if root.handlers:
@@ -84,13 +85,13 @@ def to_stderr(level: int = logging.INFO) -> None:
 
 
 def _notice(count: int) -> str:
-    return tr("orinkit: {count:,} log records were dropped, as stderr was not read fast enough\n", count=count)
+    return tr("orinkit: {count:,} log records were dropped because stderr was not read fast enough\n", count=count)
 
 
 def _bounded(record: logging.LogRecord) -> logging.LogRecord:
-    """Return a record whose texts are short enough to be formatted."""
-    given = record.args
-    arguments = given if isinstance(given, tuple) else ()
+    """Return a record whose text arguments are shortened, because formatting megabytes of text takes seconds."""
+    original = record.args
+    arguments = original if isinstance(original, tuple) else ()
     if not any(type(each) is str and len(each) > _LONGEST_ARGUMENT for each in arguments):
         return record
     bounded = copy.copy(record)

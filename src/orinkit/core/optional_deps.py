@@ -1,4 +1,4 @@
-"""Packages beyond the standard library, which parts of orinkit need and its core does not (extras of the package)."""
+"""Checks for the third-party packages of optional features (the extras of the distribution)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ def require(what: str, extra: str, *packages: str) -> None:
     """Check that the packages of an extra are installed.
 
     Args:
-        what: that needs them, in the current language.
-        extra: of orinkit.
-        packages: their names as modules.
+        what: Feature that needs the packages, in the current language.
+        extra: Name of the extra of orinkit.
+        packages: Module names of the packages.
 
     Raises:
-        MissingExtra: one of them is not there.
+        MissingExtra: If a package is not installed.
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:
         names = ", ".join(missing)
         raise MissingExtra(
             tr(
-                "{what} needs {names}; install it with: pip install 'orinkit[{extra}]'",
+                "{what} needs {names}. Try: pip install 'orinkit[{extra}]'",
                 what=what,
                 names=names,
                 extra=extra,

@@ -69,7 +69,7 @@ def test_values_are_live(rc8, value):
     assert (value("@BUSY_STATUS"), value("@TSR_BUSY_STATUS"), value("@NORMAL_STATUS")) == (False, True, False)
     assert value("@ERROR_CODE") == 0x84201482 - 2**32
     assert value("@ERROR_CODE_HEX") == "84201482"
-    assert value("@ERROR_DESCRIPTION").startswith("The next pose came too late")
+    assert value("@ERROR_DESCRIPTION").startswith("Late set-point")
     rc8.raise_error(0x83500121)
     assert value("@ERROR_CODE_HEX") == "83500121"
 
