@@ -1,1 +1,1 @@
-"""Virtual devices: providers that behave like the real controller, without hardware, sockets or waiting."""
+"""Virtual devices: providers that behave like the real controllers, without hardware, sockets or waiting."""

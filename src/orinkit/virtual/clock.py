@@ -1,7 +1,7 @@
-"""The clock of a virtual device: real time, scaled time, or time that a test moves by hand.
+"""The clock of a virtual device: real time, scaled time, or time advanced manually by a test.
 
-A device that does things by itself has the clock drive it (:meth:`Clock.drive`): in a thread where time passes by
-itself, from :meth:`ManualClock.advance` where it does not.
+The clock drives devices that act by themselves (:meth:`Clock.drive`): real and scaled time from a thread, manual time
+from :meth:`ManualClock.advance`.
 """
 
 from __future__ import annotations
@@ -16,42 +16,41 @@ from typing import Final
 from orinkit.core.i18n import tr
 
 _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
-_SCALES: Final = (1e-6, 1e6)  # beyond, a device's times are no numbers that a clock can count
+_SCALES: Final = (1e-6, 1e6)  # outside this range a clock cannot represent the times of a device
 
 _PATIENCE: Final = 0.25
-_LEAST_PATIENCE: Final = 0.05  # more than any device's own cycle, so that a slow clock's device goes on at all
-_MOST_PATIENCE: Final = 20.0  # what a fast clock's device can make up for in a moment
-_SHORTEST_PAUSE: Final = 0.0002  # s; others need a chance to look at the device too
+_MIN_PATIENCE: Final = 0.05  # longer than the cycle of any device, so that a device with a slow clock makes progress
+_MAX_PATIENCE: Final = 20.0  # as much as a device with a fast clock can catch up in a moment
+_SHORTEST_PAUSE: Final = 0.0002  # s; lets other threads access the device
 _JOIN_TIMEOUT: Final = 5.0
 
 
 class ClockDriver(ABC):
-    """What has a device go on as its clock does."""
+    """Advances a device with its clock."""
 
     @abstractmethod
     def wake(self) -> None:
-        """Tell that the device has something to do; may be called from any thread."""
+        """Signal that the device has something to do; may be called from any thread."""
 
     @abstractmethod
     def close(self) -> None:
-        """Drive no more; what is being done is finished first."""
+        """Stop driving the device, after the call in progress."""
 
 
 class Clock:
     """Real time, or a multiple of it.
 
     Args:
-        scale: seconds of the device per real second, 0.000001 to 1000000; 1 is real time, 10 makes a motion ten times as
+        scale: Seconds of the device per real second, 0.000001 to 1000000; 1 is real time, 10 makes a motion ten times as
             fast.
 
     Attributes:
-        scale: as given.
-        patience: how many seconds of its own a device that could not keep up tries to make up for; beyond that it
-            goes on late.
-        manual: whether the clock is moved by hand: nothing is ever done late then.
+        scale: Seconds of the device per real second.
+        patience: Longest delay, in seconds of the device, that a device catches up; after a longer one it lags.
+        manual: True if the clock is moved manually; nothing is ever late then.
 
     Raises:
-        ValueError: the scale is out of its range.
+        ValueError: If the scale is out of range.
     """
 
     manual: bool = False
@@ -61,44 +60,44 @@ class Clock:
         if not low <= scale <= high:
             raise ValueError(
                 tr(
-                    "the time scale must be positive, from {low:f} to {high:.0f}, not {scale:g}",
+                    "the time scale must be positive, {low:f} to {high:.0f}, not {scale:g}",
                     low=low,
                     high=high,
                     scale=scale,
                 )
             )
         self.scale = scale
-        self.patience = min(max(_PATIENCE * scale, _LEAST_PATIENCE), _MOST_PATIENCE)
+        self.patience = min(max(_PATIENCE * scale, _MIN_PATIENCE), _MAX_PATIENCE)
         self._began = time.monotonic()
         self._began_wall = datetime.now()
 
     def now(self) -> float:
-        """Return the seconds of the device since the clock was made; never goes back."""
+        """Return the seconds of the device since the clock was created; they never decrease."""
         return (time.monotonic() - self._began) * self.scale
 
     def wall(self) -> datetime:
         """Return the local date and time of the device."""
         if self.scale == 1.0:
-            return datetime.now()  # follows corrections of the computer's clock, as now() must not
+            return datetime.now()  # follows corrections of the computer's clock; now() must not
         return self._began_wall + timedelta(seconds=self.now())
 
     def stopwatch(self, seconds: float) -> Callable[[], bool]:
-        """Return what tells whether so many real seconds have passed; for a device that must not work for too long."""
+        """Return a function that returns True once the given real seconds have passed; it limits how long a device works."""
         end = time.monotonic() + seconds
         return lambda: time.monotonic() >= end
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
-        """Have a device go on with time.
+        """Drive a device with this clock.
 
         Args:
-            advance: does what is due and returns after how many seconds of the device it wants to be called again,
-                ``None`` when it has nothing to do until it is woken.
+            advance: Callback that does what is due. It returns the seconds of the device after which it must be called
+                again, or ``None`` if it has nothing to do until :meth:`ClockDriver.wake`.
         """
         return _Thread(advance, self.scale)
 
 
 class _Thread(ClockDriver):
-    """Calls the device from a thread that lives as long as there is something to do."""
+    """Calls the device from a thread, which runs only while there is something to do."""
 
     def __init__(self, advance: Callable[[], float | None], scale: float) -> None:
         self._advance = advance
@@ -135,7 +134,7 @@ class _Thread(ClockDriver):
                     self._thread = None
 
     def _wait(self, pause: float | None) -> bool:
-        """Wait until the device is to be called again; returns whether it is."""
+        """Wait until the device must be called again; return False if the thread must end instead."""
         with self._changed:
             if pause is not None and not self._woken and not self._closed:
                 self._changed.wait(min(max(pause / self._scale, _SHORTEST_PAUSE), threading.TIMEOUT_MAX))
@@ -147,10 +146,10 @@ class _Thread(ClockDriver):
 
 
 class ManualClock(Clock):
-    """A clock that stands still until :meth:`advance` moves it.
+    """A clock that only :meth:`advance` moves.
 
     Args:
-        start: local date and time at which it stands first.
+        start: The initial local date and time.
     """
 
     manual: bool = True
@@ -163,31 +162,33 @@ class ManualClock(Clock):
         self._driven: list[Callable[[], float | None]] = []
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward; the devices that it drives do what is due before this returns.
+        """Move the clock forward and have its devices do what is due.
 
         Raises:
-            ValueError: the step is negative, or no finite number.
+            ValueError: If the step is negative or not finite.
         """
         if not 0 <= seconds < float("inf"):
-            raise ValueError(tr("a clock goes on by a number of seconds and never back: {seconds} s", seconds=seconds))
+            raise ValueError(
+                tr("a clock advances by a finite number of seconds from 0, not by {seconds} s", seconds=seconds)
+            )
         self._seconds += seconds
         for advance in list(self._driven):
             advance()
 
     def stopwatch(self, seconds: float) -> Callable[[], bool]:  # noqa: ARG002 - declared by the base
-        """Return what is never true: on this clock everything is done that is due, however long it takes."""
+        """Return a function that always returns False: with a manual clock, work is never cut short."""
         return lambda: False
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
-        """Have a device go on whenever the clock is moved."""
+        """Drive a device whenever the clock is moved."""
         return _ByHand(self._driven, advance)
 
     def now(self) -> float:
-        """Return the seconds that the clock has been moved by."""
+        """Return by how many seconds the clock has been moved."""
         return self._seconds
 
     def wall(self) -> datetime:
-        """Return the start and the seconds together."""
+        """Return the start time plus the seconds by which the clock has been moved."""
         return self._start + timedelta(seconds=self._seconds)
 
 
@@ -198,7 +199,7 @@ class _ByHand(ClockDriver):
         driven.append(advance)
 
     def wake(self) -> None:
-        """Nothing happens until the clock is moved."""
+        """Do nothing: the device is called when the clock is moved."""
 
     def close(self) -> None:
         if self._advance in self._driven:

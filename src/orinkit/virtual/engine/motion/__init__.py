@@ -1,7 +1,7 @@
-"""Motion of the virtual robot: time laws, paths, planning within the model's limits, and execution cycle by cycle.
+"""Motion of the virtual robot: motion profiles, paths, planning within the model's limits, and execution cycle by cycle.
 
-``profile`` says when a motion is how far along its path; ``course`` is the way of the tool, ``path`` that of the joints;
-``plan`` makes a :class:`~orinkit.virtual.engine.motion.planner.Motion` of them, and
-:class:`~orinkit.virtual.engine.motion.queue.MotionQueue` carries motions out. Nothing here reads a clock or has a thread:
+``profile`` defines the progress of a motion over time, ``cartesian_path`` the path of the tool and ``joint_path`` that of
+the joints. ``planner`` combines them to a :class:`~orinkit.virtual.engine.motion.planner.Motion`, which
+:class:`~orinkit.virtual.engine.motion.queue.MotionQueue` executes. Nothing here reads a clock or starts a thread:
 everything is a function of the number of servo cycles.
 """

@@ -1,4 +1,4 @@
-"""To rest from a velocity that no motion was planned for: commands that came from outside, and come no more."""
+"""Braking from any velocity to standstill, for external commands that have ended without a planned motion."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 
 
 class Brake:
-    """Brings a command to rest, straight on in the direction in which it goes.
+    """Brings a moving command to rest in its present direction.
 
-    All axes slow down together, evenly and as fast as the one with the least acceleration for its velocity can. There is
-    no path that says where it ends: it may go beyond a soft limit, because stopping there would exceed an acceleration.
+    All axes slow down together with constant deceleration, determined by the axis whose acceleration is least in relation
+    to its velocity. The end point is not planned: it may be beyond a soft limit, because stopping there would exceed an
+    acceleration limit.
 
     Args:
-        model: of the arm, for its accelerations.
-        before: joints one cycle ago, degrees or mm.
-        joints: where the command is.
-        cycle: seconds of a :meth:`step`.
+        model: The arm model, for its accelerations.
+        before: The command one cycle ago, degrees or mm.
+        joints: The present command.
+        cycle: Length of a :meth:`step` in seconds.
     """
 
     def __init__(self, model: ArmModel, before: Sequence[float], joints: Joints, cycle: float) -> None:
         self._joints = joints
-        self._ways = tuple([b - a for a, b in zip(before, joints, strict=True)])
-        self._part = 1.0  # of the velocity at the beginning
+        self._velocity = tuple([b - a for a, b in zip(before, joints, strict=True)])  # per cycle
+        self._fraction = 1.0  # of the initial velocity
         steps = [axis.acceleration * cycle * cycle for axis in model.axes]
-        self._less = min(
-            [most / abs(way) for most, way in zip(steps, self._ways, strict=True) if way], default=math.inf
+        self._decrease = min(
+            [limit / abs(v) for limit, v in zip(steps, self._velocity, strict=True) if v], default=math.inf
         )
 
     def step(self) -> Joints:
-        """Return the command of the next cycle; the same again when it is at rest."""
-        self._part = max(0.0, self._part - self._less)
-        if self._part:
-            self._joints = tuple([q + self._part * way for q, way in zip(self._joints, self._ways, strict=True)])
+        """Return the command of the next cycle; it no longer changes once it is at rest."""
+        self._fraction = max(0.0, self._fraction - self._decrease)
+        if self._fraction:
+            self._joints = tuple([q + self._fraction * v for q, v in zip(self._joints, self._velocity, strict=True)])
         return self._joints

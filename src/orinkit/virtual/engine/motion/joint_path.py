@@ -1,6 +1,6 @@
-"""Paths: the way of the joints, q(u) for u from 0 to 1, without time.
+"""Joint paths q(u) for u from 0 to 1, independent of time.
 
-Straight from one set of joints to another, or a table made of a course by inverse kinematics.
+Either a straight path between two sets of joints, or a table computed from a Cartesian path by inverse kinematics.
 """
 
 from __future__ import annotations
@@ -21,60 +21,60 @@ from orinkit.virtual.engine.motion.profile import Array
 
 Joints: TypeAlias = tuple[float, ...]
 
-_STEP: Final = 1.0  # mm of a table, to begin with
+_STEP: Final = 1.0  # mm, initial step of a table
 _STEP_ANGLE: Final = 0.25  # deg
-_FEWEST_STEPS: Final = 16
-_MOST_STEPS: Final = 8192
+_MIN_STEPS: Final = 16
+_MAX_STEPS: Final = 8192
 _POSITION_ERROR: Final = 1e-3  # mm between the steps of a table
 _ANGLE_ERROR: Final = 1e-4  # deg
-_LARGEST_STEP: Final = 20.0  # deg of a joint; more is a jump from one solution to another
-_START_ERROR: Final = 1e-3  # deg between where the arm is and where its path begins
-_SIDE: Final = 1e-6  # part of a step: just after its beginning, just before its end
+_LARGEST_STEP: Final = 20.0  # deg of a joint; a larger step is a jump from one solution to another
+_START_ERROR: Final = 1e-3  # deg between the joints of the arm and the start of its path
+_SIDE: Final = 1e-6  # fraction of a step: just after its beginning, just before its end
 
 
 class JointPath:
-    """The straight way from one set of joints to another (PTP): all axes run in proportion.
+    """A straight path from one set of joints to another (PTP): all axes move in proportion.
 
     Attributes:
-        start: joints at u = 0.
-        end: joints at u = 1.
-        probes: no place on it is special.
+        start: Joints at u = 0.
+        end: Joints at u = 1.
+        probes: Always empty: the derivatives are constant.
     """
 
-    __slots__ = ("_way", "end", "probes", "start")
+    __slots__ = ("_difference", "end", "probes", "start")
 
     def __init__(self, start: Sequence[float], end: Sequence[float]) -> None:
         self.start: Joints = tuple(map(float, start))
         self.end: Joints = tuple(map(float, end))
         self.probes: Array = np.empty(0)
-        self._way = [b - a for a, b in zip(self.start, self.end, strict=True)]
+        self._difference = [b - a for a, b in zip(self.start, self.end, strict=True)]
 
     def at(self, u: float) -> Joints:
-        """Return the joints at one place; exactly ``start`` up to 0 and ``end`` from 1 on."""
+        """Return the joints at u; exactly ``start`` for u <= 0 and ``end`` for u >= 1."""
         if u >= 1:
             return self.end
         if u <= 0:
             return self.start
-        return tuple([a + u * d for a, d in zip(self.start, self._way, strict=True)])
+        return tuple([a + u * d for a, d in zip(self.start, self._difference, strict=True)])
 
     def sampled(self, u: Array) -> tuple[Array, Array, Array]:
-        """Return joints, and their first and second derivative by u, of shape (N, axes), at ``u`` of shape (N,)."""
-        way = np.array(self._way)
-        joints = np.array(self.start) + u[:, None] * way
+        """Return the joints and their first and second derivatives by u, shape (N, axes), at ``u`` of shape (N,)."""
+        difference = np.array(self._difference)
+        joints = np.array(self.start) + u[:, None] * difference
         joints[u >= 1] = self.end
-        return joints, np.broadcast_to(way, joints.shape), np.zeros_like(joints)
+        return joints, np.broadcast_to(difference, joints.shape), np.zeros_like(joints)
 
 
 class TablePath:
-    """Joints at equal steps of u, and a cubic between each two that has the table's slopes at both.
+    """A path through joints at equal steps of u, interpolated by cubics with the slopes of the table.
 
     Args:
-        joints: the table, shape (steps + 1, axes), of at least 4 steps.
+        joints: The table, shape (steps + 1, axes), of at least 4 steps.
 
     Attributes:
-        start: joints at u = 0.
-        end: joints at u = 1.
-        probes: values of u among which are the greatest derivatives, for :meth:`sampled`.
+        start: Joints at u = 0.
+        end: Joints at u = 1.
+        probes: Values of u that include those of the greatest derivatives, for :meth:`sampled`.
     """
 
     __slots__ = ("_cell", "_cubic", "_cubics", "_steps", "end", "probes", "start")
@@ -93,21 +93,21 @@ class TablePath:
         self.probes: Array = ((np.arange(steps)[:, None] + (_SIDE, 0.5, 1 - _SIDE)) / steps).ravel()
 
     def at(self, u: float) -> Joints:
-        """Return the joints at one place; exactly ``start`` up to 0 and ``end`` from 1 on."""
+        """Return the joints at u; exactly ``start`` for u <= 0 and ``end`` for u >= 1."""
         if u >= 1:
             return self.end
         if u <= 0:
             return self.start
         x = u * self._steps
         cell = int(x)
-        if cell != self._cell:  # successive places are mostly in the same step or the next
+        if cell != self._cell:  # successive values of u are mostly in the same step or the next
             self._cubic = list(zip(*self._cubics[cell].tolist(), strict=True))
             self._cell = cell
         x -= cell
         return tuple([a + x * (b + x * (c + x * d)) for a, b, c, d in self._cubic])
 
     def sampled(self, u: Array) -> tuple[Array, Array, Array]:
-        """Return joints, and their first and second derivative by u, of shape (N, axes), at ``u`` of shape (N,)."""
+        """Return the joints and their first and second derivatives by u, shape (N, axes), at ``u`` of shape (N,)."""
         steps = self._steps
         cell = np.clip((u * steps).astype(int), 0, steps - 1)
         x = (u * steps - cell)[:, None]
@@ -128,28 +128,28 @@ def table_path(
     extra_end: Sequence[float] | None = None,
     hopeless: Callable[[Array], bool] = lambda _: False,
 ) -> TablePath:
-    """Return the way of the joints that takes the TCP along a course.
+    """Return the joint path that moves the TCP along a Cartesian path.
 
     Args:
-        kinematics: of the arm.
-        course: of the TCP, from where it is.
-        tool: frame of the TCP in the flange.
-        start: joints where the arm is, all its axes.
-        extra_end: where axes 7 and 8 end, as many as the arm has; ``None`` to leave them where they are.
-        hopeless: says of a table of the six joints, shape (N, 6), with large steps, that finer ones are of no use.
+        kinematics: Kinematics of the arm.
+        course: The path of the TCP, from its present frame.
+        tool: Frame of the TCP relative to the flange.
+        start: Joints of all axes at the start.
+        extra_end: End values of axes 7 and 8, as many as the arm has; ``None`` to leave them unchanged.
+        hopeless: Callback that receives a table of the six joints, shape (N, 6), with large steps, and returns True if
+            a finer table cannot succeed either.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE if the arm does not reach the end, OUT_OF_WORKING_RANGE if it does not reach a
-            place on the way; SINGULAR_POINT_REFUSED where the joints cannot
-            follow, because the arm passes through, or too near, a singular point.
+        CallError: TARGET_OUT_OF_RANGE if the end is out of reach, OUT_OF_WORKING_RANGE if a point of the path is;
+            SINGULAR_POINT_REFUSED if the joints cannot follow because the path is through, or too near, a singular point.
     """
-    back = inverse_of(tool)
-    steps = max(_FEWEST_STEPS, math.ceil(course.length / _STEP), math.ceil(course.angle / _STEP_ANGLE))
-    steps = min(steps, _MOST_STEPS)
+    inverse_tool = inverse_of(tool)
+    steps = max(_MIN_STEPS, math.ceil(course.length / _STEP), math.ceil(course.angle / _STEP_ANGLE))
+    steps = min(steps, _MAX_STEPS)
     extra = JointPath(start[6:], start[6:] if extra_end is None else extra_end)
     while True:
         u = np.linspace(0, 1, steps + 1)
-        rows = _followed(kinematics, course.frames(u) @ back, start)
+        rows = _inverse_kinematics(kinematics, course.frames(u) @ inverse_tool, start)
         if float(np.max(np.abs(rows[0] - start[:6]))) > _START_ERROR:
             raise singular()
         rows[0] = start[:6]
@@ -157,23 +157,23 @@ def table_path(
         jumps = float(np.max(np.abs(np.diff(rows, axis=0)))) > _LARGEST_STEP
         if not jumps:
             middle = (u[:-1] + u[1:]) / 2
-            made = kinematics.forward(path.sampled(middle)[0])
-            if _agree(made, course.frames(middle) @ back):
+            actual = kinematics.forward(path.sampled(middle)[0])
+            if _agree(actual, course.frames(middle) @ inverse_tool):
                 return path
-        if steps >= _MOST_STEPS or (jumps and hopeless(rows)):
+        if steps >= _MAX_STEPS or (jumps and hopeless(rows)):
             raise singular()
-        steps = min(2 * steps, _MOST_STEPS)
+        steps = min(2 * steps, _MAX_STEPS)
 
 
 def singular() -> CallError:
-    """Return the error of a course that is too near a singular point."""
+    """Return the error for a path that is too near a singular point."""
     return error_for(
         hresult.SINGULAR_POINT_REFUSED,
-        tr("the joints cannot follow the path; try a PTP motion or another figure"),
+        tr("the joints cannot follow the path. Try: a PTP motion or another figure"),
     )
 
 
-def _followed(kinematics: Kinematics, flanges: Array, start: Joints) -> Array:
+def _inverse_kinematics(kinematics: Kinematics, flanges: Array, start: Joints) -> Array:
     try:
         return kinematics.follow(flanges, start[:6])
     except CallError as error:
@@ -181,7 +181,7 @@ def _followed(kinematics: Kinematics, flanges: Array, start: Joints) -> Array:
             raise
         if not kinematics.solutions(flanges[-1]):
             raise error_for(hresult.TARGET_OUT_OF_RANGE) from None
-        text = tr("a place on the way to the target")
+        text = tr("a point on the path to the target")
         raise error_for(hresult.OUT_OF_WORKING_RANGE, text) from None
 
 
@@ -191,7 +191,7 @@ def _agree(a: Array, b: Array) -> bool:
 
 
 def _slopes(joints: Array) -> Array:
-    # Of the fourth order, per step; at the ends from one side.
+    # Finite differences of the fourth order, per step; one-sided at the ends.
     q = joints
     slopes = np.empty_like(q)
     slopes[2:-2] = (q[:-4] - 8 * q[1:-3] + 8 * q[3:-1] - q[4:]) / 12

@@ -1,8 +1,8 @@
-"""Planning: a motion from where the arm will be to a target, as fast as the model's limits and the rates allow.
+"""Planning of motions to a target, as fast as the model's limits and the rates allow.
 
 Every joint stays within its velocity times ``speed``, and its acceleration times the greater of ``accel`` and
-``decel``; on a path the TCP stays within the model's path speed times ``speed``. A path that asks too much of a joint
-is run slower as a whole.
+``decel``; on a Cartesian path the TCP stays within the model's path speed times ``speed``. A path that would exceed the
+limits of a joint is slowed down as a whole.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from orinkit.virtual.engine.motion.profile import Array, MotionProfile
 from orinkit.virtual.engine.motion.soft_limits import check_end, check_way
 
 LONGEST: Final = 36_000.0
-"""Seconds that a motion can take."""
+"""Longest duration of a motion in seconds."""
 
 AT_TARGET: Final = PassMark("0")
 
-_MARGIN: Final = 1.01  # of a path that is slowed down, for what lies between the places looked at
-_SINGULAR_STRETCH: Final = 20.0  # a path slowed down more than this, and
-_SINGULAR_TIME: Final = 2.0  # lasting longer than this, is too near a singular point
-_STILL: Final = 1e-9  # deg or mm; a shorter way is none
-_SAMPLES: Final = 1024  # of a motion, to see how fast its joints are, and when it is near its end
+_MARGIN: Final = 1.01  # of a path that is slowed down, for peaks between the samples
+_SINGULAR_STRETCH: Final = 20.0  # a path that is slowed down by more than this factor, and
+_SINGULAR_TIME: Final = 2.0  # takes longer than this (s), is too near a singular point
+_STILL: Final = 1e-9  # deg or mm; a shorter distance counts as zero
+_SAMPLES: Final = 1024  # of a motion, to measure the speed of its joints and its distance from the end
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How fast a motion is, as parts of what the model can do.
+    """Velocity and acceleration of a motion, as fractions of the model's limits.
 
     Attributes:
-        speed: 0 < speed <= 1.
-        accel: the same of the acceleration.
-        decel: the same of the deceleration.
-        time: seconds that the motion takes, ``None`` for as fast as the others allow. A time that is too short is not
-            an error: the motion is then as fast as possible.
+        speed: Fraction of the velocity limits, above 0 and at most 1.
+        accel: Fraction of the acceleration limits, above 0 and at most 1.
+        decel: Fraction of the deceleration limits, above 0 and at most 1.
+        time: Duration of the motion in seconds; ``None`` for as fast as the other rates allow. A time that is too short
+            is not an error: the motion is then as fast as possible.
 
     Raises:
-        ValueError: a value out of range.
+        ValueError: If a value is out of range.
     """
 
     speed: float = 1.0
@@ -61,21 +61,23 @@ class Rates:
     def __post_init__(self) -> None:
         for value in (self.speed, self.accel, self.decel):
             if not 0 < value <= 1:
-                raise ValueError(tr("a rate is above 0 and at most 1, not {value!r}", value=value))
+                raise ValueError(tr("a rate must be above 0 and at most 1, not {value!r}", value=value))
         if self.time is not None and not (math.isfinite(self.time) and self.time > 0):
-            raise ValueError(tr("the time of a motion is a number of seconds above 0, not {time!r}", time=self.time))
+            raise ValueError(tr("the time of a motion must be above 0 s and finite, not {time!r}", time=self.time))
 
 
 class Motion:
-    """A path with its time law.
+    """A path with its motion profile.
 
     Attributes:
-        path, profile: what it is made of.
-        rates: what it was planned with.
-        mark: when it counts as done.
-        length: mm that the TCP travels along its path; ``None`` for a point-to-point motion.
-        pass_time: seconds after which the next motion may begin: with ``@P`` when this one begins to slow down, with
-            ``@n`` when its TCP is, and stays, within the radius of its end, though not in the first half; else its end.
+        path: The path of the joints.
+        profile: The progress along the path over time.
+        rates: The rates that it was planned with.
+        mark: The pass mark.
+        length: Distance that the TCP travels along its path, mm; ``None`` for a point-to-point motion.
+        pass_time: Time in seconds after which the next motion may begin: with ``@P`` the start of the deceleration; with
+            ``@n`` the time from which the TCP stays within the radius of its end, but not before half the duration;
+            otherwise the duration.
     """
 
     __slots__ = ("length", "mark", "pass_time", "path", "profile", "rates")
@@ -90,21 +92,21 @@ class Motion:
 
     @property
     def duration(self) -> float:
-        """Seconds that it takes."""
+        """Duration in seconds."""
         return self.profile.duration
 
     @property
     def start(self) -> Joints:
-        """Joints where it begins."""
+        """Joints at the start."""
         return self.path.start
 
     @property
     def end(self) -> Joints:
-        """Joints where it ends."""
+        """Joints at the end."""
         return self.path.end
 
     def joints_at(self, time: float) -> Joints:
-        """Return the joints at a time in seconds: exactly ``start`` up to 0, exactly ``end`` from ``duration`` on."""
+        """Return the joints at a time in seconds: exactly ``start`` until 0, exactly ``end`` from ``duration`` on."""
         return self.path.at(self.profile.at(time))
 
     def sampled(self, times: Array) -> tuple[Array, Array, Array]:
@@ -123,29 +125,30 @@ def plan_ptp(
     mark: PassMark = AT_TARGET,
     tool: Array | None = None,
 ) -> Motion:
-    """Plan a motion from joints to joints, all axes starting and stopping together.
+    """Plan a PTP motion: all axes start and stop together.
 
     Args:
-        kinematics: of the arm.
-        start: joints where it begins, one for each axis.
-        end: joints where it ends.
-        rates: how fast.
-        mark: when it counts as done.
-        tool: frame of the TCP in the flange, for the radius of the mark; ``None`` for the flange itself.
+        kinematics: Kinematics of the arm.
+        start: Joints at the start, one for each axis.
+        end: Joints at the end.
+        rates: Velocity and acceleration.
+        mark: The pass mark.
+        tool: Frame of the TCP relative to the flange, for the radius of the mark; ``None`` for the flange itself.
 
     Raises:
-        CallError: TARGET_OVER_SOFT_LIMIT_AXISn; VALUE_OUT_OF_RANGE, it would take more than 36,000 s.
+        CallError: TARGET_OVER_SOFT_LIMIT_AXISn if the end is outside the limits of axis n; VALUE_OUT_OF_RANGE if the
+            motion would take more than 36,000 s.
     """
     model = kinematics.model
     path = JointPath(start, end)
     check_end(model, path.end)
-    ways = [abs(b - a) for a, b in zip(path.start, path.end, strict=True)]
+    distances = [abs(b - a) for a, b in zip(path.start, path.end, strict=True)]
     limits = [
-        _Limits(axis.velocity / way, axis.acceleration / way)
-        for axis, way in zip(model.axes, ways, strict=True)
-        if way > 0
+        _Limits(axis.velocity / distance, axis.acceleration / distance)
+        for axis, distance in zip(model.axes, distances, strict=True)
+        if distance > 0
     ]
-    return _timed(kinematics, path, _law(limits, rates), rates, mark, tool, None)
+    return _timed(kinematics, path, _profile(limits, rates), rates, mark, tool, None)
 
 
 def plan_line(
@@ -160,18 +163,18 @@ def plan_line(
     """Plan a straight motion of the TCP.
 
     Args:
-        kinematics: of the arm.
-        start: joints where it begins, one for each axis.
-        end: frame of the TCP where it ends, shape (4, 4), in the base.
-        tool: frame of the TCP in the flange.
-        rates: how fast.
-        mark: when it counts as done.
-        extra_end: where the axes from the seventh on end; ``None`` to leave them where they are.
+        kinematics: Kinematics of the arm.
+        start: Joints at the start, one for each axis.
+        end: Frame of the TCP at the end, shape (4, 4), in the base frame.
+        tool: Frame of the TCP relative to the flange.
+        rates: Velocity and acceleration.
+        mark: The pass mark.
+        extra_end: End values of the axes from the seventh on; ``None`` to leave them unchanged.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE if the arm does not reach the end, OUT_OF_WORKING_RANGE if it does not reach a
-            place on the way; SINGULAR_POINT_REFUSED where the joints cannot follow, or only very slowly;
-            TARGET_OVER_SOFT_LIMIT_AXISn of the end, SOFT_LIMIT_OVER_AXISn of the way there; VALUE_OUT_OF_RANGE, it
+        CallError: TARGET_OUT_OF_RANGE if the end is out of reach, OUT_OF_WORKING_RANGE if a point of the path is;
+            SINGULAR_POINT_REFUSED if the joints cannot follow, or only very slowly; TARGET_OVER_SOFT_LIMIT_AXISn if the
+            end is outside the limits of axis n, SOFT_LIMIT_OVER_AXISn if the path is; VALUE_OUT_OF_RANGE if the motion
             would take more than 36,000 s.
     """
     course = courses.line(_tcp(kinematics, start, tool), end)
@@ -193,7 +196,7 @@ def plan_arc(
     The orientation turns evenly from start to end; that of ``via`` is not used.
 
     Raises:
-        CallError: as :func:`plan_line`; VALUE_OUT_OF_RANGE also if the points are on a line or the same.
+        CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the points are on a line or coincide.
     """
     course = courses.arc(_tcp(kinematics, start, tool), via, end)
     return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
@@ -214,18 +217,18 @@ def plan_rotation(
     """Plan a rotation of the TCP about an axis.
 
     Args:
-        kinematics: of the arm.
-        start: joints where it begins, one for each axis.
-        axis: direction of the axis in the base, shape (3,).
-        point: a point on it, shape (3,), mm.
-        degrees: how far, by the right-hand rule.
-        tool: frame of the TCP in the flange.
-        rates: how fast.
-        mark: when it counts as done.
-        keep_orientation: whether the tool keeps its orientation instead of turning with it.
+        kinematics: Kinematics of the arm.
+        start: Joints at the start, one for each axis.
+        axis: Direction of the axis in the base frame, shape (3,).
+        point: A point on the axis, shape (3,), mm.
+        degrees: The angle, by the right-hand rule.
+        tool: Frame of the TCP relative to the flange.
+        rates: Velocity and acceleration.
+        mark: The pass mark.
+        keep_orientation: True if the tool keeps its orientation; False if it turns about the axis too.
 
     Raises:
-        CallError: as :func:`plan_line`; VALUE_OUT_OF_RANGE also for an axis without direction, and an angle of more
+        CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the axis has no direction, or the angle is more
             than 100 turns.
     """
     course = courses.rotation(_tcp(kinematics, start, tool), axis, point, degrees, keep_orientation=keep_orientation)
@@ -241,12 +244,12 @@ def plan_curve(
     mark: PassMark = AT_TARGET,
     extra_end: Sequence[float] | None = None,
 ) -> Motion:
-    """Plan a smooth motion of the TCP through frames, the last of which is the end.
+    """Plan a smooth motion of the TCP through frames; the last one is the end.
 
-    The TCP is at most as fast as on a line; where the points are uneven it is slower in between.
+    The TCP is at most as fast as on a line; if the points are unevenly spaced, it is slower in places.
 
     Raises:
-        CallError: as :func:`plan_line`; VALUE_OUT_OF_RANGE also for more than 5,000 points.
+        CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also for more than 5,000 points.
     """
     course = courses.curve([_tcp(kinematics, start, tool), *points])
     return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
@@ -254,7 +257,7 @@ def plan_curve(
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Velocity and acceleration as parts of the way, in 1/s and 1/s^2."""
+    """Largest velocity and acceleration of the path parameter, in 1/s and 1/s^2."""
 
     velocity: float
     acceleration: float
@@ -277,18 +280,20 @@ def _plan_course(
     model = kinematics.model
     ends = start[6:] if extra_end is None else extra_end
     extra = [(abs(b - a), axis) for a, b, axis in zip(start[6:], ends, model.axes[6:], strict=True)]
-    if course.length <= _STILL and course.angle <= _STILL and all(way == 0 for way, _ in extra):
+    if course.length <= _STILL and course.angle <= _STILL and all(distance == 0 for distance, _ in extra):
         return Motion(JointPath(start, start), MotionProfile.instant(), rates, mark, 0.0)
-    check_end(model, (*start[:6], *ends), first=6)  # before inverse kinematics looks at a NaN
-    law = _law(_course_limits(model, course, extra), rates)
-    path = table_path(kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, law, rates))
+    check_end(model, (*start[:6], *ends), first=6)  # reject NaN before inverse kinematics
+    profile = _profile(_course_limits(model, course, extra), rates)
+    path = table_path(kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, profile, rates))
     check_end(model, path.end)
     check_way(model, path)
-    return _timed(kinematics, path, _within_joints(model, path, law, rates), rates, mark, tool, course.length)
+    return _timed(kinematics, path, _within_joints(model, path, profile, rates), rates, mark, tool, course.length)
 
 
 def _course_limits(model: ArmModel, course: CartesianPath, extra: Sequence[tuple[float, AxisModel]]) -> list[_Limits]:
-    limits = [_Limits(axis.velocity / way, axis.acceleration / way) for way, axis in extra if way > 0]
+    limits = [
+        _Limits(axis.velocity / distance, axis.acceleration / distance) for distance, axis in extra if distance > 0
+    ]
     if (far := course.greatest_rate) > _STILL:
         limits.append(_Limits(model.path_speed / far, model.path_acceleration / far))
     if (turn := course.greatest_turn) > _STILL:
@@ -296,20 +301,22 @@ def _course_limits(model: ArmModel, course: CartesianPath, extra: Sequence[tuple
     return limits
 
 
-def _law(limits: Sequence[_Limits], rates: Rates) -> MotionProfile:
+def _profile(limits: Sequence[_Limits], rates: Rates) -> MotionProfile:
     if not limits:
         return MotionProfile.instant()
     velocity = min(limit.velocity for limit in limits) * rates.speed
     acceleration = min(limit.acceleration for limit in limits)
     accel, decel = acceleration * rates.accel, acceleration * rates.decel
-    if min(velocity, accel * LONGEST, decel * LONGEST) * LONGEST < 1:  # longer than that in any case
+    if (
+        min(velocity, accel * LONGEST, decel * LONGEST) * LONGEST < 1
+    ):  # the motion takes longer than LONGEST in any case
         raise _too_long()
-    ceiling = 1e9  # of a way next to nothing; the time law smooths it anyway
+    ceiling = 1e9  # for very short distances; the profile is smoothed anyway
     return MotionProfile.trapezoid(min(velocity, ceiling), min(accel, ceiling), min(decel, ceiling))
 
 
 def _within_joints(model: ArmModel, path: Path, profile: MotionProfile, rates: Rates) -> MotionProfile:
-    # Time stretched by k divides velocities by k and accelerations by k^2: no need to try.
+    # Stretching the time by k divides velocities by k and accelerations by k^2, so k follows directly.
     motion = Motion(path, profile, rates, AT_TARGET, None)
     times = np.concatenate((np.linspace(0, profile.duration, _SAMPLES), profile.moments(path.probes)))
     _, velocity, acceleration = motion.sampled(times)
@@ -324,12 +331,12 @@ def _within_joints(model: ArmModel, path: Path, profile: MotionProfile, rates: R
 
 
 def _hopeless(model: ArmModel, rows: Array, profile: MotionProfile, rates: Rates) -> bool:
-    # From one row to the next the joints cannot be slower than on the average.
+    # Between two rows the largest velocity of a joint is at least its average velocity.
     steps = len(rows) - 1
     pace = profile.sampled(profile.moments((np.arange(steps) + 0.5) / steps))[1]
     fast = np.abs(np.diff(rows, axis=0)) * steps * pace[:, None]
-    most = np.array([axis.velocity for axis in model.axes[:6]]) * rates.speed
-    return _too_slow(float((fast / most).max()), profile)
+    limit = np.array([axis.velocity for axis in model.axes[:6]]) * rates.speed
+    return _too_slow(float((fast / limit).max()), profile)
 
 
 def _too_slow(stretch: float, profile: MotionProfile) -> bool:
@@ -366,5 +373,5 @@ def _time_within(kinematics: Kinematics, motion: Motion, radius: float, tool: Ar
 def _too_long() -> Exception:
     return error_for(
         hresult.VALUE_OUT_OF_RANGE,
-        tr("the motion would take more than {longest:g} s; raise the speed or shorten the time", longest=LONGEST),
+        tr("the motion would take more than {longest:g} s. Try: a higher speed, or a shorter time", longest=LONGEST),
     )

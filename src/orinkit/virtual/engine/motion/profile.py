@@ -1,8 +1,8 @@
-"""Time laws of a motion: how far along its path it is at each moment, from rest to rest.
+"""Motion profiles: the progress of a motion along its path over time, from rest to rest.
 
-A law is a trapezoid of velocity, averaged over the time ``smoothing``. An average is never more than the greatest of
-what it averages, so velocity and acceleration stay within the trapezoid's limits, and the jerk is at most the
-acceleration divided by the smoothing. What comes out are up to seven pieces of constant jerk.
+A profile is a trapezoidal velocity profile, averaged over the time ``smoothing``. An average never exceeds the maximum of
+the averaged values, so velocity and acceleration stay within the limits of the trapezoid, and the jerk is at most the
+acceleration divided by the smoothing. The result has up to seven pieces of constant jerk.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ Array: TypeAlias = npt.NDArray[np.float64]
 SMOOTHING: Final = 0.04
 """Seconds over which a trapezoid is averaged."""
 
-_SAMPLES: Final = 4096  # of a law, to find when it is where
-# An instant of a long law would be lost in the rounding of its times: the shortest rise or fall to a velocity, in
-# seconds, and how many times as long the other one can be.
+_SAMPLES: Final = 4096  # of a profile, to invert it
+# A very short piece of a long profile would be lost in the rounding of its times. These limit the shortest acceleration
+# or deceleration time, in seconds, and the ratio of the longer to the shorter one.
 _SHORTEST_RISE: Final = 1e-3
 _GREATEST_RATIO: Final = 1e4
 _SMALLEST: Final = 1e-18
 
 
 class Knot(NamedTuple):
-    """Where the jerk of a law changes: the values at ``time``, and the jerk from there on."""
+    """A point at which the jerk of a profile changes: the values at ``time``, and the jerk from then on."""
 
     time: float
     position: float
@@ -41,12 +41,12 @@ class Knot(NamedTuple):
 
 
 class MotionProfile:
-    """A time law s(t): 0 until t = 0, exactly 1 from ``duration`` on, never beyond.
+    """A motion profile s(t): 0 until t = 0, exactly 1 from ``duration`` on, never above 1.
 
     Attributes:
-        knots: the pieces, in order of time; none for a law that is over at once.
-        duration: seconds.
-        slowing: when the deceleration begins, in seconds.
+        knots: The pieces, in order of time; empty for a profile of duration 0.
+        duration: Seconds.
+        slowing: Time at which the deceleration begins, in seconds.
     """
 
     __slots__ = ("_times", "duration", "knots", "slowing")
@@ -61,22 +61,22 @@ class MotionProfile:
     def trapezoid(
         cls, velocity: float, acceleration: float, deceleration: float, smoothing: float = SMOOTHING
     ) -> MotionProfile:
-        """Return the fastest law within limits.
+        """Return the fastest profile within limits.
 
         Args:
-            velocity: greatest rate of s, in 1/s.
-            acceleration: greatest acceleration of s while it becomes faster, in 1/s^2.
-            deceleration: the same while it becomes slower.
-            smoothing: seconds over which it is averaged, more than 0.
+            velocity: Largest rate of s, in 1/s.
+            acceleration: Largest acceleration of s, in 1/s^2.
+            deceleration: Largest deceleration of s, in 1/s^2.
+            smoothing: Seconds over which the trapezoid is averaged, more than 0.
 
         Raises:
-            ValueError: a limit is not a finite number from 10^-18.
+            ValueError: If a limit is not finite, or is below 10^-18.
         """
         for limit in (velocity, acceleration, deceleration, smoothing):
             if not (math.isfinite(limit) and limit >= _SMALLEST):
                 raise ValueError(
                     tr(
-                        "a limit of a time law is a finite number from {smallest:g}, not {limit!r}",
+                        "a limit of a motion profile must be a finite number from {smallest:g}, not {limit!r}",
                         smallest=_SMALLEST,
                         limit=limit,
                     )
@@ -90,17 +90,17 @@ class MotionProfile:
 
     @classmethod
     def instant(cls) -> MotionProfile:
-        """Return the law of a motion that has nowhere to go."""
+        """Return the profile of a motion of length 0."""
         return cls((), 0.0, 0.0)
 
     def stretched(self, duration: float) -> MotionProfile:
-        """Return the same law made slower, or itself if it lasts that long already.
+        """Return the same profile slowed down to a duration, or itself if its duration is not shorter.
 
         Raises:
-            ValueError: the duration is not finite.
+            ValueError: If the duration is not finite.
         """
         if not math.isfinite(duration):
-            raise ValueError(tr("a duration is a finite number of seconds, not {duration!r}", duration=duration))
+            raise ValueError(tr("a duration must be a finite number of seconds, not {duration!r}", duration=duration))
         if duration <= self.duration or not self.knots:
             return self
         k = duration / self.duration
@@ -127,11 +127,11 @@ class MotionProfile:
         return v + t * (a + t * (j / 2))
 
     def sampled(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return s, its rate (1/s) and its acceleration (1/s^2) at many moments, each of the shape of ``times``."""
+        """Return s, its rate (1/s) and its acceleration (1/s^2) at ``times``, each of the same shape."""
         inside = (times > 0) & (times < self.duration)
         if not self.knots:
-            nothing = np.zeros_like(times)
-            return np.where(times >= self.duration, 1.0, 0.0), nothing, nothing
+            zeros = np.zeros_like(times)
+            return np.where(times >= self.duration, 1.0, 0.0), zeros, zeros
         table = np.array(self.knots)
         row = table[np.clip(np.searchsorted(table[:, 0], times, "right") - 1, 0, len(table) - 1)]
         t = times - row[..., 0]
@@ -141,7 +141,7 @@ class MotionProfile:
         return position, np.where(inside, v + t * (a + t * (j / 2)), 0.0), np.where(inside, a + t * j, 0.0)
 
     def moments(self, positions: Array) -> Array:
-        """Return when s is at each of ``positions``, in seconds; good to a small part of 1/4096 of the duration."""
+        """Return the times in seconds at which s reaches ``positions``, to a fraction of 1/4096 of the duration."""
         times = np.union1d(np.linspace(0.0, self.duration, _SAMPLES), [*self._times, self.duration])
         moments: Array = np.interp(positions, self.sampled(times)[0], times)
         return moments
@@ -150,8 +150,8 @@ class MotionProfile:
 def _smoothed(
     top: float, rise: float, cruise: float, fall: float, width: float
 ) -> tuple[tuple[Knot, ...], float, float]:
-    # An average over the last `width` seconds of an acceleration in steps has this jerk: each step makes it change
-    # when it comes into the average, and the other way when it leaves it.
+    # Jerk of an acceleration in steps, averaged over the last `width` seconds: it changes when a step enters the
+    # average, and by the opposite amount when the step leaves it.
     slowing = rise + cruise
     end = slowing + fall
     steps = ((0.0, top / rise), (rise, -top / rise), (slowing, -top / fall), (end, top / fall))

@@ -1,15 +1,15 @@
-"""Execution: a queue of motions carried out one servo cycle at a time, with passing, halt, hold and skip.
+"""Execution: a queue of motions run one servo cycle at a time, with passing, halt, hold and skip.
 
-A motion has a time of its own, its *elapsed* time, which goes on by a cycle in each cycle while nothing is held or
-stopped. To bring the arm to rest it goes on by less and less: the arm stays on its path, and each cycle takes as much
-away as the joints' accelerations allow. Going on at the same pace is always allowed, so there is always a way.
+A motion has its own time, its *elapsed* time. Normally it increases by one cycle in each cycle. To bring the arm to rest,
+the increment (the *pace*) is reduced from cycle to cycle, as fast as the accelerations of the joints allow; so the arm
+stays on its path. An unchanged pace is always allowed, so a solution always exists.
 
-Where a motion passes its end (``@P``, ``@n``), the next one begins before it is over, and what is left of the one is
-added to the other. When it begins is decided beforehand, so that no joint becomes faster, or accelerates more, than one
-of the two motions alone may. At most two motions run at a time.
+With the pass marks ``@P`` and ``@n`` the next motion begins before the present one has ended; the remaining displacement
+of the first is added to the second. The start time is computed beforehand so that no joint exceeds the velocity and
+acceleration that one of the two motions alone may have. At most two motions run at a time.
 
-Instead of motions, commands may come from outside, one for each cycle (:meth:`MotionQueue.follow`). When they are to
-end, or do, the arm brakes from the velocity that it has then.
+Instead of motions, the queue can follow external commands, one for each cycle (:meth:`MotionQueue.follow`). When they end
+or are stopped, the arm brakes from its present velocity.
 """
 
 from __future__ import annotations
@@ -31,23 +31,22 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.planner import Motion
 
 ROOM: Final = 10
-"""How many motions there is room for, with the one that runs."""
+"""Capacity of the queue in motions, including the running one."""
 
 CYCLE: Final = 0.008
-"""Seconds of a servo cycle."""
+"""Length of a servo cycle in seconds."""
 
-_ROUNDING: Final = 1 + 1e-9  # of a limit that a motion makes full use of
+_ROUNDING: Final = 1 + 1e-9  # tolerance for motions that reach a limit exactly
 _SAME_JOINTS: Final = 1e-6  # deg or mm
-_STILL: Final = (
-    1e-5  # deg or mm in a cycle, less than an encoder can tell: what is left of a pose through its kinematics
-)
+# deg or mm in a cycle: below the resolution of an encoder, above the rounding errors of the kinematics
+_STILL: Final = 1e-5
 _HALVINGS: Final = 12
-_SAMPLE: Final = 0.004  # s between the places where two motions at a time are looked at
-_MOST_SAMPLES: Final = 1024
+_SAMPLE: Final = 0.004  # s between the samples of two overlapping motions
+_MAX_SAMPLES: Final = 1024
 
 
 class QueueState(Enum):
-    """What the queue does."""
+    """State of the queue."""
 
     IDLE = "idle"
     MOVING = "moving"
@@ -56,16 +55,16 @@ class QueueState(Enum):
     RESUMING = "resuming"
     STOPPING = "stopping"
     FOLLOWING = "following"
-    """Commands come from outside, and they move."""
+    """The queue follows moving external commands."""
     BRAKING = "braking"
-    """They came from outside; now the arm is being brought to rest."""
+    """External commands have ended; the arm brakes to standstill."""
 
 
-_AT_REST_SOON: Final = (QueueState.STOPPING, QueueState.BRAKING)
+_COMING_TO_REST: Final = (QueueState.STOPPING, QueueState.BRAKING)
 
 
 class TicketState(Enum):
-    """What has become of a motion."""
+    """State of a motion in the queue."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -78,11 +77,11 @@ class Ticket:
     """A motion in a queue.
 
     Attributes:
-        motion: the motion.
-        state: QUEUED, RUNNING, then DONE when the command is at its end, or STOPPED when it was dropped; PASSED before
-            that, once a motion marked ``@P`` or ``@n`` has reached its ``pass_time``.
-        elapsed: seconds of the motion's own time.
-        on_change: is called with the ticket after its state has changed, when the queue is in order again.
+        motion: The motion.
+        state: QUEUED, then RUNNING, then DONE when the command has reached its end, or STOPPED if it was dropped. A
+            motion marked ``@P`` or ``@n`` is PASSED from its ``pass_time`` until it is DONE.
+        elapsed: The motion's own time in seconds.
+        on_change: Callback invoked with the ticket after its state has changed and the queue is consistent again.
     """
 
     __slots__ = ("elapsed", "motion", "on_change", "state")
@@ -95,7 +94,7 @@ class Ticket:
 
     @property
     def progress(self) -> float:
-        """How far along its path it is, 0 to 1."""
+        """Position along the path, 0 to 1."""
         if self.state is TicketState.DONE:
             return 1.0
         return self.motion.profile.at(self.elapsed) if self.elapsed > 0 else 0.0
@@ -105,42 +104,42 @@ class MotionQueue:
     """The motions of one arm.
 
     Args:
-        model: of the arm, for its limits.
-        joints: where it stands, one for each axis.
-        cycle: seconds of a :meth:`step`.
+        model: The arm model, for its limits.
+        joints: The initial joints, one for each axis.
+        cycle: Length of a :meth:`step` in seconds.
 
     Attributes:
-        joints: the command, degrees or mm.
-        state: what it does.
+        joints: The command, degrees or mm.
+        state: State of the queue.
     """
 
     def __init__(self, model: ArmModel, joints: Sequence[float], cycle: float = CYCLE) -> None:
         if not (math.isfinite(cycle) and cycle > 0):
-            raise ValueError(tr("a cycle is a number of seconds above 0, not {cycle!r}", cycle=cycle))
+            raise ValueError(tr("a cycle must be above 0 s and finite, not {cycle!r}", cycle=cycle))
         self._model = model
         self._cycle = cycle
         self._steps = [axis.acceleration * cycle * cycle for axis in model.axes]
         self._active: list[Ticket] = []
         self._waiting: deque[Ticket] = deque()
-        self._begin_at: float | None = None  # elapsed time of the newest one when the next one begins beside it
-        self._pace = 0.0  # seconds by which the elapsed times went on in the last cycle
+        self._begin_at: float | None = None  # elapsed time of the newest motion at which the next one begins
+        self._pace = 0.0  # seconds by which the elapsed times increased in the last cycle
         self._changed: deque[Ticket] = deque()
-        self._followed: Joints | None = None  # from outside, for the next cycle
+        self._followed: Joints | None = None  # external command for the next cycle
         self._brake: Brake | None = None
         self.state = QueueState.IDLE
         self.joints: Joints = ()
         self.place(joints)
 
-    # --- what there is ------------------------------------------------------------------------------------------
+    # --- state --------------------------------------------------------------------------------------------------
 
     @property
     def moving(self) -> bool:
-        """Whether the command moves, or is about to."""
+        """True if the command moves or is about to."""
         return self.state not in (QueueState.IDLE, QueueState.HELD)
 
     @property
     def standing(self) -> bool:
-        """Whether the command was the same in the last two cycles, but for rounding: its velocity is zero."""
+        """True if the velocity of the command is zero, apart from rounding."""
         return all(abs(a - b) <= _STILL for a, b in zip(self.joints, self._before, strict=True))
 
     @property
@@ -150,17 +149,17 @@ class MotionQueue:
 
     @property
     def full(self) -> bool:
-        """Whether there is no room for another motion."""
+        """True if there is no room for another motion."""
         return len(self._active) + len(self._waiting) >= ROOM
 
     @property
     def tickets(self) -> tuple[Ticket, ...]:
-        """The motions that run and wait, in their order."""
+        """The running and waiting motions, in order."""
         return (*self._active, *self._waiting)
 
     @property
     def end_joints(self) -> Joints:
-        """Where the next motion has to start: the end of the last one, or where the command is."""
+        """Joints at which the next motion must start: the end of the last motion, or the command."""
         if self.state is QueueState.STOPPING:
             return self.joints
         last = self._waiting or self._active
@@ -168,36 +167,39 @@ class MotionQueue:
 
     @property
     def target(self) -> Joints:
-        """Where the running motion ends; where the command is if none runs."""
+        """Joints at the end of the running motion; the command if none runs."""
         return self._active[-1].motion.end if self._active else self.joints
 
     def speed(self) -> tuple[Joints, Joints]:
-        """Return velocity (deg/s) and acceleration (deg/s^2) of each joint in the last cycle, of linear axes in mm."""
+        """Return velocity (deg/s) and acceleration (deg/s^2) of each joint in the last cycle; in mm for linear axes."""
         cycle = self._cycle
         samples = list(zip(self._earlier, self._before, self.joints, strict=True))
         velocity = tuple([(c - b) / cycle for _, b, c in samples])
         return velocity, tuple([((c - b) - (b - a)) / cycle**2 for a, b, c in samples])
 
-    # --- what can be done ---------------------------------------------------------------------------------------
+    # --- operations ---------------------------------------------------------------------------------------------
 
     def add(self, motion: Motion) -> Ticket:
-        """Put a motion at the end; it begins with the next step if nothing else is there.
+        """Append a motion; it begins with the next step if the queue is empty.
 
         Raises:
-            ValueError: the queue is full, or the motion does not start at :attr:`end_joints`.
+            ValueError: If the queue is full, the motion does not start at :attr:`end_joints`, or the queue follows
+                external commands.
             CallError: STOPPING_MOTION while the arm is being brought to rest.
         """
-        if self.state in _AT_REST_SOON:
+        if self.state in _COMING_TO_REST:
             raise error_for(
                 hresult.STOPPING_MOTION,
-                tr("try again when the arm is at rest"),
+                tr("the arm is stopping. Try: again when it is at rest"),
             )
         if self.state is QueueState.FOLLOWING:
-            raise ValueError(tr("the command comes from outside"))
+            raise ValueError(tr("the queue follows external commands"))
         if self.full:
-            raise ValueError(tr("there is room for {most} motions", most=ROOM))
+            raise ValueError(tr("the queue is full, with {most} motions", most=ROOM))
         if any(abs(a - b) > _SAME_JOINTS for a, b in zip(motion.start, self.end_joints, strict=True)):
-            raise ValueError(tr("the motion starts at {start}, not at {end}", start=motion.start, end=self.end_joints))
+            raise ValueError(
+                tr("the motion must start at {end}, not at {start}", start=motion.start, end=self.end_joints)
+            )
         ticket = Ticket(motion)
         self._waiting.append(ticket)
         if self.state is QueueState.IDLE:
@@ -208,13 +210,13 @@ class MotionQueue:
         return ticket
 
     def place(self, joints: Sequence[float]) -> None:
-        """Put the command to other joints, at rest.
+        """Set the command to other joints, at rest.
 
         Raises:
-            ValueError: a motion runs or waits, or there are not as many joints as axes.
+            ValueError: If a motion runs or waits, or the number of joints is not that of the axes.
         """
         if self.state is not QueueState.IDLE:
-            raise ValueError(tr("the command cannot be placed while there are motions"))
+            raise ValueError(tr("the command cannot be set while motions run or wait"))
         if len(joints) != len(self._model.axes):
             raise ValueError(
                 tr(
@@ -227,22 +229,22 @@ class MotionQueue:
         self.joints = self._before = self._earlier = tuple(map(float, joints))
 
     def follow(self, joints: Joints) -> None:
-        """Have the command be at joints in the next cycle; whoever calls this sees to the limits.
+        """Set the external command of the next cycle; the caller must check the limits.
 
-        To be called before each :meth:`step` while the command moves: without it the arm brakes.
+        Call it before each :meth:`step` while the command moves; otherwise the arm brakes.
 
         Raises:
-            ValueError: there are motions, or it is being brought to rest.
+            ValueError: If a motion runs or waits, or the arm is being brought to rest.
         """
         if self.state not in (QueueState.IDLE, QueueState.FOLLOWING):
-            raise ValueError(tr("the command cannot be led while there are motions"))
+            raise ValueError(tr("external commands cannot be followed while motions run or wait"))
         self._followed = joints
         self.state = QueueState.FOLLOWING
 
     def halt(self) -> None:
         """Bring the arm to rest on its path, as fast as its joints can; then drop all motions.
 
-        Commands from outside have no path; it then goes straight on in the direction of its joints (:class:`Brake`).
+        External commands have no path: each joint then brakes in its present direction (:class:`Brake`).
         """
         if self.state is QueueState.HELD:
             self._drop()
@@ -254,34 +256,34 @@ class MotionQueue:
             self._begin_at = None
 
     def abort(self) -> None:
-        """Halt for an emergency stop or a lost connection; the limits hold for it too."""
+        """Halt because of an emergency stop or a lost connection, within the same limits."""
         self.halt()
 
     def skip(self) -> None:
-        """Give up the running motion. What follows started from its end, so it is dropped too: the same as halt."""
+        """Cancel the running motion and, because they start from its end, all later ones; equivalent to :meth:`halt`."""
         self.halt()
 
     def hold(self) -> None:
-        """Bring the arm to rest on its path and keep the motions; nothing happens if there are none."""
+        """Bring the arm to rest on its path and keep the motions; without motions, do nothing."""
         if self.state in (QueueState.MOVING, QueueState.RESUMING):
             self.state = QueueState.HOLDING
 
     def unhold(self) -> None:
-        """Go on with the motions that were held, on the same path."""
+        """Resume the held motions on the same path."""
         if self.state in (QueueState.HOLDING, QueueState.HELD):
             self.state = QueueState.RESUMING
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Carry out one cycle."""
+        """Run one cycle."""
         self._earlier, self._before = self._before, self.joints
         if self.state is QueueState.FOLLOWING or self.state is QueueState.BRAKING:
             self._step_without_path()
         elif self.moving:
             self._pace = self._next_pace()
-            self.joints = self._ahead(self._pace)
-            self._go_on()
+            self.joints = self._joints_after(self._pace)
+            self._advance()
             self._change_state()
             self._call_back()
 
@@ -301,31 +303,31 @@ class MotionQueue:
             return self._cycle
         if self.state is QueueState.RESUMING:
             running = [*self._active, self._waiting[0]] if self._begin_at is not None else self._active
-            part = max(max(each.motion.rates.accel, each.motion.rates.decel) for each in running)
-            return self._nearest_to(self._cycle, part)
+            fraction = max(max(each.motion.rates.accel, each.motion.rates.decel) for each in running)
+            return self._nearest_to(self._cycle, fraction)
         return self._nearest_to(0.0, 1.0)
 
-    def _nearest_to(self, wanted: float, part: float) -> float:
-        # The last pace is possible, whatever the rounding says: the motions alone are within the limits.
-        if self._possible(wanted, part):
-            return wanted
+    def _nearest_to(self, desired: float, fraction: float) -> float:
+        # The last pace is always possible, apart from rounding: the motions alone are within the limits.
+        if self._possible(desired, fraction):
+            return desired
         possible = self._pace
         for _ in range(_HALVINGS):
-            middle = (wanted + possible) / 2
-            if self._possible(middle, part):
+            middle = (desired + possible) / 2
+            if self._possible(middle, fraction):
                 possible = middle
             else:
-                wanted = middle
+                desired = middle
         return possible
 
-    def _possible(self, pace: float, part: float) -> bool:
-        part *= _ROUNDING
-        for a, b, c, most in zip(self._earlier, self._before, self._ahead(pace), self._steps, strict=True):
-            if abs(c - 2 * b + a) > most * part:
+    def _possible(self, pace: float, fraction: float) -> bool:
+        fraction *= _ROUNDING
+        for a, b, c, limit in zip(self._earlier, self._before, self._joints_after(pace), self._steps, strict=True):
+            if abs(c - 2 * b + a) > limit * fraction:
                 return False
         return True
 
-    def _ahead(self, pace: float) -> Joints:
+    def _joints_after(self, pace: float) -> Joints:
         running = [(each.motion, each.elapsed + pace) for each in self._active]
         if self._begin_at is not None and (late := running[-1][1] - self._begin_at) > 0:
             running.append((self._waiting[0].motion, late))
@@ -337,7 +339,7 @@ class MotionQueue:
                 joints = tuple([q + (a - end) for q, a, end in left])
         return joints
 
-    def _go_on(self) -> None:
+    def _advance(self) -> None:
         for ticket in self._active:
             ticket.elapsed += self._pace
             if ticket.motion.mark.mode in ("P", "n") and ticket.elapsed >= ticket.motion.pass_time:
@@ -395,7 +397,7 @@ class MotionQueue:
     # --- passing ------------------------------------------------------------------------------------------------
 
     def _time_to_begin(self) -> float | None:
-        """Return when the first waiting motion begins beside the newest one; ``None`` for after it."""
+        """Return the elapsed time of the newest motion at which the next one begins; ``None`` if after its end."""
         newest = self._active[-1]
         if not self._waiting or newest.motion.mark.mode not in ("P", "n"):
             return None
@@ -405,13 +407,13 @@ class MotionQueue:
         possible = max(0, math.ceil((first.duration - earliest) / self._cycle))
         if possible and self._fit(first, follower, earliest):
             return earliest
-        refused = 0
-        while possible - refused > 1:
-            middle = (refused + possible) // 2
+        too_early = 0
+        while possible - too_early > 1:
+            middle = (too_early + possible) // 2
             if self._fit(first, follower, earliest + middle * self._cycle):
                 possible = middle
             else:
-                refused = middle
+                too_early = middle
         begin = earliest + possible * self._cycle
         return begin if begin < first.duration else None
 
@@ -419,18 +421,18 @@ class MotionQueue:
         end = first.duration
         if begin >= end:
             return True
-        count = min(_MOST_SAMPLES, math.ceil((end - begin) / _SAMPLE) + 1)
+        count = min(_MAX_SAMPLES, math.ceil((end - begin) / _SAMPLE) + 1)
         knots = [knot.time for knot in first.profile.knots] + [begin + knot.time for knot in follower.profile.knots]
         times = np.array([*np.linspace(begin, end, count), *(time for time in knots if begin < time < end)])
         (q1, v1, a1), (q2, v2, a2) = first.sampled(times), follower.sampled(times - begin)
         joints = q1 + q2 - np.array(first.end)
         rates = (first.rates, follower.rates)
-        part = max(max(rate.accel, rate.decel) for rate in rates) * _ROUNDING
+        fraction = max(max(rate.accel, rate.decel) for rate in rates) * _ROUNDING
         axes = self._model.axes
         velocity = np.array([axis.velocity for axis in axes]) * max(rate.speed for rate in rates) * _ROUNDING
         low, high = (np.array(side) for side in zip(*((axis.lower, axis.upper) for axis in axes), strict=True))
         return bool(
             np.all(np.abs(v1 + v2) <= velocity)
-            and np.all(np.abs(a1 + a2) <= np.array([axis.acceleration for axis in axes]) * part)
+            and np.all(np.abs(a1 + a2) <= np.array([axis.acceleration for axis in axes]) * fraction)
             and np.all((joints >= low - _SAME_JOINTS) & (joints <= high + _SAME_JOINTS))
         )
