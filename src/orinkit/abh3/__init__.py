@@ -1,6 +1,6 @@
 """Waco Giken ABH3 motor drivers on CAN.
 
-The document is "ABH3 CAN 通信 ホスト用サンプルソフト仕様". :mod:`orinkit.abh3.aio` has the same names for asyncio.
+The document is "ABH3 CAN 通信 ホスト用サンプルソフト仕様". :mod:`orinkit.abh3.aio` is the asyncio counterpart.
 
 >>> from orinkit import abh3
 >>> with abh3.connect("can://socketcan/can0") as driver:  # doctest: +SKIP

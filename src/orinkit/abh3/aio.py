@@ -1,4 +1,4 @@
-"""ABH3 drivers in asyncio: the names of :mod:`orinkit.abh3`, to be awaited.
+"""ABH3 drivers in asyncio: the asynchronous counterpart of :mod:`orinkit.abh3`.
 
 ::
 

@@ -1,13 +1,13 @@
-"""A vehicle with two driven wheels on one ABH3: between its motion and the commands of the motors.
+"""Conversion between the motion of a differential-drive vehicle and the motor commands of its ABH3.
 
-With the motor-axis model the commands are those of the motors A and B, with the travel-axis model they are Y, which
-travels, and X, which turns: ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not say how either becomes a
-motion; what is here are the formulas of the vendor's ROS programs::
+With the motor-axis model the commands are those of motors A and B, with the travel-axis model they are Y (travel)
+and X (turn): ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not define how these become a motion; the
+formulas here are those of the vendor's ROS programs::
 
     v     =  Y / 60 * gear * wheel_diameter * pi
     omega = -X / 60 * gear * wheel_diameter * pi / (track / 2)
 
-So B is the motor of the right wheel: where it is the faster one, the vehicle turns left, and omega is positive.
+So B is the motor of the right wheel: if B is faster, the vehicle turns left and omega is positive.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Wheels(NamedTuple):
     """Velocities of the motors, for the motor-axis model.
 
     Attributes:
-        a: motor A in min^-1.
-        b: motor B in min^-1.
+        a: Velocity of motor A in min^-1.
+        b: Velocity of motor B in min^-1.
     """
 
     a: float
@@ -37,8 +37,8 @@ class Travel(NamedTuple):
     """Velocities of the axes of the travel-axis model.
 
     Attributes:
-        y: travelling, in min^-1 of the motors.
-        x: turning to the right, in min^-1 of the motors.
+        y: Travel velocity, in min^-1 of the motors.
+        x: Turning velocity to the right, in min^-1 of the motors.
     """
 
     y: float
@@ -49,8 +49,8 @@ class Twist(NamedTuple):
     """A motion of the vehicle.
 
     Attributes:
-        v: forwards, in m/s.
-        omega: turning to the left, in rad/s.
+        v: Forward velocity, in m/s.
+        omega: Angular velocity to the left, in rad/s.
     """
 
     v: float
@@ -59,15 +59,15 @@ class Twist(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Differential:
-    """The measures of a vehicle. None has a default: a wrong one would move it at a wrong velocity.
+    """The dimensions of a vehicle. They have no defaults: a wrong value causes a wrong velocity.
 
     Attributes:
-        wheel_diameter: in m.
-        track: from one wheel to the other, in m.
-        gear: turns of a wheel for one turn of its motor, 1/10 for a gear of 10:1.
+        wheel_diameter: Wheel diameter in m.
+        track: Distance between the wheels in m.
+        gear: Wheel revolutions per motor revolution, 1/10 for a gear of 10:1.
 
     Raises:
-        InvalidValue: one of them is not a finite number greater than 0.
+        InvalidValue: If a value is not a finite number greater than 0.
     """
 
     wheel_diameter: float
@@ -82,18 +82,18 @@ class Differential:
 
     @property
     def circumference(self) -> float:
-        """Metres that the vehicle travels during one turn of the motors."""
+        """Distance in m that the vehicle travels during one revolution of the motors."""
         return self.gear * self.wheel_diameter * math.pi
 
     def to_travel(self, v: float, omega: float) -> Travel:
         """Return the velocities of Y and X in min^-1 for a motion.
 
         Args:
-            v: in m/s.
-            omega: in rad/s, positive to the left.
+            v: Forward velocity in m/s.
+            omega: Angular velocity in rad/s, positive to the left.
 
         Raises:
-            InvalidValue: not a number, or beyond every number.
+            InvalidValue: If an argument is not a finite number, or the result overflows.
         """
         rim = _finite("omega", omega) * (self.track / 2)
         return Travel(self._turns("v", _finite("v", v)), 0.0 - self._turns("omega", rim))
@@ -102,7 +102,7 @@ class Differential:
         """Return the motion in m/s and rad/s for velocities of Y and X in min^-1.
 
         Raises:
-            InvalidValue: not a number, or beyond every number.
+            InvalidValue: If an argument is not a finite number, or the result overflows.
         """
         v = _finite("y", y) / 60 * self.circumference
         omega = _finite("x", x) / 60 * self.circumference / (self.track / 2)
@@ -112,11 +112,11 @@ class Differential:
         """Return the velocities of the motors A and B in min^-1 for a motion.
 
         Args:
-            v: in m/s.
-            omega: in rad/s, positive to the left.
+            v: Forward velocity in m/s.
+            omega: Angular velocity in rad/s, positive to the left.
 
         Raises:
-            InvalidValue: not a number, or beyond every number.
+            InvalidValue: If an argument is not a finite number, or the result overflows.
         """
         y, x = self.to_travel(v, omega)
         return Wheels(_finite("a", y + x), _finite("b", y - x))
@@ -125,7 +125,7 @@ class Differential:
         """Return the motion in m/s and rad/s for velocities of the motors A and B in min^-1.
 
         Raises:
-            InvalidValue: not a number, or beyond every number.
+            InvalidValue: If an argument is not a finite number, or the result overflows.
         """
         a, b = _finite("a", a), _finite("b", b)
         return self.from_travel(a / 2 + b / 2, a / 2 - b / 2)
@@ -134,11 +134,11 @@ class Differential:
         """Return the distance in m that a wheel has rolled.
 
         Args:
-            pulses: difference of two pulse counts of its motor.
-            pulses_per_revolution: of the motor.
+            pulses: Difference of two pulse counts of the wheel's motor.
+            pulses_per_revolution: Pulses per revolution of the motor.
 
         Raises:
-            InvalidValue: not a number, or no pulses per revolution.
+            InvalidValue: If an argument is not a finite number, or ``pulses_per_revolution`` is not positive.
         """
         each = _positive("pulses_per_revolution", pulses_per_revolution)
         return _finite("metres", _finite("pulses", pulses) / each * self.circumference)

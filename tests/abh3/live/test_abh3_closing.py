@@ -177,8 +177,8 @@ def test_who_closes_stops_before_he_waits_for_the_keep_alive(
         real(keeper)
         raise KeyboardInterrupt
 
-    real = type(driver._keeper).join
-    monkeypatch.setattr(type(driver._keeper), "join", interrupted)
+    real = type(driver._keep_alive_call).join
+    monkeypatch.setattr(type(driver._keep_alive_call), "join", interrupted)
     with pytest.raises(KeyboardInterrupt):
         both.run(driver.close())
     assert told == [STOP]

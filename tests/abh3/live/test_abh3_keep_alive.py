@@ -335,7 +335,7 @@ def test_a_driver_that_nobody_has_any_more(both: Both, hosts: Hosts, bare: Place
     driver = bus.driver(**PATIENT)
     both.run(driver.keep_alive(0.02, **HOLDING))
     wait(both, lambda: len(peer.heard) > 3)
-    keeper = driver._keeper
+    keeper = driver._keep_alive_call
     del driver
     wait(both, lambda: keeper._task.done() if both.loop is not None else not keeper._thread.is_alive())
     both.run(bus.request_all(0, seconds=PATIENCE, count=1))  # what was sent before has been heard when that is answered

@@ -1,1 +1,1 @@
-"""Objects for programs that drive ABH3 motor drivers."""
+"""The API of ABH3 drivers."""

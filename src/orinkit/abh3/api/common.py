@@ -1,4 +1,4 @@
-"""What the synchronous and the asynchronous side of ABH3 have in common: settings, and what they say."""
+"""Settings of buses and drivers, shared by the synchronous and the asynchronous API."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _SCHEME: Final = "can://"
 
 
 class BusSettings(TypedDict, total=False):
-    """Where the bus is, if no URL says it.
+    """The location of the bus, if no URL is given.
 
     Attributes:
-        interface: of python-can: ``"socketcan"``, ``"slcan"``, ``"udp_multicast"`` ...
-        channel: of the interface: ``"can0"``, ``"/dev/ttyACM0"`` ...
-        bitrate: bit/s, where the interface sets it: 250000, 500000 or 1000000.
+        interface: Interface of python-can: ``"socketcan"``, ``"slcan"``, ``"udp_multicast"`` ...
+        channel: Channel of the interface: ``"can0"``, ``"/dev/ttyACM0"`` ...
+        bitrate: Bit rate in bit/s, if the interface sets it: 250000, 500000 or 1000000.
     """
 
     interface: str
@@ -36,15 +36,15 @@ class BusSettings(TypedDict, total=False):
 
 
 class HostSettings(TypedDict, total=False):
-    """What a host has to know of a driver, as its parameters say (section 1).
+    """Settings of a host for one driver; they must match the driver's parameters (section 1).
 
     Attributes:
-        address: of the driver, 0 to 253; 1 by default.
-        host: address of this host, 0 to 253; 2 by default.
-        group: of the driver's broadcasts, 0 to 31; 5 by default.
-        timeout: seconds to wait for an answer; 1 by default.
-        priority: of what is sent, 0 (first) to 7; 0 by default.
-        load_unit: % of a code of the load: 1, as the document says, or 0.1.
+        address: Address of the driver, 0 to 253; 1 by default.
+        host: Address of this host, 0 to 253; 2 by default.
+        group: Group of the driver's broadcasts, 0 to 31; 5 by default.
+        timeout: Seconds to wait for a reply; 1 by default.
+        priority: Priority of the frames that are sent, 0 (first) to 7; 0 by default.
+        load_unit: Load per code in %: 1, as in the document, or 0.1.
     """
 
     address: int
@@ -56,22 +56,22 @@ class HostSettings(TypedDict, total=False):
 
 
 class Settings(BusSettings, HostSettings, total=False):
-    """Both together."""
+    """Settings of the bus and of the driver."""
 
 
 def check_names(
     settings: Mapping[str, object], known: type[BusSettings | HostSettings | Settings], *others: str
 ) -> None:
-    """Refuse settings that there are not, as Python refuses an unknown argument.
+    """Check that every setting exists, as Python does for keyword arguments.
 
     Raises:
-        TypeError: there is one.
+        TypeError: If a setting is unknown.
     """
     names = (*known.__annotations__, *others)
     for name in settings:
         if name not in names:
             raise TypeError(
-                tr("there is no setting {name!r:.40}; there are {names}", name=name, names=", ".join(names))
+                tr("unknown setting {name!r:.40}; valid settings: {names}", name=name, names=", ".join(names))
             )
 
 
@@ -79,23 +79,25 @@ def bus_address(at: str | None, settings: BusSettings) -> CanAddress:
     """Return the address of a bus.
 
     Args:
-        at: its URL, or ``None``.
-        settings: where it is, if there is no URL.
+        at: URL of the bus, or ``None``.
+        settings: Location of the bus, if no URL is given.
 
     Raises:
-        InvalidAddress: it is no address of a CAN bus, or is given twice or not at all.
+        InvalidAddress: If it is not the address of a CAN bus, or if the location is given twice or not at all.
     """
     if at is None and "interface" not in settings:
-        raise _needed(at)
+        raise _bus_required(at)
     if at is not None:
-        beside = [name for name in BusSettings.__annotations__ if name in settings]
-        if beside:
-            raise _twice(at, ", ".join(beside))
+        conflicting = [name for name in BusSettings.__annotations__ if name in settings]
+        if conflicting:
+            raise _conflict(at, ", ".join(conflicting))
         address = parse_address(at) if at.lower().startswith(_SCHEME) else None
         if not isinstance(address, CanAddress):
-            raise _needed(at)
+            raise _bus_required(at)
         return address
-    channel = quote(str(settings.get("channel", "")), safe="/:", errors="surrogatepass")  # parse_address refuses those
+    channel = quote(
+        str(settings.get("channel", "")), safe="/:", errors="surrogatepass"
+    )  # parse_address rejects surrogates
     url = f"can://{settings['interface']}/{channel}"
     if "bitrate" in settings:
         url += f"?bitrate={settings['bitrate']}"
@@ -105,10 +107,10 @@ def bus_address(at: str | None, settings: BusSettings) -> CanAddress:
 
 
 def given_bus(at: object) -> can.BusABC | None:
-    """Return a bus of python-can if that is what was given, ``None`` for a URL or nothing.
+    """Return the argument if it is a python-can bus, ``None`` if it is a URL or ``None``.
 
     Raises:
-        InvalidAddress: it is neither.
+        InvalidAddress: If it is something else.
     """
     if at is None or isinstance(at, str):
         return None
@@ -116,20 +118,20 @@ def given_bus(at: object) -> can.BusABC | None:
 
     if isinstance(at, can.BusABC):
         return at
-    raise _needed(at)
+    raise _bus_required(at)
 
 
-def _twice(at: str, name: str) -> InvalidAddress:
-    return InvalidAddress(tr("{at!r:.200} says all about the bus: {name} cannot be given beside it", at=at, name=name))
+def _conflict(at: str, name: str) -> InvalidAddress:
+    return InvalidAddress(tr("{name} cannot be combined with the bus URL {at!r:.200}", at=at, name=name))
 
 
-def _needed(at: object) -> InvalidAddress:
+def _bus_required(at: object) -> InvalidAddress:
     text = f"{at!r:.200}" if isinstance(at, str) else brief(at)
     given = f": {text}" if at is not None else ""
     return InvalidAddress(
         tr(
-            "a CAN bus is needed{given}. Try: a URL as {example}?bitrate=500000, or interface= and "
-            "channel= (and bitrate=), or a bus of python-can; one of the three",
+            "a CAN bus is required{given}. Try: either a URL such as {example}?bitrate=500000, or interface= and "
+            "channel= (and bitrate=), or a python-can bus",
             given=given,
             example=EXAMPLE,
         )
@@ -137,10 +139,10 @@ def _needed(at: object) -> InvalidAddress:
 
 
 def host_of(dialect: str | Dialect, settings: HostSettings) -> Host[Any]:
-    """Return what is known of a driver; settings that are about the bus are passed over.
+    """Return the host of a driver; settings of the bus are ignored.
 
     Raises:
-        InvalidValue: a setting is out of its range.
+        InvalidValue: If a setting is out of range.
     """
     return Host(
         dialect_of(dialect).with_load_unit(settings.get("load_unit", 1.0)),
@@ -153,7 +155,7 @@ def host_of(dialect: str | Dialect, settings: HostSettings) -> Host[Any]:
 
 
 def bus_settings(settings: Settings) -> BusSettings:
-    """Return those of the settings that are about the bus."""
+    """Return the settings of the bus only."""
     found: BusSettings = {}
     if "interface" in settings:
         found["interface"] = settings["interface"]

@@ -1,8 +1,8 @@
-"""What has a keep-alive beat: a thread, or a task of asyncio.
+"""Periodic calls for keep-alives: from a thread, or from an asyncio task.
 
-Neither outlives the program: the thread is a daemon, and ends with the thread that began it, with the main thread, and with
-the driver's object. A process that is stopped or killed sends nothing. (CAN interfaces could send periodically by themselves;
-they would go on when the program hangs.)
+Neither outlives the program: the thread is a daemon, and ends with the thread that started it, with the main thread, and
+with the driver object. A process that is stopped or killed sends nothing. (Some CAN interfaces can send periodically on
+their own; they would continue if the program hangs.)
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from typing import TypeAlias
 from weakref import WeakMethod
 
 Beat: TypeAlias = Callable[[], float | None]
-"""Does what is due, and returns the seconds until the next time, ``None`` when there is none."""
+"""Does what is due and returns the seconds until the next call, ``None`` to end."""
 AsyncBeat: TypeAlias = Callable[[], Awaitable[float | None]]
-_JOINING = 2.0
+_JOIN_TIMEOUT = 2.0
 
 
 class PeriodicCall:
-    """Calls a method again and again from a thread of its own.
+    """Calls a method periodically from its own thread.
 
     Args:
-        beat: a method; that its object goes away ends the keeping too.
-        ended: a method that is called when it ends otherwise than by :meth:`stop` or by the beat's own will.
-        name: of the thread.
+        beat: The method; the calls end when its object is garbage collected.
+        ended: Method that is called if the calls end other than by :meth:`stop` or by a beat that returns ``None``.
+        name: Name of the thread.
     """
 
     def __init__(self, beat: Beat, ended: Callable[[], None], name: str) -> None:
@@ -37,13 +37,13 @@ class PeriodicCall:
         self._thread.start()
 
     def stop(self) -> None:
-        """Call it no more; one call may be at work."""
+        """Stop the calls; one may still be in progress."""
         self._stopped.set()
 
     def join(self) -> None:
-        """Wait until it has stopped."""
+        """Wait until the thread has ended."""
         if self._thread is not threading.current_thread():
-            self._thread.join(_JOINING)
+            self._thread.join(_JOIN_TIMEOUT)
 
     def _run(self) -> None:
         pause: float | None = 0.0
@@ -53,30 +53,30 @@ class PeriodicCall:
                 if beat is None or not self._owner.is_alive() or not threading.main_thread().is_alive():
                     break
                 pause = beat()
-                del beat  # while this thread waits the object may go away
+                del beat  # lets the object be collected during the wait
         finally:
             if pause is not None and not self._stopped.is_set():
-                _tell(self._ended)
+                _notify(self._ended)
 
 
 class AsyncPeriodicCall:
-    """The same as a task of the event loop that is running."""
+    """Calls a coroutine method periodically from a task of the running event loop; otherwise as :class:`PeriodicCall`."""
 
     def __init__(self, beat: AsyncBeat, ended: Callable[[], None], name: str) -> None:
         self._beat = WeakMethod(beat)
         self._ended = WeakMethod(ended)
         self._stopped = False
         self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
-        self._task.add_done_callback(self._done)  # that of a task that was cancelled before it began is called too
+        self._task.add_done_callback(self._done)  # also called if the task is cancelled before it starts
 
     def stop(self) -> None:
-        """Call it no more."""
+        """Stop the calls."""
         self._stopped = True
         if self._task is not _current_task():
             self._task.cancel()
 
     def join(self) -> None:
-        """Nothing is left to wait for."""
+        """Return at once: there is nothing to wait for."""
 
     async def _run(self) -> None:
         pause: float | None = 0.0
@@ -85,14 +85,14 @@ class AsyncPeriodicCall:
             beat = self._beat()
             pause = await beat() if beat is not None else None
             del beat
-        self._stopped = True  # by the beat's own will, or with its object
+        self._stopped = True  # the beat returned None, or its object is gone
 
     def _done(self, _task: asyncio.Task[None]) -> None:
         if not self._stopped:
-            _tell(self._ended)
+            _notify(self._ended)
 
 
-def _tell(ended: WeakMethod[Callable[[], None]]) -> None:
+def _notify(ended: WeakMethod[Callable[[], None]]) -> None:
     method = ended()
     if method is not None:
         method()
@@ -101,5 +101,5 @@ def _tell(ended: WeakMethod[Callable[[], None]]) -> None:
 def _current_task() -> asyncio.Task[object] | None:
     try:
         return asyncio.current_task()
-    except RuntimeError:  # it is closed from outside of a loop
+    except RuntimeError:  # closed from outside an event loop
         return None

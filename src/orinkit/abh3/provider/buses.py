@@ -1,4 +1,4 @@
-"""The CAN buses that the clients of one provider share."""
+"""The CAN buses shared by the clients of one provider."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 Key: TypeAlias = BusKey | None
 PATIENCE: Final = 10.0
-"""Seconds that opening a bus may take."""
+"""Time-out for opening a bus, in s."""
 
 
 class SharedBus:
-    """A bus that is open, or being opened, and how many clients use it."""
+    """A bus that is open or being opened, with the number of clients that use it."""
 
     def __init__(self, key: Key, opening: asyncio.Task[AsyncMotorBus]) -> None:
         self.key = key
@@ -29,25 +29,25 @@ class SharedBus:
 
     @property
     def bus(self) -> AsyncMotorBus:
-        """The bus; it is open."""
+        """The bus, which must be open."""
         return self._opening.result()
 
     async def opened(self) -> None:
-        """Wait until it is open; a client that goes away does not keep others from it."""
+        """Wait until the bus is open; a client that disconnects meanwhile does not cancel the opening for others."""
         await asyncio.shield(self._opening)
 
     async def close(self) -> None:
-        """Close it, or stop opening it."""
+        """Close the bus, or cancel its opening."""
         self._opening.cancel()
         if self._opening.done() and not self._opening.cancelled() and self._opening.exception() is None:
             await self.bus.close()
 
 
 class Buses:
-    """Buses by what they are, however clients spell it.
+    """The open buses by their keys, so that different spellings of an address share a bus.
 
     Args:
-        given: the only one that there is; ``None`` where clients choose.
+        given: The only bus of the server; ``None`` if clients select buses.
     """
 
     def __init__(self, given: str | can.BusABC | None) -> None:
@@ -56,11 +56,11 @@ class Buses:
         self._closing: dict[Key, asyncio.Task[None]] = {}
 
     async def enter(self, wanted: DriverSelection) -> SharedBus:
-        """Return the bus that a client wants, for :meth:`leave`.
+        """Return the bus that a client selected; it has to be given back with :meth:`leave`.
 
         Raises:
-            CallError: E_CAO_REMOTE_PROVIDER: it does not open in time.
-            OrinError: it cannot be opened.
+            CallError: E_CAO_REMOTE_PROVIDER: If the bus does not open in time.
+            OrinError: If the bus cannot be opened.
         """
         key = wanted.place
         try:
@@ -80,12 +80,12 @@ class Buses:
         except TimeoutError:
             raise error_for(
                 hresult.E_CAO_REMOTE_PROVIDER,
-                tr("the bus does not open within {patience:g} s: {bus}", patience=PATIENCE, bus=wanted.bus),
+                tr("the bus did not open within {patience:g} s: {bus}", patience=PATIENCE, bus=wanted.bus),
             ) from None
         return shared
 
     def leave(self, shared: SharedBus) -> None:
-        """A client uses it no more; who is the last one closes it, in a task."""
+        """Give a bus back; after the last client, a task closes it."""
         self._drop(shared)
 
     def _drop(self, shared: SharedBus) -> None:
@@ -97,7 +97,7 @@ class Buses:
         task.add_done_callback(lambda _: self._closing.pop(shared.key, None))
 
     async def close(self) -> None:
-        """Wait until every bus that nobody uses is closed."""
+        """Wait until every unused bus is closed."""
         if self._closing:
             await asyncio.wait(list(self._closing.values()))
 

@@ -1,4 +1,4 @@
-"""One client's ABH3: its variables, the commands of Execute, and whether it commands the driver."""
+"""An ABH3 as a client's CAO controller: variables, Execute commands, and the right to command the driver."""
 
 from __future__ import annotations
 
@@ -31,34 +31,34 @@ _SIGNED: Final = -0x80000000
 
 
 class DriverOwner(Protocol):
-    """The provider, as far as a client's object needs it."""
+    """The part of the provider that a client's controller uses."""
 
     def acquire(self, controller: ABH3Controller) -> None:
-        """Give a client the command of its driver."""
+        """Give a client the right to command its driver."""
 
     def owns(self, controller: ABH3Controller) -> bool:
-        """Whether a client has it."""
+        """Return True if the client has the right to command its driver."""
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return who has it now."""
+        """Return the client that commands the same driver."""
 
     def release(self, controller: ABH3Controller) -> None:
-        """Take it back."""
+        """Withdraw the right from a client."""
 
     def disconnect(self, controller: ABH3Controller) -> None:
-        """A client has gone."""
+        """Remove a client that has disconnected."""
 
 
 class ABH3Controller(ControllerObject):
-    """One client's ABH3.
+    """An ABH3 as the controller of one client.
 
     Args:
-        name: that the client gave it.
-        owner: the provider.
-        shared: the bus.
-        motor: the driver, on that bus.
-        wanted: what the client has said.
-        reason: what went wrong with the client's last calls.
+        name: Name chosen by the client.
+        owner: The provider.
+        shared: The bus.
+        motor: The driver on that bus.
+        wanted: The driver and the settings selected by the client.
+        reason: Returns the text of the client's last error with a given code.
     """
 
     def __init__(
@@ -78,15 +78,15 @@ class ABH3Controller(ControllerObject):
         self._wanted = wanted
         self._reason = reason
         self._items = items_of(dialect_of(wanted.dialect))
-        self._turn = asyncio.Lock()
+        self._call_lock = asyncio.Lock()
         self._called = monotonic()
-        self._kept = False
+        self._keeps_alive = False
         self._writing = self._stopped = False
-        self._gone = False
+        self._released = False
 
     @property
     def holding(self) -> bool:
-        """Whether this client commands the driver now: it has asked for something, and is not silent."""
+        """True while this client commands the driver: it has commanded something and still makes calls."""
         if self._writing:
             return True
         if self._wanted.period:
@@ -94,11 +94,11 @@ class ABH3Controller(ControllerObject):
         return not self._silent() and (bool(self.motor.inputs) or self.motor.commands != (0.0, 0.0))
 
     def _silent(self) -> bool:
-        """Whether this client has not called for longer than it may."""
+        """Return True if the client's idle time has expired."""
         return bool(self._wanted.idle) and monotonic() - self._called > self._wanted.idle
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - declared by the base
-        """Return one of the driver's variables; names in upper and lower case."""
+        """Return a variable of the driver; names are case-insensitive."""
         item = self._items.get(name.strip().upper())
         if item is None:
             names = ", ".join(self._items)
@@ -106,11 +106,11 @@ class ABH3Controller(ControllerObject):
         return ABH3Variable(self, item)
 
     def get_variable_names(self, option: str) -> list[str]:  # noqa: ARG002
-        """The names of the driver's variables."""
+        """Return the names of the driver's variables."""
         return list(self._items)
 
     async def execute(self, command: str, parameter: Variant) -> Value:
-        """Carry out one of :data:`COMMANDS`; names in upper and lower case."""
+        """Execute one of :data:`COMMANDS`; names are case-insensitive."""
         wanted = command.strip().lower()
         if wanted == DESCRIBE:
             return describe_error(self._reason, parameter)
@@ -122,13 +122,13 @@ class ABH3Controller(ControllerObject):
                 tr("{name}; there are: {names}", name=quoted(command, 80), names=names),
             )
         values = coerce.to_values(parameter)
-        readers, least, run = COMMANDS[name]
-        if not least <= len(values) <= len(readers):
+        readers, minimum, run = COMMANDS[name]
+        if not minimum <= len(values) <= len(readers):
             raise invalid(
                 tr(
-                    "{name} takes {least} to {most} values, not {count}",
+                    "{name} takes {least} to {most} values, got {count}",
                     name=name,
-                    least=least,
+                    least=minimum,
                     most=len(readers),
                     count=len(values),
                 )
@@ -136,154 +136,154 @@ class ABH3Controller(ControllerObject):
         return await run(self, *[read(value) for read, value in zip(readers, values, strict=False)])
 
     def release(self) -> None:
-        """The client has gone: the motor comes to rest."""
-        if not self._gone:
-            self._gone = True
+        """Release the controller and stop the motor, as its client has disconnected."""
+        if not self._released:
+            self._released = True
             self._owner.disconnect(self)
 
     # --- what variables and commands do -------------------------------------------------------------------------------
 
     async def read(self, get: Callable[[Motor], Awaitable[T]]) -> T:
-        """Ask the driver."""
+        """Request a value from the driver."""
         with map_errors():
-            async with self._turn:
+            async with self._call_lock:
                 self._begin()
                 return await get(self.motor)
 
-    async def write(self, put: Callable[[Motor], Awaitable[T]], *, calming: bool = False) -> T:
-        """Command the driver, and keep it so while the client is there.
+    async def write(self, put: Callable[[Motor], Awaitable[T]], *, safe_when_stopped: bool = False) -> T:
+        """Command the driver, and keep the command alive while the client is connected.
 
         Args:
-            put: does it.
-            calming: it moves nothing: it is done even after the motor was stopped.
+            put: Sends the command.
+            safe_when_stopped: The command starts no motion, so it is executed even if the motor was stopped meanwhile.
         """
         with map_errors():
-            async with self._turn:
+            async with self._call_lock:
                 if not self._wanted.period and self._silent() and self.motor.host.moving:
                     self.motor.host.reset_commands()
                     self._stopped = True
                 self._begin()
                 self._owner.acquire(self)
-                self._tell_of_stop(calming=calming)
-                self._writing = True  # nobody else gets the command meanwhile
+                self._report_stop(safe_when_stopped=safe_when_stopped)
+                self._writing = True  # no other client can take the command meanwhile
                 try:
                     result = await put(self.motor)
                     if self._wanted.period and not self.motor.kept_alive:
                         await self.motor.keep_alive(self._wanted.period, idle=self._wanted.idle or None)
-                        self._kept = True
+                        self._keeps_alive = True
                 finally:
                     self._writing = False
                 return result
 
     async def stop(self) -> Feedback:
-        """Stop the motor, whoever commands it; another client that does is told at its next write."""
+        """Stop the motor, whichever client commands it; if another one does, its next write raises E_ABORT."""
         holder = self._owner.owner(self)
         if holder is None or holder is self:
-            return await self.write(lambda motor: motor.stop(), calming=True)
+            return await self.write(lambda motor: motor.stop(), safe_when_stopped=True)
         with map_errors():
             self._begin()
             return await holder.stopped()
 
     async def stopped(self) -> Feedback:
-        """Stop for another client. The keep-alive ends, so that the command can be taken."""
+        """Stop the motor for another client, and end the keep-alive so that the other client can take the command."""
         feedback: Feedback = await self.motor.stop()
         self.motor.end_keep_alive()
         self._stopped = True
         return feedback
 
     async def release_command(self) -> None:
-        """Stop the motor, switch the servo off, and give the command back, if this client has it."""
+        """Stop the motor, switch the servo off and release the command, if this client has it."""
         with map_errors():
-            async with self._turn:
+            async with self._call_lock:
                 self._begin()
                 if not self._owner.owns(self):
                     return
-                self._kept = self._stopped = False
+                self._keeps_alive = self._stopped = False
                 self.motor.end_keep_alive()
                 await self.motor.init()
                 self._owner.release(self)
 
     def _begin(self) -> None:
-        """Note that the client is there; a call that it was told took too long is not begun.
+        """Restart the idle time; refuse a call that has already been reported as timed out.
 
         Raises:
-            CallError: E_TIMEOUT: it was told so while this call waited for its turn.
+            CallError: E_TIMEOUT: If the call timed out while it waited for its turn.
         """
         if client_gave_up():
             raise error_for(hresult.E_TIMEOUT)
         self._called = monotonic()
         self.motor.feed()
 
-    def _tell_of_stop(self, *, calming: bool) -> None:
-        """Tell a client once that its motor was stopped meanwhile.
+    def _report_stop(self, *, safe_when_stopped: bool) -> None:
+        """Report once that the motor was stopped meanwhile.
 
         Raises:
-            CallError: E_ABORT.
+            CallError: E_ABORT: If it was stopped, unless the call is safe.
         """
-        if not self._stopped and (not self._kept or self.motor.kept_alive):
+        if not self._stopped and (not self._keeps_alive or self.motor.kept_alive):
             return
-        self._kept = self._stopped = False
-        self.motor.end_keep_alive()  # the driver's object has nothing to tell any more
-        if calming:
+        self._keeps_alive = self._stopped = False
+        self.motor.end_keep_alive()  # discards its pending time-out, which is reported here
+        if safe_when_stopped:
             return
         raise error_for(
             hresult.E_ABORT,
             tr(
-                "the motor was stopped: this client was silent for {idle:g} s (option Idle), the driver "
-                "did not answer, or another client said Stop. Say START and COMMAND again, and "
-                "ResetErrors before them if ERRORS is not 0",
+                "the motor was stopped: this client made no call for {idle:g} s (option Idle), the driver did not "
+                "reply, or another client called Stop. Try: send START and COMMAND again, after ResetErrors if "
+                "ERRORS is not 0",
                 idle=self._wanted.idle,
             ),
         )
 
 
 class ABH3Variable(VariableObject):
-    """One client's handle of a variable."""
+    """A variable of one client."""
 
     def __init__(self, controller: ABH3Controller, item: VariableEntry) -> None:
         super().__init__(item.name, attribute=READABLE | (WRITABLE if item.put else 0), help=item.help)
         self._controller = controller
         self._item = item
-        self._taken = datetime.now()
+        self._accessed = datetime.now()
 
     async def get_value(self) -> Value:
-        """Ask the driver for it."""
+        """Read the variable from the driver."""
         value = await self._controller.read(self._item.get)
-        self._taken = datetime.now()
+        self._accessed = datetime.now()
         return as_variant(self._item, value)
 
     async def put_value(self, value: Variant) -> None:
-        """Send it to the driver."""
+        """Write the variable to the driver."""
         item, put = self._item, self._item.put
         if put is None:
             raise error_for(hresult.E_CAO_NOT_WRITABLE, item.name)
         number: Any = _read(item, value)
         await self._controller.write(lambda motor: put(motor, number))
-        self._taken = datetime.now()
+        self._accessed = datetime.now()
 
     def get_date_time(self) -> datetime:
-        """When it was last read or written by this client."""
-        return self._taken.replace(microsecond=0)
+        """Return when this client last read or wrote the variable, without microseconds."""
+        return self._accessed.replace(microsecond=0)
 
     def get_microsecond(self) -> int:
-        """The microseconds of that time."""
-        return self._taken.microsecond
+        """Return the microseconds of that time."""
+        return self._accessed.microsecond
 
 
 # --- values of clients ------------------------------------------------------------------------------------------------
 
 
 def _read(item: VariableEntry, value: Variant) -> Any:
-    """Return a value that a client writes, as the variable wants it.
+    """Convert a value from a client to the type of the variable.
 
     Raises:
-        CallError: E_INVALIDARG, E_INVALIDARGTYPE: it is none.
+        CallError: E_INVALIDARG, E_INVALIDARGTYPE: If the value is not valid.
     """
     if item.count:
         values = coerce.to_values(value)
         if len(values) != item.count:
             raise invalid(
-                tr("{name} has {wanted} values, not {count}", name=item.name, wanted=item.count, count=len(values))
+                tr("{name} has {wanted} values, got {count}", name=item.name, wanted=item.count, count=len(values))
             )
         return [_real(each) for each in values]
     if item.type == VarType.BOOL:
@@ -298,29 +298,29 @@ def _real(value: Any) -> float:
 def _whole(value: Any) -> int:
     number = _real(value)
     if not number.is_integer():
-        raise invalid(tr("{number:g} is no whole number", number=number))
+        raise invalid(tr("{number:g} is not a whole number", number=number))
     return int(number)
 
 
 def _bit(value: Any) -> int:
     number = _real(value)
     if number not in (0, 1, -1):
-        raise invalid(tr("0 or 1 is needed, or -1 as VT_BOOL, not {number:g}", number=number))
+        raise invalid(tr("the value must be 0 or 1, or -1 for VT_BOOL true, not {number:g}", number=number))
     return int(number != 0)
 
 
 def _word(value: Any) -> int:
-    """Return 32 bits, from VT_I4 too, which has them signed."""
+    """Convert a value to an unsigned 32-bit word; a signed one (VT_I4) keeps its bits."""
     if to_variant(value).type == VarType.BOOL:
-        raise invalid(tr("a word of 32 bits is needed, not VT_BOOL"))
+        raise invalid(tr("the value must be a 32-bit word, not VT_BOOL"))
     number = _whole(value)
     if not _SIGNED <= number <= _ALL_BITS:
-        raise invalid(tr("{number} has more than 32 bits", number=number))
+        raise invalid(tr("{number} does not fit in 32 bits", number=number))
     return number & _ALL_BITS
 
 
 def _name(value: Any) -> int | str:
-    """Return a number or a name of an input; a number as text is a number."""
+    """Convert a value to the number or the name of an input; decimal text is a number."""
     if isinstance(value, str) and not value.strip().isdecimal():
         return value.strip().lower()
     return _whole(value)
@@ -333,7 +333,7 @@ Run: TypeAlias = Callable[..., Awaitable[Value]]
 
 
 async def _init(controller: ABH3Controller) -> Value:
-    return _plain(await controller.write(lambda motor: motor.init(), calming=True))
+    return _plain(await controller.write(lambda motor: motor.init(), safe_when_stopped=True))
 
 
 async def _stop(controller: ABH3Controller) -> Value:
@@ -341,7 +341,7 @@ async def _stop(controller: ABH3Controller) -> Value:
 
 
 async def _reset(controller: ABH3Controller) -> None:
-    await controller.write(lambda motor: motor.reset_errors(), calming=True)
+    await controller.write(lambda motor: motor.reset_errors(), safe_when_stopped=True)
 
 
 async def _command(controller: ABH3Controller, ay: float, bx: float) -> Value:
@@ -395,10 +395,10 @@ COMMANDS: Final[Mapping[str, tuple[tuple[Reader, ...], int, Run]]] = {
     "ReadMonitor": ((_whole,), 1, _read_monitor),
     "Release": ((), 0, _release),
 }
-"""The commands of Execute: how each value is read, how many there are at least, what is done."""
+"""The commands of Execute: converters of the values, minimum number of values, and implementation."""
 
 
 def _plain(record: Record) -> list[float]:
-    """Return the values of a record in its order, flags as numbers."""
+    """Return the values of a record in the order of its fields, with flag words as numbers."""
     values = (getattr(record, each.name) for each in fields(record) if each.name != "codes")
     return [float(int(value)) if isinstance(value, Flags) else float(value) for value in values]

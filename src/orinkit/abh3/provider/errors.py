@@ -1,4 +1,4 @@
-"""What becomes of the exceptions of ABH3 drivers where a CAO client is to be told: codes."""
+"""Mapping of the exceptions of ABH3 drivers to CAO return codes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CODES: Final[tuple[tuple[tuple[type[OrinError], ...], int], ...]] = (
 
 
 class map_errors:  # noqa: N801 - reads as a statement
-    """What goes wrong with a driver in this block becomes a code, and its text the reason; E_FAIL if nothing else fits."""
+    """Context manager that raises driver exceptions as CallError with their texts; E_FAIL if no other code fits."""
 
     def __enter__(self) -> None:
         return None

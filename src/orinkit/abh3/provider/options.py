@@ -1,4 +1,4 @@
-"""What clients say in the option of Controller_Connect about the ABH3 that they want."""
+"""The option string of Controller_Connect: which ABH3 a client selects, and with which settings."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ OPTIONS: Final = (
     "Interface", "Channel", "Bitrate", "Bus", "Address", "Host", "Group", "Priority", "Dialect", "LoadUnit", "Timeout",
     "KeepAlive", "Idle",
 )  # fmt: skip
-"""Their names; upper and lower case do not matter."""
-_WHERE: Final = ("Interface", "Channel", "Bitrate", "Bus")
+"""Names of the options; case-insensitive."""
+_BUS_OPTIONS: Final = ("Interface", "Channel", "Bitrate", "Bus")
 _NUMBERS: Final = ("address", "host", "group", "priority")
 _REALS: Final = ("timeout", "load_unit")
-_ALLOWED: Final = ("port", "tty_baudrate", "sleep_after_open")
-"""Options of a URL that clients may give: others open files and connections of the server's computer."""
+_CLIENT_OPTIONS: Final = ("port", "tty_baudrate", "sleep_after_open")
+"""URL options that clients may set; the others open files and connections on the server's computer."""
 _MULTICAST: Final = "udp_multicast"
 _GROUP: Final = "239.74.163.2"
 _PORT: Final = 43113
 _PERIOD: Final = 0.1
-_SHORTEST, _SLOWEST = 0.01, 0.4  # s: a driver stops by itself after 0.5 s
+_SHORTEST_PERIOD, _LONGEST_PERIOD = 0.01, 0.4  # s: a driver stops by itself after 0.5 s
 _IDLE: Final = 1.0
 _LONGEST: Final = 3600
 
 
 class BusKey(NamedTuple):
-    """A bus, however it was spelled.
+    """Identifies a bus independently of how its address is spelled.
 
     Attributes:
-        interface: of python-can.
-        channel: of the interface; a device file by its real path.
-        port: of multicast.
+        interface: Interface of python-can.
+        channel: Channel of the interface; a device file by its real path.
+        port: Port of a multicast bus; 0 otherwise.
     """
 
     interface: str
@@ -50,14 +50,14 @@ class BusKey(NamedTuple):
 
 
 class DriverSelection(NamedTuple):
-    """Which driver a client wants, and how.
+    """The driver and the settings selected by a client.
 
     Attributes:
-        bus: where it is; ``None`` for the bus that the server has.
-        dialect: of the driver.
-        settings: what is known of it.
-        period: s between commands of the keep-alive; 0 for none.
-        idle: s without a call of the client after which the motor is stopped; 0 for never.
+        bus: Address of the bus; ``None`` for the bus of the server.
+        dialect: Dialect of the driver.
+        settings: Settings of the host.
+        period: Seconds between commands of the keep-alive; 0 for no keep-alive.
+        idle: Seconds without a call after which the motor is stopped; 0 for never.
     """
 
     bus: CanAddress | None
@@ -68,31 +68,31 @@ class DriverSelection(NamedTuple):
 
     @property
     def place(self) -> BusKey | None:
-        """The bus, so that two spellings of it are one."""
-        return None if self.bus is None else _place(self.bus)
+        """Key of the bus, the same for all spellings of its address."""
+        return None if self.bus is None else _bus_key(self.bus)
 
 
 def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> DriverSelection:
-    """Return what an option string says.
+    """Parse an option string.
 
     Args:
-        option: of Controller_Connect.
-        defaults: what holds where it says nothing.
-        own_bus: the server has one bus, and clients choose no other; its URL, or ``True``.
+        option: Option string of Controller_Connect.
+        defaults: Settings for options that are not in the string.
+        own_bus: URL of the server's only bus, or ``True`` if that bus has no URL; clients cannot select another one.
 
     Raises:
-        CallError: E_INVALIDARG: it cannot be used.
-        InvalidValue, InvalidAddress: the same.
+        CallError: E_INVALIDARG: If the option string is not valid.
+        InvalidValue, InvalidAddress: If a value is not valid.
     """
     options = Options(option)
     _check_names(options)
     period = _seconds(options, "KeepAlive", _PERIOD, _LONGEST)
-    if period and not _SHORTEST <= period <= _SLOWEST:
+    if period and not _SHORTEST_PERIOD <= period <= _LONGEST_PERIOD:
         raise invalid(
             tr(
-                "KeepAlive is 0, or {shortest} to {slowest} s, not {period:g}: a driver stops by itself after 0.5 s",
-                shortest=_SHORTEST,
-                slowest=_SLOWEST,
+                "KeepAlive must be 0 or {shortest} to {slowest} s, not {period:g} s: a driver stops by itself after 0.5 s",
+                shortest=_SHORTEST_PERIOD,
+                slowest=_LONGEST_PERIOD,
                 period=period,
             )
         )
@@ -106,7 +106,7 @@ def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> 
 
 
 def invalid(text: str) -> CallError:
-    """Return the exception for what cannot be used."""
+    """Return the exception for an invalid value."""
     return error_for(hresult.E_INVALIDARG, text)
 
 
@@ -114,32 +114,32 @@ def invalid(text: str) -> CallError:
 
 
 def _bus(options: Options, *, own_bus: str | bool) -> CanAddress | None:
-    given = [name for name in _WHERE if name in options]
+    given = [name for name in _BUS_OPTIONS if name in options]
     if not own_bus:
         return _chosen(options, given)
     if given and not (isinstance(own_bus, str) and _is_at(own_bus, _chosen(options, given))):
         names = ", ".join(given)
-        raise invalid(tr("the server decides which bus it is, and it is another one: leave {names} out", names=names))
+        raise invalid(tr("the server uses another bus, which clients cannot change. Try: omit {names}", names=names))
     return None
 
 
 def _is_at(url: str, address: CanAddress) -> bool:
     own = parse_address(url)
-    return isinstance(own, CanAddress) and _place(own) == _place(address)
+    return isinstance(own, CanAddress) and _bus_key(own) == _bus_key(address)
 
 
 def _chosen(options: Options, given: list[str]) -> CanAddress:
     if not given or ("Bus" in given and len(given) > 1) or given == ["Bitrate"]:
         raise invalid(
-            tr("which CAN bus? Try: Interface=socketcan, Channel=can0 (and Bitrate=500000); or Bus= and its URL alone")
+            tr("no CAN bus is selected. Try: Interface=socketcan, Channel=can0 (and Bitrate=500000); or only Bus=URL")
         )
     address = parse_address(options.text_of("Bus") if "Bus" in given else _url(options))
     if not isinstance(address, CanAddress):
-        raise invalid(tr("{address} is no CAN bus", address=address))
-    refused = [name for name, value in address.options if name not in _ALLOWED or not _is_number(value)]
+        raise invalid(tr("{address} is not a CAN bus", address=address))
+    refused = [name for name, value in address.options if name not in _CLIENT_OPTIONS or not _is_number(value)]
     if refused or "://" in address.channel:
         what = ", ".join(refused) or address.channel
-        raise invalid(tr("{what:.100} may be said on the server only. Try: let the server name the bus", what=what))
+        raise invalid(tr("{what:.100} can only be set on the server. Try: configure the bus on the server", what=what))
     return address
 
 
@@ -152,7 +152,7 @@ def _url(options: Options) -> str:
     return f"{url}?bitrate={_number(options, 'Bitrate')}" if "Bitrate" in options else url
 
 
-def _place(address: CanAddress) -> BusKey:
+def _bus_key(address: CanAddress) -> BusKey:
     channel, port = address.channel, 0
     if address.interface == _MULTICAST:
         channel = _host(channel or _GROUP)
@@ -184,10 +184,10 @@ def _settings(options: Options, defaults: Mapping[str, Any]) -> HostSettings:
 
 
 def _check_names(options: Options) -> None:
-    """Refuse an option that there is not, or that is there twice: a mistyped Address would turn another motor.
+    """Check that every option is known and occurs once: a mistyped Address would move another motor.
 
     Raises:
-        CallError: E_INVALIDARG: there is one.
+        CallError: E_INVALIDARG: If an option is unknown or repeated.
     """
     known = {name.lower() for name in OPTIONS}
     if options.repeated:
@@ -195,14 +195,14 @@ def _check_names(options: Options) -> None:
         raise invalid(tr("options given twice: {names:.100}", names=names))
     for name in options.names:
         if name not in known:
-            raise invalid(tr("there is no option {name:.40}; there are: {names}", name=name, names=", ".join(OPTIONS)))
+            raise invalid(tr("unknown option {name:.40}; valid options: {names}", name=name, names=", ".join(OPTIONS)))
 
 
 def _number(options: Options, name: str) -> int:
     try:
         number = options.number(name)
     except ValueError as error:
-        raise invalid(tr("{name}={value} is no whole number", name=name, value=error)) from None
+        raise invalid(tr("{name}={value} is not a whole number", name=name, value=error)) from None
     assert number is not None
     return number
 
@@ -212,11 +212,13 @@ def _real(options: Options, name: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise invalid(tr("{name}={text:.40} is no number", name=name, text=text)) from None
+        raise invalid(tr("{name}={text:.40} is not a number", name=name, text=text)) from None
 
 
 def _seconds(options: Options, name: str, default: float, longest: float) -> float:
     seconds = _real(options, name) if name in options else default
     if not 0 <= seconds <= longest:
-        raise invalid(tr("{name} is 0 to {longest:g} s, not {seconds:g}", name=name, longest=longest, seconds=seconds))
+        raise invalid(
+            tr("{name} must be 0 to {longest:g} s, not {seconds:g} s", name=name, longest=longest, seconds=seconds)
+        )
     return seconds

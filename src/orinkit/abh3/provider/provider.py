@@ -1,10 +1,11 @@
-"""ABH3 motor drivers as a CAO provider, ``CaoProv.Waco.ABH3``: every b-CAP and e-CAP client can turn a motor.
+"""ABH3 motor drivers as a CAO provider, ``CaoProv.Waco.ABH3``, for b-CAP and e-CAP clients.
 
-A client says in the option of Controller_Connect which driver it wants::
+A client selects the driver by the option string of Controller_Connect::
 
     Interface=socketcan, Channel=can0, Bitrate=500000, Address=1, Host=2, Group=5
 
-Several clients may read one driver; the first that writes has the command, until it lets go, leaves, or is silent.
+Several clients may read one driver. The first one that writes gets the command, until it releases it, disconnects, or
+makes no call during its idle time.
 """
 
 from __future__ import annotations
@@ -30,12 +31,13 @@ if TYPE_CHECKING:
 
 
 class ABH3Provider(Provider):
-    """ABH3 drivers for CAO clients; one server at a time has it.
+    """Serves ABH3 drivers to CAO clients; a provider belongs to one server at a time.
 
     Args:
-        bus: URL of the only bus that clients get, or a bus of python-can; ``None``: each client says which. Whoever can
-            connect to the server can then open every CAN interface of this computer.
-        **defaults: what holds where a client says nothing: ``dialect``, and as of :class:`orinkit.abh3.api.names.HostSettings`.
+        bus: URL of the only bus that clients can use, or a python-can bus; with ``None`` each client selects a bus. Every
+            client of the server can then open every CAN interface of this computer.
+        **defaults: Settings for options that a client omits: ``dialect``, and those of
+            :class:`orinkit.abh3.api.names.HostSettings`.
     """
 
     provider_names: Sequence[str] = ("CaoProv.Waco.ABH3",)
@@ -44,9 +46,9 @@ class ABH3Provider(Provider):
         self._own_bus: str | bool = bus if isinstance(bus, str) else bus is not None
         self._defaults = defaults
         self._buses = Buses(bus)
-        self._holders: dict[tuple[Key, int], ABH3Controller] = {}
+        self._owners: dict[tuple[Key, int], ABH3Controller] = {}
         self._clients: set[ABH3Controller] = set()
-        self._parting: set[asyncio.Task[None]] = set()
+        self._closing: set[asyncio.Task[None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
 
     async def connect(
@@ -56,11 +58,11 @@ class ABH3Provider(Provider):
         option: str,
         client: ClientInfo,
     ) -> ControllerObject:
-        """Return a driver for one client; it is asked whether it is there, and not commanded.
+        """Return a driver for one client; its errors are requested to check that it replies, but nothing is commanded.
 
         Raises:
-            CallError: E_INVALIDARG: the option cannot be used; E_CAO_REMOTE_PROVIDER: the bus cannot be opened; E_TIMEOUT: the
-                driver does not answer.
+            CallError: E_INVALIDARG: If the option string is not valid; E_CAO_REMOTE_PROVIDER: If the bus cannot be opened;
+                E_TIMEOUT: If the driver does not reply.
         """
         self._bind()
         with map_errors():
@@ -81,21 +83,21 @@ class ABH3Provider(Provider):
         return controller
 
     async def close(self) -> None:
-        """Stop what moves and close every bus."""
-        if self._loop is not asyncio.get_running_loop():  # of a server that was refused it
+        """Stop all motors and close every bus."""
+        if self._loop is not asyncio.get_running_loop():  # called by a server that could not get this provider
             return
         for controller in list(self._clients):
             controller.release()
-        if self._parting:
-            await asyncio.wait(list(self._parting))
+        if self._closing:
+            await asyncio.wait(list(self._closing))
         await self._buses.close()
         self._loop = None
 
     def _bind(self) -> None:
-        """Be served by one event loop only: buses and motors belong to it.
+        """Bind the provider to the running event loop, to which buses and motors belong.
 
         Raises:
-            CallError: E_FAIL: another server has this provider.
+            CallError: E_FAIL: If another server uses this provider.
         """
         loop = asyncio.get_running_loop()
         if self._loop is None or self._loop.is_closed():
@@ -103,18 +105,18 @@ class ABH3Provider(Provider):
         elif self._loop is not loop:
             raise error_for(
                 hresult.E_FAIL,
-                tr("another server has this provider. Try: an ABH3Provider of its own for each server"),
+                tr("another server uses this provider. Try: create one ABH3Provider for each server"),
             )
 
     # --- for controllers ----------------------------------------------------------------------------------------------
 
     def acquire(self, controller: ABH3Controller) -> None:
-        """Give a client the command of its driver.
+        """Give a client the right to command its driver.
 
         Raises:
-            CallError: E_ACCESSDENIED: another client has it.
+            CallError: E_ACCESSDENIED: If another client has it.
         """
-        owner = self._holders.setdefault(controller.key, controller)
+        owner = self._owners.setdefault(controller.key, controller)
         if owner is controller:
             return
         if owner.holding:
@@ -122,34 +124,34 @@ class ABH3Provider(Provider):
             raise error_for(
                 hresult.E_ACCESSDENIED,
                 tr(
-                    "another client commands ABH3 {address}. Try: again when that one has said Release, or "
-                    "has gone. Stop is carried out all the same",
+                    "another client commands ABH3 {address}. Try: repeat the call after that client has called Release "
+                    "or disconnected; Stop is always executed",
                     address=address,
                 ),
             )
-        owner.motor.abandon()  # what it has asked for is not asked for any more, when it goes neither
-        self._holders[controller.key] = controller
+        owner.motor.abandon()  # so that nothing is sent for it when it disconnects
+        self._owners[controller.key] = controller
 
     def owns(self, controller: ABH3Controller) -> bool:
-        """Whether a client has the command of its driver."""
-        return self._holders.get(controller.key) is controller
+        """Return True if a client has the right to command its driver."""
+        return self._owners.get(controller.key) is controller
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that has the command of a client's driver now, ``None`` where nobody does."""
-        owner = self._holders.get(controller.key)
+        """Return the client that now commands the driver of a client, ``None`` if there is no such client."""
+        owner = self._owners.get(controller.key)
         return owner if owner is not None and owner.holding else None
 
     def release(self, controller: ABH3Controller) -> None:
-        """Take the command back from a client, if it has it."""
+        """Withdraw the right to command from a client, if it has it."""
         if self.owns(controller):
-            del self._holders[controller.key]
+            del self._owners[controller.key]
 
     def disconnect(self, controller: ABH3Controller) -> None:
-        """A client has gone: stop its motor if it commands it, close the bus when nobody is left."""
+        """Remove a client: stop its motor if it commands it, and close the bus after the last client."""
         self._clients.discard(controller)
         task = asyncio.get_running_loop().create_task(self._leave(controller))
-        self._parting.add(task)
-        task.add_done_callback(self._parting.discard)
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
 
     async def _leave(self, controller: ABH3Controller) -> None:
         try:

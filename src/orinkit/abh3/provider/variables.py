@@ -1,4 +1,4 @@
-"""The variables of an ABH3 as a CAO provider, made from the table of ABH3: what each is, and how it is read and written."""
+"""The CAO variables of an ABH3, derived from the table of ABH3: description, type, and how to read and write them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class VariableEntry:
     """A variable.
 
     Attributes:
-        name: for clients.
+        name: Name for clients.
         type: VARIANT type of its value.
-        describe: returns what it is, with its unit, in the language in force.
-        get: reads it.
-        put: writes it; ``None`` where that cannot be.
-        count: of the values of an array.
+        describe: Returns the description, with the unit, in the current language.
+        get: Reads the value.
+        put: Writes the value; ``None`` for a read-only variable.
+        count: Number of values of an array; 0 otherwise.
     """
 
     name: str
@@ -40,27 +40,27 @@ class VariableEntry:
 
     @property
     def help(self) -> str:
-        """What it is, in the language in force."""
+        """The description, in the current language."""
         return self.describe()
 
 
 def items_of(dialect: Dialect) -> Mapping[str, VariableEntry]:
-    """Return the variables of a driver by their names in upper case."""
+    """Return the variables of a driver by upper-case name."""
     items = [*_commands(), *_inputs(dialect), *_feedback(dialect), *_broadcasts(dialect), *_SYSTEM]
     return {item.name: item for item in items}
 
 
-# --- what is commanded ------------------------------------------------------------------------------------------------
+# --- commands ---------------------------------------------------------------------------------------------------------
 
 
 def _commands() -> list[VariableEntry]:
     return [
-        VariableEntry("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1, or in torque mode %"),
+        VariableEntry("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1, or % in torque mode"),
              _of_commands(0), lambda motor, value: motor.command(ay=value)),
-        VariableEntry("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1, or in torque mode %"),
+        VariableEntry("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1, or % in torque mode"),
              _of_commands(1), lambda motor, value: motor.command(bx=value)),
         VariableEntry("COMMAND", VarType.R8 | ARRAY,
-             lambda: tr("A/Y and B/X command, min^-1, or in torque mode %"),
+             lambda: tr("A/Y and B/X command, min^-1, or % in torque mode"),
              _both_commands, lambda motor, value: motor.command(*value), count=2),
     ]  # fmt: skip
 
@@ -112,15 +112,15 @@ def _put_input(name: str) -> Put:
     return lambda motor, value: motor.set_input(name, int(bool(value)))
 
 
-# --- what is measured -------------------------------------------------------------------------------------------------
+# --- measured values --------------------------------------------------------------------------------------------------
 
 
 def _feedback(dialect: Dialect) -> list[VariableEntry]:
-    """The fields of the feedback (DP0R) that no broadcast has; it is requested, which commands nothing."""
+    """Return the variables for those fields of the feedback (DP0R) that no broadcast has; reading requests the feedback."""
     known = {field.name for layout in dialect.broadcasts.values() for field in layout.fields}
     fields = [field for field in dialect.layouts["DP0R"].fields if field.name not in known]
 
-    async def all_of_it(motor: Motor) -> Value:
+    async def get_all(motor: Motor) -> Value:
         record = await motor.request_single(0)
         return [float(_value(record, field)) for field in dialect.layouts["DP0R"].fields]
 
@@ -131,7 +131,7 @@ def _feedback(dialect: Dialect) -> list[VariableEntry]:
             for field in fields
         ),
         VariableEntry(
-            "FEEDBACK", VarType.R8 | ARRAY, lambda: _listed(map(_field_text, every)), all_of_it, count=len(every)
+            "FEEDBACK", VarType.R8 | ARRAY, lambda: _listed(map(_field_text, every)), get_all, count=len(every)
         ),
     ]
 
@@ -155,7 +155,7 @@ def _broadcasts(dialect: Dialect) -> list[VariableEntry]:
         ]
         if layout.name == "BR0":
             items.append(
-                VariableEntry("ERROR_TEXTS", VarType.BSTR, lambda: tr("errors and warnings in words"), _error_texts)
+                VariableEntry("ERROR_TEXTS", VarType.BSTR, lambda: tr("errors and warnings as text"), _error_texts)
             )
     return items
 
@@ -201,7 +201,7 @@ async def _maker(_motor: Motor) -> Value:
     return "Waco Giken"
 
 
-async def _kind(_motor: Motor) -> Value:
+async def _device_type(_motor: Motor) -> Value:
     return "ABH3"
 
 
@@ -211,11 +211,11 @@ async def _version(motor: Motor) -> Value:
 
 _SYSTEM: Final = (
     VariableEntry("@MAKER_NAME", VarType.BSTR, lambda: tr("maker"), _maker),
-    VariableEntry("@TYPE", VarType.BSTR, lambda: tr("type"), _kind),
-    VariableEntry("@VERSION", VarType.BSTR, lambda: tr("version, which many drivers do not tell over CAN"), _version),
+    VariableEntry("@TYPE", VarType.BSTR, lambda: tr("type"), _device_type),
+    VariableEntry("@VERSION", VarType.BSTR, lambda: tr("version, which many drivers do not report over CAN"), _version),
 )  # fmt: skip
 
 
 def as_variant(item: VariableEntry, value: Value) -> Variant:
-    """Return a value as the variable's type."""
+    """Convert a value to the type of the variable."""
     return value if isinstance(value, Variant) else Variant(item.type, value)

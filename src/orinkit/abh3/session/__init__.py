@@ -1,1 +1,1 @@
-"""Conversations with an ABH3, without I/O."""
+"""Protocol logic of a host of ABH3 drivers, without I/O."""

@@ -1,8 +1,8 @@
-"""A host of one ABH3 driver, without I/O: what it remembers, and each function of section 4 as an operation.
+"""The host of one ABH3 driver, without I/O: its state, and the functions of section 4 as operations.
 
-An operation is a generator (:mod:`orinkit.can.frame`), which does nothing, and remembers nothing, until it is run. It takes
-the answers of its own driver only; other frames do not make it wait any longer, and frames that came before a request are
-no answers to it.
+An operation is a generator (:mod:`orinkit.can.frame`) that does nothing, and changes no state, until it is run. It accepts
+replies of its own driver only; other frames do not prolong the wait, and frames that arrived before a request are not taken
+as its reply.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ F = TypeVar("F", bound=Feedback)
 _LENGTH: Final = 8
 _ALL_BITS: Final = 0xFFFFFFFF
 _SETTLING: Final = 0.005
-"""Seconds that a driver gets to clear its errors before it is asked; doubled at each try (it takes about 1 ms)."""
+"""Seconds to wait for a driver to clear its errors, doubled at each attempt (a driver takes about 1 ms)."""
 _LONGEST_SETTLING: Final = 0.2
-_BEHIND: Final = 0.02
-"""Seconds within which two answers follow each other: a driver takes less than 1 ms for one."""
-_LOOKING: Final = 0.05
-"""Seconds between two looks at whether the motors stand; no driver stops by itself meanwhile."""
-_TRIES: Final = 100
-_STANDING: Final = 1.0
-"""min^-1: what is slower stands, as far as anybody can tell."""
+_SECOND_REPLY_WAIT: Final = 0.02
+"""Seconds to wait for a second reply after a late one: a driver takes less than 1 ms for a reply."""
+_POLL_INTERVAL: Final = 0.05
+"""Interval for polling standstill, in s; shorter than any command time-out of a driver."""
+_MAX_TRIES: Final = 100
+_STANDSTILL: Final = 1.0
+"""Velocity in min^-1 below which a motor counts as standing still."""
 
 
 class Host(Generic[F]):
-    """What a host knows of one driver.
+    """The state of one driver as its host knows it.
 
-    The commands and inputs that were sent last are sent again where a function leaves them out (sections 4.2 to 4.5). After
-    an answer that did not come both commands are 0 and start is off: no motion goes on that nobody asks for anew.
+    Functions that omit a command or an input send its last value again (sections 4.2 to 4.5). If a reply is missing, both
+    commands are set to 0 and start is switched off, so that no motion continues without a new command.
 
     Args:
-        dialect: of the driver.
-        address: of the driver, 0 to 253.
-        host: address of this host, 0 to 253.
-        group: of the driver's broadcasts, 0 to 31.
-        timeout: seconds to wait for an answer.
-        priority: of what is sent, 0 (first) to 7.
+        dialect: Dialect of the driver.
+        address: Address of the driver, 0 to 253.
+        host: Address of this host, 0 to 253.
+        group: Group of the driver's broadcasts, 0 to 31.
+        timeout: Seconds to wait for a reply.
+        priority: Priority of the frames that are sent, 0 (first) to 7.
 
     Attributes:
-        inputs: the input word as it was sent last.
-        commanded: how many commands (DP0) there were; only they keep a driver from stopping by itself.
+        inputs: The input word that was sent last.
+        commanded: Number of commands (DP0) sent; only they restart a driver's command time-out.
 
     Raises:
-        InvalidValue: a number is out of its range.
+        InvalidValue: If a number is out of range.
     """
 
     def __init__(
@@ -81,8 +81,8 @@ class Host(Generic[F]):
         self._codes = [0, 0]
         self.inputs = 0
         self.commanded = 0
-        self._restless = False
-        self._owed = False  # an answer may still come, to a command that nobody waits for any more
+        self._may_move = False
+        self._reply_pending = False  # a reply to an earlier command may still arrive
         masks = dialect.inputs.masks
         self._starting = masks["start"]
         self._torque = (masks["ay_torque"], masks["bx_torque"])
@@ -90,50 +90,50 @@ class Host(Generic[F]):
         self._command_id = ids.single(self.address, self.host, priority=self.priority)
         self._feedback_id = ids.single(self.host, self.address)
 
-    # --- what it is told ----------------------------------------------------------------------------------------------
+    # --- state --------------------------------------------------------------------------------------------------------
 
     def accepts(self, frame: CanFrame) -> bool:
-        """Whether a frame is from this driver, to this host or to all."""
+        """Return True if a frame is from this driver and for this host or all hosts."""
         number = frame.id
-        if number & _SOURCE != self.address:
+        if number & _SOURCE_MASK != self.address:
             return False
         pf = number >> 16 & 0xFF
-        return pf == ids.BROADCAST or (pf in _TO_ONE and number >> 8 & 0xFF == self.host)
+        return pf == ids.BROADCAST or (pf in _ADDRESSED_FORMATS and number >> 8 & 0xFF == self.host)
 
     @property
     def commands(self) -> tuple[float, float]:
-        """The A/Y and the B/X command as they were sent last, in min^-1, or % of an axis whose inputs say torque."""
+        """The A/Y and B/X commands that were sent last, in min^-1, or in % if the axis is in torque mode."""
         return self._quantity(0).decode(self._codes[0]), self._quantity(1).decode(self._codes[1])
 
     @property
     def moving(self) -> bool:
-        """Whether the driver may be at something else than rest: it was asked for, and no answer to an end of it has come."""
-        return self._restless
+        """True if the driver may be moving: motion was commanded, and no reply to a stop has arrived."""
+        return self._may_move
 
     def abandon(self) -> None:
-        """Forget commands and inputs: somebody else is the driver's host now."""
+        """Reset commands and inputs without sending them, as another host now commands the driver."""
         self.reset_commands()
         self.inputs = 0
-        self._restless = False
+        self._may_move = False
 
     def reset_commands(self) -> None:
-        """Take back what moves: commands are 0 and start is off in what is sent next, until they are given anew."""
+        """Reset what causes motion: until new values are set, the commands are sent as 0 and start as off."""
         self._codes = [0, 0]
-        self.inputs &= ~self._starting  # a data set with a velocity of its own would go on without a command
+        self.inputs &= ~self._starting  # a data set with its own velocity would run without a command
 
     # --- section 4 ----------------------------------------------------------------------------------------------------
 
     def init(self) -> CanOperation[F]:
-        """Commands and inputs 0; returns the feedback (4.1, abh3_can_cmd_init)."""
+        """Set commands and inputs to 0 and return the feedback (4.1, abh3_can_cmd_init)."""
         self._codes = [0, 0]
         self.inputs = 0
         return (yield from self.exchange("abh3_can_cmd_init"))
 
     def command(self, ay: float | None = None, bx: float | None = None) -> CanOperation[F]:
-        """Commands in min^-1, or % of an axis whose inputs say torque; one that is left out stays (4.2, 4.3).
+        """Send commands in min^-1, or in % if the axis is in torque mode; an omitted one is unchanged (4.2, 4.3).
 
         Raises:
-            InvalidValue: a command is out of its range; nothing has changed.
+            InvalidValue: If a command is out of range; nothing has changed.
         """
         codes = self._codes.copy()
         for axis, (name, value) in enumerate((("ay", ay), ("bx", bx))):
@@ -148,65 +148,65 @@ class Host(Generic[F]):
         return (yield from self.exchange(name))
 
     def set_inputs(self, data: int, mask: int = _ALL_BITS) -> CanOperation[F]:
-        """Inputs whose mask is 1 become those of the data (4.4, abh3_can_inSet).
+        """Set the inputs whose mask bit is 1 to those of ``data`` (4.4, abh3_can_inSet).
 
-        The command of an axis that changes between speed and torque is 0 from then on: its number would mean another thing.
+        If an axis changes between speed and torque, its command becomes 0, because the number would change its meaning.
 
         Raises:
-            InvalidValue: data or mask is no word of 32 bits, unsigned; nothing has changed.
+            InvalidValue: If data or mask is not an unsigned 32-bit word; nothing has changed.
         """
         data, mask = _word("data", data), _word("mask", mask)
-        self._change((self.inputs & ~mask) | (data & mask))
+        self._set_input_word((self.inputs & ~mask) | (data & mask))
         return (yield from self.exchange("abh3_can_inSet"))
 
     def set_input(self, bit: int | str, value: int) -> CanOperation[F]:
-        """One input by its number or name; a name without an axis means both of them (4.5, abh3_can_inBitSet).
+        """Set one input by its number or name; a name without an axis sets both axes (4.5, abh3_can_inBitSet).
 
         Raises:
-            InvalidValue: there is no such input, or the value is not 0 or 1; nothing has changed.
+            InvalidValue: If the input does not exist, or the value is not 0 or 1; nothing has changed.
         """
         mask = self.dialect.inputs.mask(bit)
         if (float(value) if isinstance(value, bool) else real(value)) not in (0, 1):
-            raise InvalidValue(tr("an input is 0 or 1, not {value}", value=brief(value)))
-        self._change(self.inputs | mask if value else self.inputs & ~mask)
+            raise InvalidValue(tr("an input must be 0 or 1, not {value}", value=brief(value)))
+        self._set_input_word(self.inputs | mask if value else self.inputs & ~mask)
         return (yield from self.exchange("abh3_can_inBitSet"))
 
     def stop(self) -> CanOperation[F]:
-        """Commands 0 and start off; the driver decelerates, its servo stays on."""
+        """Set the commands to 0 and switch start off; the driver decelerates, its servo stays on."""
         self.reset_commands()
         return (yield from self.exchange("abh3_can_cmd"))
 
     def stop_and_wait(self, seconds: float) -> CanOperation[F]:
-        """Commands 0 and start off, again and again until the motors stand; returns the feedback.
+        """Repeat :meth:`stop` until the motors stand still, and return the feedback.
 
         Args:
-            seconds: that it may take, about.
+            seconds: Seconds that the motors may take, approximately.
 
         Raises:
-            DriverTimeout: no answer, or they still turn.
+            DriverTimeout: If the driver does not reply, or the motors still turn.
         """
-        for _ in range(max(1, math.ceil(seconds / _LOOKING))):
+        for _ in range(max(1, math.ceil(seconds / _POLL_INTERVAL))):
             record = yield from self.stop()
             velocities = [value for value in _values(record) if isinstance(value, float)]
-            if max(map(abs, velocities)) < _STANDING:
+            if max(map(abs, velocities)) < _STANDSTILL:
                 return record
-            yield from _wait(_LOOKING)
+            yield from _wait(_POLL_INTERVAL)
         raise DriverTimeout("rest", seconds, self.address)
 
     def exchange(self, function: str = "abh3_can_cmd") -> CanOperation[F]:
-        """Send commands and inputs once more (DP0) and return the feedback.
+        """Send the current commands and inputs (DP0) and return the feedback.
 
         Raises:
-            DriverTimeout: no answer; commands are 0 and start is off from then on, as after a wait that is broken off.
+            DriverTimeout: If the driver does not reply; the commands are then 0 and start is off, as after any exception.
         """
-        owed, self._owed = self._owed, True
+        reply_pending, self._reply_pending = self._reply_pending, True
         try:
-            record = yield from self._ask(function, self._command_frame(), "DP0R", self._feedback_id)
-            if owed:
-                record = yield from self._next_one(record)
-            self._owed = False
-            self._restless = self._asks()
-        except BaseException:  # an answer that does not come; it is broken off, by Ctrl-C or a lost bus
+            record = yield from self._query(function, self._command_frame(), "DP0R", self._feedback_id)
+            if reply_pending:
+                record = yield from self._later_feedback(record)
+            self._reply_pending = False
+            self._may_move = self._commands_motion()
+        except BaseException:  # a missing reply, Ctrl-C, or a lost bus
             self.reset_commands()
             raise
         return cast(F, record)
@@ -216,48 +216,48 @@ class Host(Generic[F]):
 
         Args:
             number: 0 to 7 of the driver's group; or, from 8 on, group * 8 + number as in the document.
-            everyone: the request goes to all drivers; the answer of this one is returned.
+            everyone: Send the request to all drivers; the reply of this one is returned.
 
         Raises:
-            InvalidValue: there is no such number.
-            DriverTimeout: no answer.
+            InvalidValue: If the number is not valid.
+            DriverTimeout: If the driver does not reply.
         """
         ps = ids.broadcast_number(number, self.group)
         destination = ids.EVERYONE if everyone else self.address
         sent = self._request_frame(destination, ids.pgn(ids.BROADCAST, ps))
         wanted = int(FrameId(ids.BROADCAST, ps, self.address))
         function = "abh3_can_reqBRDBRD" if everyone else "abh3_can_reqBRD"
-        return cast(AnyRecord, (yield from self._ask(function, sent, self._name_of(ps), wanted)))
+        return cast(AnyRecord, (yield from self._query(function, sent, self._name_of(ps), wanted)))
 
     def request_single(self, dp: int = 0) -> CanOperation[Feedback | DP1R]:
         """Request a single packet without commanding anything (abh3_can_reqSNG).
 
         Args:
-            dp: 0 for the feedback, 1 for the pulse counts (withheld by the document: many drivers do not answer).
+            dp: 0 for the feedback, 1 for the pulse counts (withheld by the document: many drivers do not reply).
 
         Raises:
-            InvalidValue: another page.
-            DriverTimeout: no answer.
+            InvalidValue: If the page does not exist.
+            DriverTimeout: If the driver does not reply.
         """
         dp = checked("dp", dp, 1)
         sent = self._request_frame(self.address, ids.pgn(ids.SINGLE, 0, dp=dp))
         wanted = ids.single(self.host, self.address, dp=dp)
-        record = yield from self._ask("abh3_can_reqSNG", sent, f"DP{dp}R", wanted)
+        record = yield from self._query("abh3_can_reqSNG", sent, f"DP{dp}R", wanted)
         return cast("Feedback | DP1R", record)
 
     def reset_errors(self, tries: int = 5) -> CanOperation[BR0]:
-        """Clear errors and warnings, with commands, servo and start off, and return what was left: nothing.
+        """Clear errors and warnings, with commands 0 and servo and start off, and return the (empty) error flags.
 
-        A driver clears on the edge of the reset input from 0 to 1, shortly after it; so this is repeated, ``tries`` times
+        A driver clears its errors shortly after the edge of the reset input from 0 to 1, so this is attempted ``tries`` times
         at most.
 
         Raises:
-            InvalidValue: tries are not 0 to 100.
-            DriverFault: errors or warnings are left.
-            DriverTimeout: no answer.
+            InvalidValue: If tries is not 0 to 100.
+            DriverFault: If errors or warnings remain.
+            DriverTimeout: If the driver does not reply.
         """
         masks = self.dialect.inputs.masks
-        tries = checked("tries", tries, _TRIES)
+        tries = checked("tries", tries, _MAX_TRIES)
         self.reset_commands()
         self.inputs &= ~(masks["servo_on"] | masks["error_reset"])
         pause = _SETTLING
@@ -278,23 +278,23 @@ class Host(Generic[F]):
         raise DriverFault(int(found.errors), int(found.warnings), texts)
 
     def repeat(self, seconds: float) -> CanOperation[bool]:
-        """Send commands and inputs once more, as a keep-alive does; returns whether an answer came.
+        """Send the current commands and inputs for a keep-alive; return True if the driver replied.
 
         Args:
-            seconds: to wait for it.
+            seconds: Seconds to wait for the reply.
         """
-        self._owed = True
+        self._reply_pending = True
         received = yield OperationStep((self._command_frame(),), seconds, fresh=True)
         while received is not None:
-            if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
-                self._owed = False
-                self._restless = self._asks()
+            if received.id & _ID_MASK == self._feedback_id and len(received.data) == _LENGTH:
+                self._reply_pending = False
+                self._may_move = self._commands_motion()
                 return True
             received = yield OperationStep()
         return False
 
     def release(self, seconds: float) -> CanOperation[bool]:
-        """Have the driver come to rest before the bus is closed, if anything was asked of it; as :meth:`repeat`."""
+        """Stop the driver before the bus is closed, if it may be moving; return True if it replied or nothing was sent."""
         if not self.moving:
             return True
         self.reset_commands()
@@ -302,27 +302,27 @@ class Host(Generic[F]):
 
     # --- frames -------------------------------------------------------------------------------------------------------
 
-    def _ask(self, function: str, sent: CanFrame, name: str, wanted: int) -> CanOperation[Record]:
-        """Send a frame and return the record of the answer."""
+    def _query(self, function: str, sent: CanFrame, name: str, wanted: int) -> CanOperation[Record]:
+        """Send a frame and return the record of the reply."""
         received = yield OperationStep((sent,), self.timeout, True)
         while received is not None:
-            if received.id & _MEANT == wanted and len(received.data) == _LENGTH:
+            if received.id & _ID_MASK == wanted and len(received.data) == _LENGTH:
                 return self.codec.decode(name, received.data) if name else BUF(received.data)
             received = yield OperationStep()
         raise DriverTimeout(function, self.timeout, self.address)
 
-    def _next_one(self, record: Record) -> CanOperation[Record]:
-        """Return the feedback that follows at once, if one does: the first was the answer to a command before."""
-        received = yield OperationStep((), _BEHIND)
+    def _later_feedback(self, record: Record) -> CanOperation[Record]:
+        """Return a feedback that follows at once, else the given one, which may be the reply to an earlier command."""
+        received = yield OperationStep((), _SECOND_REPLY_WAIT)
         while received is not None:
-            if received.id & _MEANT == self._feedback_id and len(received.data) == _LENGTH:
+            if received.id & _ID_MASK == self._feedback_id and len(received.data) == _LENGTH:
                 return self.codec.decode("DP0R", received.data)
             received = yield OperationStep()
         return record
 
     def _command_frame(self) -> CanFrame:
         self.commanded += 1
-        self._restless = self._restless or self._asks()
+        self._may_move = self._may_move or self._commands_motion()
         return CanFrame(self._command_id, self._pack(*self._codes, self.inputs))
 
     def _request_frame(self, destination: int, pgn: bytes) -> CanFrame:
@@ -332,41 +332,41 @@ class Host(Generic[F]):
         layout = self.dialect.broadcasts.get(ps % ids.BROADCASTS)
         return layout.name if layout else ""
 
-    # --- memory -------------------------------------------------------------------------------------------------------
+    # --- commands and inputs ------------------------------------------------------------------------------------------
 
-    def _asks(self) -> bool:
-        """Whether what is sent now asks for anything but rest."""
+    def _commands_motion(self) -> bool:
+        """Return True if the current commands and inputs ask for motion."""
         return self._codes != [0, 0] or bool(self.inputs & self._starting)
 
     def _quantity(self, axis: int) -> Quantity:
         return CURRENT if self.inputs & self._torque[axis] else VELOCITY
 
-    def _change(self, inputs: int) -> None:
+    def _set_input_word(self, inputs: int) -> None:
         for axis, mask in enumerate(self._torque):
             if (inputs ^ self.inputs) & mask:
                 self._codes[axis] = 0
         self.inputs = inputs
 
 
-_TO_ONE: Final = frozenset((ids.SINGLE, ids.CONTROL, ids.TRANSFER))
-_MEANT: Final = 0x03FFFFFF
-"""All of an identifier but the priority."""
-_SOURCE: Final = 0x020000FF
-"""The source address, and the reserved bit, which is 0."""
+_ADDRESSED_FORMATS: Final = frozenset((ids.SINGLE, ids.CONTROL, ids.TRANSFER))
+_ID_MASK: Final = 0x03FFFFFF
+"""Mask of an identifier without its priority."""
+_SOURCE_MASK: Final = 0x020000FF
+"""Mask of the source address and the reserved bit, which is 0."""
 
 
 def broadcasts_of_all(
     codec: Codec, host: int, ps: int, seconds: float, count: int | None = None, priority: int = 0
 ) -> CanOperation[dict[int, AnyRecord]]:
-    """Request a broadcast of all drivers of a group and return their answers by address (4.7, abh3_can_reqBRDBRD).
+    """Request a broadcast of all drivers of a group and return their replies by address (4.7, abh3_can_reqBRDBRD).
 
     Args:
-        codec: of their dialect.
-        host: address of this host.
+        codec: Codec of their dialect.
+        host: Address of this host.
         ps: group * 8 + number.
-        seconds: to wait for answers.
-        count: of drivers; when so many have answered there is no more waiting.
-        priority: of the request.
+        seconds: Seconds to wait for replies.
+        count: Number of drivers; the wait ends early once this many have replied.
+        priority: Priority of the request.
     """
     count = None if count is None else checked("count", count, ids.LAST_ADDRESS + 1)
     layout = codec.dialect.broadcasts.get(ps % ids.BROADCASTS)
@@ -395,17 +395,17 @@ def _wait(seconds: float) -> CanOperation[None]:
 
 
 def _word(name: str, value: object) -> int:
-    """Return 32 bits.
+    """Return a value as an unsigned 32-bit word.
 
     Raises:
-        InvalidValue: it is no whole number of 0 to 0xFFFFFFFF.
+        InvalidValue: If it is not a whole number of 0 to 0xFFFFFFFF.
     """
     number = whole(value)
     if number is not None and 0 <= number <= _ALL_BITS:
         return number
     raise InvalidValue(
         tr(
-            "{name} is a word of 32 bits, 0 to 0xFFFFFFFF, not {value}. Try: {name} & 0xFFFFFFFF",
+            "{name} must be a 32-bit word, 0 to 0xFFFFFFFF, not {value}. Try: {name} & 0xFFFFFFFF",
             name=name,
             value=brief(value),
         )

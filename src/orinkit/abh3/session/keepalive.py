@@ -1,7 +1,7 @@
-"""When a keep-alive sends the command again, and when it ends: without clock and I/O.
+"""Timing of a keep-alive, without clock and I/O: when to repeat the command, and when to end.
 
-A driver stops by itself when no command has come for 500 ms (section 1, "指令ゼロ タイムアウト判定値"). That is what protects people from
-a host that has died, so a keep-alive goes on only while the driver answers and somebody is there who wants it.
+A driver stops by itself if no command arrives for 500 ms (section 1, "指令ゼロ タイムアウト判定値"). This protects people
+if a host fails, so a keep-alive continues only while the driver replies and the program is active.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from orinkit.core.i18n import tr
 
 R = TypeVar("R")
 _SHORTEST: Final = 0.001
-"""s: a cycle of the driver."""
+"""Shortest period in s: one cycle of the driver."""
 _LATE: Final = 1.5
-"""Periods after which a command was too late, where these are longer than the patience."""
+"""Number of periods after which a command is too late, if they exceed the patience."""
 
 
 class KeepAliveEnd(Enum):
-    """Why a keep-alive has ended."""
+    """The reason why a keep-alive ended."""
 
     SILENT = "silent"
-    """The driver does not answer."""
+    """The driver does not reply."""
     IDLE = "idle"
-    """The program has not called for too long."""
+    """The program has made no call for too long."""
 
 
 @dataclass(slots=True)
 class KeepAliveTimer:
-    """The times of a keep-alive; every ``now`` is in s of one clock.
+    """The timer of a keep-alive; every ``now`` is in s of the same clock.
 
     Args:
-        period: s between commands; a command of the program counts too.
-        patience: s without an answer after which it ends.
-        idle: s without a call of the program after which it ends; ``None`` for never.
-        now: when it begins.
+        period: Seconds between commands; commands of the program count too.
+        patience: Seconds without a reply after which the keep-alive ends.
+        idle: Seconds without a call of the program after which it ends; ``None`` for never.
+        now: Time at which it begins.
 
     Raises:
-        InvalidValue: a number is not positive and finite, the period below 1 ms, or not below the patience.
+        InvalidValue: If a number is not positive and finite, or if the period is below 1 ms or not below the patience.
     """
 
     period: float
@@ -57,7 +57,7 @@ class KeepAliveTimer:
         if self.period < _SHORTEST:
             raise InvalidValue(
                 tr(
-                    "the period is {shortest:g} s or more, not {period:g}. Try: 0.1 s",
+                    "the period must be {shortest:g} s or more, not {period:g} s. Try: 0.1 s",
                     shortest=_SHORTEST,
                     period=self.period,
                 )
@@ -68,8 +68,8 @@ class KeepAliveTimer:
         if self.period >= self.patience:
             raise InvalidValue(
                 tr(
-                    "the period of {period:g} s is not below the patience of {patience:g} s: a driver stops "
-                    "by itself when no command has come for 0.5 s (its parameter). Try: a period of 0.1 s",
+                    "the period of {period:g} s must be below the patience of {patience:g} s: a driver stops "
+                    "by itself if no command arrives for 0.5 s (a parameter of the driver). Try: a period of 0.1 s",
                     period=self.period,
                     patience=self.patience,
                 )
@@ -82,30 +82,30 @@ class KeepAliveTimer:
 
     @property
     def due(self) -> float:
-        """When the command is to be sent again."""
+        """Time at which to repeat the command."""
         return self._sent + self.period
 
     def called(self, now: float) -> None:
-        """The program calls."""
+        """Record a call of the program."""
         self._called = now
 
     def sent(self, now: float, *, answered: bool) -> None:
-        """A command was sent, by the program or by the keep-alive.
+        """Record that a command was sent, by the program or by the keep-alive.
 
         Args:
-            now: when it was sent; not when its answer was read, which may be much later where the program stood still.
-            answered: whether an answer came.
+            now: Time at which it was sent, not at which its reply was read: that may be much later if the program was suspended.
+            answered: True if the driver replied.
         """
         self._sent = now
         if answered:
             self._answered = now
 
     def too_late(self, now: float) -> KeepAliveEnd | None:
-        """Return why it is to end before anything is sent: it was held up itself, by a program or a system that stood still."""
+        """Return the reason to end before the next command: the keep-alive itself was delayed for too long."""
         return KeepAliveEnd.SILENT if now - self._answered > max(self.patience, _LATE * self.period) else None
 
     def end(self, now: float) -> KeepAliveEnd | None:
-        """Return why it is to end now, ``None`` if it goes on."""
+        """Return the reason to end now, ``None`` to continue."""
         if now - self._answered > self.patience:
             return KeepAliveEnd.SILENT
         if self.idle is not None and now - self._called > self.idle:
@@ -116,26 +116,26 @@ class KeepAliveTimer:
 def watched(
     operation: CanOperation[R], heart: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
 ) -> CanOperation[R]:
-    """Carry out an operation, and tell a keep-alive of each command of it that was answered, however many there are.
+    """Run an operation, and report each of its commands that was answered to a keep-alive.
 
     Args:
-        operation: of the host.
-        heart: is told.
-        host: counts its commands.
-        clock: of the keep-alive.
+        operation: An operation of the host.
+        heart: The timer of the keep-alive.
+        host: The host, which counts its commands.
+        clock: The clock of the keep-alive.
     """
     received: CanFrame | None = None
     sent: float | None = None
     try:
         while True:
             before = host.commanded
-            turn = operation.send(received)
+            step = operation.send(received)
             if host.commanded != before:
-                if sent is not None:  # it would not go on without an answer
+                if sent is not None:  # the operation continues only after a reply
                     heart.sent(sent, answered=True)
                 sent = clock()
                 heart.called(sent)
-            received = yield turn
+            received = yield step
     except StopIteration as stop:
         if sent is not None:
             heart.sent(sent, answered=True)

@@ -1,11 +1,11 @@
 """Multi-packet messages: up to 1785 bytes between a host and a driver, in frames of 8 bytes (J1939-21, connection mode).
 
-The side that has a message says so (RTS), the other one asks for its packets, some at a time (CTS), and says in the end
-that it has them all (EndOfMsgACK). Either side may give up at any time (Abort). A driver answers a message with one of
-its own; :func:`exchange` is both of them for a host, :class:`Responder` both of them for a virtual driver.
+The sender announces a message (RTS), the receiver requests its packets in bursts (CTS) and finally acknowledges the
+message (EndOfMsgACK). Either side may abort at any time (Abort). A driver replies to a message with one of its own;
+:func:`exchange` is both of them for a host, :class:`Responder` both of them for a virtual driver.
 
-A packet that is lost is asked for again, one that comes twice is taken once. A message is never sent twice: one that
-was lost on its way ends in an exception. Announcements to everybody (BAM) are passed over.
+A lost packet is requested again, a duplicate is ignored. A message is never sent twice: a lost message raises an exception.
+Announcements to all (BAM) are ignored.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 TIMEOUT: Final = 1.25
-"""Seconds that either side waits for a frame of the other one."""
+"""Seconds that each side waits for a frame of its peer."""
 PAUSE: Final = 0.001
-"""Seconds from one data packet of a host to the next: interfaces have room for few frames, and a driver may abort."""
+"""Seconds between data packets of a host: interfaces buffer few frames, and a driver may abort."""
 
 
 def send_message(
@@ -42,17 +42,17 @@ def send_message(
     """Send a message to a driver.
 
     Args:
-        message: 1 to 1785 bytes; a shorter one than 9 is filled up with SYN, which drivers pay no attention to.
-        host: address of this side.
-        driver: address of the driver.
-        priority: of the frames, 0 to 7.
-        seconds: time-out of each frame of the driver.
-        pause: between two data packets, in s.
+        message: 1 to 1785 bytes; if shorter than 9 bytes, it is padded with SYN, which drivers ignore.
+        host: Address of this side.
+        driver: Address of the driver.
+        priority: Priority of the frames, 0 to 7.
+        seconds: Time-out for each frame of the driver, in s.
+        pause: Pause between data packets, in s.
 
     Raises:
-        InvalidValue: message, address or priority cannot be; nothing was sent.
-        DriverTimeout: the driver was silent; it was told so (Abort 3).
-        ProtocolError: the driver gave up, or answered something else; the text says why.
+        InvalidValue: If the message, an address or the priority is not valid; nothing was sent.
+        DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it.
+        ProtocolError: If the driver aborted or replied with an unexpected packet; the text has the reason.
     """
     return _send(OutgoingTransfer(message, _route(host, driver, priority), seconds, pause))
 
@@ -61,18 +61,18 @@ def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float
     """Receive a message that a driver sends.
 
     Args:
-        host: address of this side.
-        driver: address of the driver.
-        priority: of the frames, 0 to 7.
-        seconds: time-out of each frame of the driver.
+        host: Address of this side.
+        driver: Address of the driver.
+        priority: Priority of the frames, 0 to 7.
+        seconds: Time-out for each frame of the driver, in s.
 
     Returns:
-        9 to 1785 bytes, among them the SYN that a short message was filled up with.
+        9 to 1785 bytes, including the SYN that pads a short message.
 
     Raises:
-        InvalidValue: address or priority cannot be; nothing was sent.
-        DriverTimeout: the driver was silent; it was told so (Abort 3).
-        ProtocolError: the driver gave up, or sent something else; the text says why.
+        InvalidValue: If an address or the priority is not valid; nothing was sent.
+        DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it.
+        ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
     """
     return _receive(IncomingTransfer(_route(host, driver, priority), seconds))
 
@@ -87,24 +87,25 @@ def exchange(
     pause: float = PAUSE,
     afresh: bool = False,
 ) -> CanOperation[bytes]:
-    """Send a message to a driver and receive its answer.
+    """Send a message to a driver and receive its reply.
 
     Args:
-        message: 1 to 1785 bytes; a shorter one than 9 is filled up with SYN, which drivers pay no attention to.
-        host: address of this side.
-        driver: address of the driver.
-        priority: of the frames, 0 to 7.
-        seconds: time-out of each frame of the driver.
-        pause: between two data packets, in s.
-        afresh: an exchange before this one may not have come to its end: the driver is told first that it was given up (Abort).
+        message: 1 to 1785 bytes; if shorter than 9 bytes, it is padded with SYN, which drivers ignore.
+        host: Address of this side.
+        driver: Address of the driver.
+        priority: Priority of the frames, 0 to 7.
+        seconds: Time-out for each frame of the driver, in s.
+        pause: Pause between data packets, in s.
+        afresh: A previous exchange may be incomplete: send an Abort for it first.
 
     Returns:
-        9 to 1785 bytes, among them the SYN that a short answer was filled up with.
+        9 to 1785 bytes, including the SYN that pads a short reply.
 
     Raises:
-        InvalidValue: message, address or priority cannot be; nothing was sent.
-        DriverTimeout: the driver was silent, and was told so (Abort 3); whether it has read the message is not known.
-        ProtocolError: the driver gave up, or sent something else; the text says why.
+        InvalidValue: If the message, an address or the priority is not valid; nothing was sent.
+        DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it, and it may or may not have read the
+            message.
+        ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
     """
     route = _route(host, driver, priority)
     sending = OutgoingTransfer(message, route, seconds, pause, answered=True)
@@ -112,20 +113,20 @@ def exchange(
 
 
 class Responder:
-    """A driver's side: takes messages of any host, one at a time, and sends the answers.
+    """The driver's side: receives messages of any host, one at a time, and sends the replies.
 
-    Frames are fed to it with the time, by any clock that runs evenly; it returns the frames that are to be sent.
+    Frames are passed in with the time of any monotonic clock; the methods return the frames to be sent.
 
     Args:
-        address: of the driver.
-        handler: is given a message and the address of the host, and returns the answer, 1 to 1785 bytes; ``None`` or
-            nothing for no answer. What it raises comes out of :meth:`receive`, and the message is not answered.
-        priority: of the frames, 0 to 7.
-        seconds: time-out of each frame of the host.
-        pause: between two data packets, in s; with 0 those that were asked for are returned together.
+        address: Address of the driver.
+        handler: Called with a message and the address of the host; returns the reply, 1 to 1785 bytes, or ``None`` or
+            ``b""`` for no reply. Its exceptions propagate from :meth:`receive`, and the message gets no reply.
+        priority: Priority of the frames, 0 to 7.
+        seconds: Time-out for each frame of the host, in s.
+        pause: Pause between data packets, in s; with 0, all requested packets are returned together.
 
     Raises:
-        InvalidValue: address or priority cannot be.
+        InvalidValue: If the address or the priority is not valid.
     """
 
     def __init__(
@@ -148,21 +149,21 @@ class Responder:
 
     @property
     def next_time(self) -> float | None:
-        """When :meth:`tick` is to be called; ``None`` while no message is on its way."""
+        """Time at which to call :meth:`tick`; ``None`` while no transfer is in progress."""
         return self._next_time
 
     def receive(self, frame: CanFrame, now: float) -> list[CanFrame]:
-        """Take a frame, whatever it is.
+        """Process a frame of any kind.
 
         Args:
-            frame: as it came from the bus; those that are not for this driver are passed over.
-            now: in s.
+            frame: A frame from the bus; frames for other nodes are ignored.
+            now: Current time in s.
 
         Returns:
-            What is to be sent now.
+            The frames to be sent now.
 
         Raises:
-            InvalidValue: the handler's answer is too long.
+            InvalidValue: If the handler's reply is too long.
         """
         packet = packet_of(frame)
         if packet is None or packet.destination != self._address or packet.source in (self._address, EVERYONE):
@@ -170,17 +171,17 @@ class Responder:
         if packet.kind == RTS and not self._is_underway(packet):
             if self._transfer is not None and packet.source != self._host:
                 return [self._route(packet.source).control(ABORT, BUSY)]
-            self._host = packet.source  # one that begins anew has given up what was before
+            self._host = packet.source  # a host that starts again has abandoned its previous message
             self._transfer = IncomingTransfer(self._route(packet.source), self._seconds)
         if self._transfer is None:
             return []
-        return self._after(self._transfer, self._transfer.take(frame), now)
+        return self._apply(self._transfer, self._transfer.take(frame), now)
 
     def tick(self, now: float) -> list[CanFrame]:
-        """Return what is to be sent because of the time, in s."""
+        """Return the frames that are due at a time, in s."""
         if self._transfer is None or self._next_time is None or now < self._next_time:
             return []
-        return self._after(self._transfer, self._transfer.silent(), now)
+        return self._apply(self._transfer, self._transfer.silent(), now)
 
     def _route(self, host: int) -> TransferRoute:
         return TransferRoute(self._address, host, self._priority)
@@ -189,9 +190,9 @@ class Responder:
         transfer = self._transfer
         return isinstance(transfer, IncomingTransfer) and packet.source == self._host and transfer.is_opened_by(packet)
 
-    def _after(self, transfer: OutgoingTransfer | IncomingTransfer, step: TransferStep, now: float) -> list[CanFrame]:
+    def _apply(self, transfer: OutgoingTransfer | IncomingTransfer, step: TransferStep, now: float) -> list[CanFrame]:
         frames = list(step.frames)
-        while step.seconds == 0 and not step.ended:  # packets that follow each other at once
+        while step.seconds == 0 and not step.ended:  # packets without a pause
             step = transfer.silent()
             frames.extend(step.frames)
         if step.seconds is not None:
@@ -200,15 +201,15 @@ class Responder:
             return frames
         self._transfer = self._next_time = None
         if isinstance(transfer, IncomingTransfer) and step.error is None:
-            frames.extend(self._answered(transfer.message, now))
+            frames.extend(self._reply(transfer.message, now))
         return frames
 
-    def _answered(self, message: bytes, now: float) -> list[CanFrame]:
+    def _reply(self, message: bytes, now: float) -> list[CanFrame]:
         answer = self._handler(message, self._host)
         if not answer:
             return []
         self._transfer = OutgoingTransfer(answer, self._route(self._host), self._seconds, self._pause)
-        return self._after(self._transfer, self._transfer.begin(), now)
+        return self._apply(self._transfer, self._transfer.begin(), now)
 
 
 def _route(host: int, driver: int, priority: int) -> TransferRoute:
@@ -218,11 +219,11 @@ def _route(host: int, driver: int, priority: int) -> TransferRoute:
 
 
 def _send(sending: OutgoingTransfer) -> CanOperation[None]:
-    yield from _driven(sending, sending.begin(), fresh=True)
+    yield from _run(sending, sending.begin(), fresh=True)
 
 
 def _receive(receiving: IncomingTransfer) -> CanOperation[bytes]:
-    yield from _driven(receiving, receiving.begin())
+    yield from _run(receiving, receiving.begin())
     return receiving.message
 
 
@@ -230,16 +231,16 @@ def _exchange(
     sending: OutgoingTransfer, receiving: IncomingTransfer, before: tuple[CanFrame, ...]
 ) -> CanOperation[bytes]:
     step = sending.begin()
-    last = yield from _driven(sending, step._replace(frames=before + step.frames), fresh=True)
-    opened = receiving.take(last)  # where the driver's END was lost, this is the RTS of its answer
-    yield from _driven(receiving, opened if opened.frames else receiving.begin())
+    last = yield from _run(sending, step._replace(frames=before + step.frames), fresh=True)
+    opened = receiving.take(last)  # if the driver's END was lost, this is the RTS of its reply
+    yield from _run(receiving, opened if opened.frames else receiving.begin())
     return receiving.message
 
 
-def _driven(
+def _run(
     transfer: OutgoingTransfer | IncomingTransfer, step: TransferStep, *, fresh: bool = False
 ) -> CanOperation[CanFrame]:
-    """Carry a transfer through; returns the frame that ended it."""
+    """Run a transfer to its end and return the frame that ended it."""
     frame: CanFrame | None = None
     while not step.ended:
         frame = yield OperationStep(step.frames, step.seconds, fresh)
@@ -249,5 +250,5 @@ def _driven(
         yield OperationStep(step.frames, 0.0)
     if step.error is not None:
         raise step.error
-    assert frame is not None  # silence ends a transfer with an error
+    assert frame is not None  # a time-out ends a transfer with an error
     return frame

@@ -1,4 +1,4 @@
-"""Parameters and monitors with their units, around the words of TelABH3."""
+"""Values of parameters and monitors, with units, from the words of TelABH3."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from orinkit.values.pose_numbers import brief
 
 
 class ParameterValue(NamedTuple):
-    """What was read from a driver.
+    """The value of a parameter or a monitor, as read from a driver.
 
     Attributes:
-        address: of the parameter or monitor.
-        word: the 32 bits.
-        item: what is known of it; ``None`` of an address that is in no table.
+        address: Address of the parameter or the monitor.
+        word: The 32-bit word.
+        item: Its description; ``None`` for an unknown address.
     """
 
     address: int
@@ -26,41 +26,41 @@ class ParameterValue(NamedTuple):
 
     @property
     def value(self) -> float:
-        """The value in its unit; of an unknown address the word itself."""
+        """The value in its unit; for an unknown address the word itself."""
         return self.word if self.item is None else self.item.decode(self.word)
 
     @property
     def unit(self) -> str:
-        """Unit of the value, ``""`` for none."""
+        """Unit of the value, ``""`` if it has none."""
         return "" if self.item is None else self.item.unit
 
     def __str__(self) -> str:
         name = "" if self.item is None else f" {self.item.text}"
         value = self.value
-        digits = str(value) if isinstance(value, int) else f"{value:g}"  # a whole number keeps all of them
+        digits = str(value) if isinstance(value, int) else f"{value:g}"  # all digits of a whole number
         return f"0x{self.address:04X}{name}: {digits} {self.unit}".rstrip()
 
 
 def parameter(address: int, word: int) -> ParameterValue:
-    """Return a parameter that was read."""
+    """Return the value of a parameter from its word."""
     return ParameterValue(address, word, PARAMETERS.get(address))
 
 
 def monitor(address: int, word: int) -> ParameterValue:
-    """Return a monitor that was read."""
+    """Return the value of a monitor from its word."""
     return ParameterValue(address, word, MONITORS.get(address))
 
 
 def word_of(address: int, value: float, *, raw: bool) -> int:
-    """Return the word that a parameter is to be written as.
+    """Return the word to write to a parameter.
 
     Args:
-        address: of the parameter.
-        value: in its unit.
-        raw: the value is the word itself.
+        address: Address of the parameter.
+        value: The value in its unit.
+        raw: The value is the word itself.
 
     Raises:
-        InvalidValue: it cannot be written, or the address is unknown, so that there are words only.
+        InvalidValue: If the value cannot be written, or if the address is unknown and ``raw`` is False.
     """
     address = checked("address", address, 0xFFFF)
     item = PARAMETERS.get(address)
@@ -69,11 +69,11 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
     if not raw:
         raise InvalidValue(
             tr(
-                "what parameter 0x{address:04X} holds is not known. Try: raw=True, and the 32 bits as they are",
+                "the format of parameter 0x{address:04X} is unknown. Try: raw=True with the 32-bit word",
                 address=address,
             )
         )
     word = whole(value)
     if word is None:
-        raise InvalidValue(tr("a word is a whole number, not {value}", value=brief(value)))
+        raise InvalidValue(tr("a word must be a whole number, not {value}", value=brief(value)))
     return word

@@ -1,16 +1,16 @@
-"""TelABH3: the texts by which parameters and monitors of a driver are read and written.
+"""TelABH3: the text protocol for reading and writing the parameters and monitors of a driver.
 
-Over CAN a text is one multi-packet message (:mod:`orinkit.abh3.session.multipacket`). A request is a command of two letters, an
-address of four hexadecimal digits, for writing a value of eight, and a checksum of two: ``CP000095`` reads parameter 0.
-The checksum is such that the sum of all bytes, with those of the header ``FFFF`` before them, is a multiple of 256. Over
-serial lines the header is sent too, and all of it stands between STX and ETX.
+Over CAN a text is one multi-packet message (:mod:`orinkit.abh3.session.multipacket`). A request is a command of two
+letters, an address of four hexadecimal digits, a value of eight (to write), and a checksum of two: ``CP000095`` reads
+parameter 0. With the checksum, the sum of all bytes including the header ``FFFF`` in front of them is a multiple of 256.
+Over serial lines the header is sent too, and the text is enclosed in STX and ETX.
 
-What an answer looks like over CAN is documented nowhere. Over serial lines it is STX, a header of four characters, the
-status, the data, the checksum and ETX. Answers made here leave out what requests over CAN leave out: they are status,
-data, checksum. :func:`parse_reply` reads all these forms.
+The format of replies over CAN is not documented. Over serial lines a reply is STX, a header of four characters, the
+status, the data, the checksum and ETX. Replies made here omit what requests over CAN omit: they are status, data,
+checksum. :func:`parse_reply` reads all these forms.
 
-Values are words of 32 bits: a PACK_FLOAT, a whole number, or flags; :data:`MONITORS` and :data:`PARAMETERS` know which.
-SYN at the end of a message only fills it up.
+Values are 32-bit words: a PACK_FLOAT, a whole number, or flags; :data:`MONITORS` and :data:`PARAMETERS` have the type.
+SYN at the end of a message is padding.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ PARAMETER: Final = "CP"
 MONITOR: Final = "CM"
 """The command that reads a monitor."""
 IDENTIFICATION: Final = "BI"
-"""The command that reads what the driver is."""
+"""The command that reads an identification of the driver."""
 IDENTIFICATIONS: Final = (0, 2, 4, 5, 8, 0xC)
-"""Numbers of identifications that drivers are asked for."""
+"""Numbers of the known identifications."""
 VERSION: Final = 2
 """Number of the identification that is the driver's version."""
 _NAMES: Final = {
@@ -50,15 +50,15 @@ OFF: Final = 0x0000
 ON: Final = 0x8000
 """Value of a switched parameter that is on."""
 ACK: Final = 0x06
-"""Status of an answer made here: carried out. Any status but NAK means that."""
+"""Status of the replies made here: executed. Any status except NAK has this meaning."""
 NAK: Final = 0x15
-"""Status of an answer: refused."""
+"""Status of a reply: refused."""
 
 _HEADER: Final = b"FFFF"
 _STX: Final = b"\x02"
 _ETX: Final = b"\x03"
 _SYN: Final = b"\x16"
-_BLANK: Final = 0x20  # what is less is a status, not a character of a header
+_BLANK: Final = 0x20  # a lower byte is a status, not a header character
 _WORDS: Final = range(1 << 32)
 _ADDRESSES: Final = range(1 << 16)
 _REQUEST: Final = re.compile(rb"([ -~]{4})?(CP|CM|BI)([0-9A-Fa-f]{4})([0-9A-Fa-f]{8})?([0-9A-Fa-f]{2})")
@@ -71,12 +71,12 @@ _PRINTABLE: Final = re.compile(r"[ -~]*")
 
 
 class TelRequest(NamedTuple):
-    """What a host asks for.
+    """A request of a host.
 
     Attributes:
         command: ``"CP"``, ``"CM"`` or ``"BI"``.
         address: 0 to 0xFFFF.
-        value: word that is to be written; ``None`` where something is read.
+        value: The word to write; ``None`` for reading.
     """
 
     command: str
@@ -84,7 +84,7 @@ class TelRequest(NamedTuple):
     value: int | None = None
 
     def __str__(self) -> str:
-        """For people: ``parameter 0x4102``, ``parameter 0x4102 = 0x00000001``."""
+        """Return a readable text: ``parameter 0x4102``, ``parameter 0x4102 = 0x00000001``."""
         name = tr(_NAMES[self.command])
         return f"{name} 0x{self.address:04X}" + ("" if self.value is None else f" = 0x{self.value:08X}")
 
@@ -95,7 +95,7 @@ class TelRequest(NamedTuple):
 
 
 def checksum(data: bytes) -> bytes:
-    """Return the two digits that follow these bytes; of texts over CAN the header ``FFFF`` counts too."""
+    """Return the two checksum digits for these bytes; texts over CAN have to be passed with the header ``FFFF``."""
     return b"%02X" % (-sum(data) & 0xFF)
 
 
@@ -103,7 +103,7 @@ def read_parameter(address: int) -> bytes:
     """Return the request that reads a parameter.
 
     Raises:
-        InvalidValue: the address has more than 16 bits.
+        InvalidValue: If the address has more than 16 bits.
     """
     return bytes(TelRequest(PARAMETER, _in(_ADDRESSES, address)))
 
@@ -112,7 +112,7 @@ def write_parameter(address: int, word: int) -> bytes:
     """Return the request that writes a parameter.
 
     Raises:
-        InvalidValue: the address has more than 16 bits, or the word more than 32.
+        InvalidValue: If the address has more than 16 bits, or the word more than 32.
     """
     return bytes(TelRequest(PARAMETER, _in(_ADDRESSES, address), _in(_WORDS, word)))
 
@@ -121,7 +121,7 @@ def read_monitor(address: int) -> bytes:
     """Return the request that reads a monitor.
 
     Raises:
-        InvalidValue: the address has more than 16 bits.
+        InvalidValue: If the address has more than 16 bits.
     """
     return bytes(TelRequest(MONITOR, _in(_ADDRESSES, address)))
 
@@ -130,18 +130,18 @@ def read_identification(number: int) -> bytes:
     """Return the request that reads an identification, for example :data:`VERSION`.
 
     Raises:
-        InvalidValue: the number has more than 16 bits.
+        InvalidValue: If the number has more than 16 bits.
     """
     return bytes(TelRequest(IDENTIFICATION, _in(_ADDRESSES, number)))
 
 
 def parse_request(message: bytes) -> TelRequest:
-    """Return what a message asks for, in the form of CAN or that of serial lines.
+    """Parse a request, in the form of CAN or that of serial lines.
 
     Raises:
-        ProtocolError: it is no request, or its checksum is wrong.
+        ProtocolError: If it is not a request, or its checksum is wrong.
     """
-    body, _ = _unframed(message)
+    body, _ = _strip_framing(message)
     found = _REQUEST.fullmatch(body)
     if found is None or (found[4] and found[2] != PARAMETER.encode()):
         raise _unreadable(message)
@@ -149,16 +149,16 @@ def parse_request(message: bytes) -> TelRequest:
     return TelRequest(found[2].decode(), int(found[3], 16), int(found[4], 16) if found[4] else None)
 
 
-# --- answers ----------------------------------------------------------------------------------------------------------
+# --- replies ----------------------------------------------------------------------------------------------------------
 
 
 class TelReply(NamedTuple):
-    """What a driver answers.
+    """A reply of a driver.
 
     Attributes:
-        refused: the driver did not do what it was asked for.
-        data: text of an identification, or the digits of a value; nothing where a parameter was written.
-        asked: what it was asked for, for people.
+        refused: True if the driver refused the request.
+        data: Text of an identification, or the digits of a value; empty if a parameter was written.
+        asked: Description of the request, for messages.
     """
 
     refused: bool
@@ -169,15 +169,15 @@ class TelReply(NamedTuple):
         """Return the data.
 
         Raises:
-            DriverRefused: the driver has refused the request.
+            DriverRefused: If the driver refused the request.
         """
         if self.refused:
             code = f" ({self.data})" if self.data else ""
             asked = f"{self.asked}: " if self.asked else ""
             raise DriverRefused(
                 tr(
-                    "{asked}the driver refuses it{code}. Try: is there such an address, may it be written, "
-                    "is the value in its range?",
+                    "{asked}the driver refused the request{code}. Try: check that the address exists, can be written, "
+                    "and allows the value",
                     asked=asked,
                     code=code,
                 )
@@ -186,11 +186,11 @@ class TelReply(NamedTuple):
 
     @property
     def word(self) -> int:
-        """The value that was read, a word of 32 bits.
+        """The value that was read, a 32-bit word.
 
         Raises:
-            DriverRefused: the driver has refused the request.
-            ProtocolError: the data is no value.
+            DriverRefused: If the driver refused the request.
+            ProtocolError: If the data is not a value.
         """
         digits = self.confirmed()[-8:]
         if _HEX_WORD.fullmatch(digits) is None:
@@ -199,39 +199,39 @@ class TelReply(NamedTuple):
 
 
 def reply(value: int | str = "") -> bytes:
-    """Return the answer to a request that was carried out.
+    """Return the reply to an executed request.
 
     Args:
-        value: the word that was read, the text of an identification, or nothing where a parameter was written.
+        value: The word that was read, the text of an identification, or nothing if a parameter was written.
 
     Raises:
-        InvalidValue: the word has more than 32 bits; or the text has other characters than printable ASCII.
+        InvalidValue: If the word has more than 32 bits, or the text is not printable ASCII.
     """
     text = value if isinstance(value, str) else f"{_in(_WORDS, value):08X}"
     if _PRINTABLE.fullmatch(text) is None:
-        raise InvalidValue(tr("a text of printable ASCII is needed: {text}", text=brief(text)))
-    return _answer(ACK, text)
+        raise InvalidValue(tr("the text is not printable ASCII: {text}", text=brief(text)))
+    return _build_reply(ACK, text)
 
 
 def refusal() -> bytes:
-    """Return the answer to a request that was not carried out."""
-    return _answer(NAK, "")
+    """Return the reply to a refused request."""
+    return _build_reply(NAK, "")
 
 
 def parse_reply(message: bytes, asked: str = "") -> TelReply:
-    """Return what a driver answers.
+    """Parse the reply of a driver.
+
+    The form is a status, data and a checksum, with or without a header of four characters in front, with or without STX and
+    ETX around it. The checksum may include the header ``FFFF`` even if it is omitted.
 
     Args:
-        message: its answer.
-        asked: what it was asked for, for people.
-
-    Read are a status, data and a checksum, with or without a header of four characters before them, with or without
-    STX and ETX around them; the header ``FFFF`` may count in the checksum even where it is not there.
+        message: The reply.
+        asked: Description of the request, for messages.
 
     Raises:
-        ProtocolError: it is no answer, or its checksum is wrong.
+        ProtocolError: If it is not a reply, or its checksum is wrong.
     """
-    body, framed = _unframed(message)
+    body, framed = _strip_framing(message)
     _check(message, body, _HEADER + body)
     text = body[:-2]
     header = 4 if text and _has_header(text, framed) else 0
@@ -244,20 +244,20 @@ def _has_header(text: bytes, framed: bool) -> bool:
     return text[0] >= _BLANK and (framed or text.startswith(_HEADER) or (len(text) > 4 and text[4] < _BLANK))
 
 
-def _answer(status: int, text: str) -> bytes:
+def _build_reply(status: int, text: str) -> bytes:
     body = bytes((status,)) + text.encode("ascii")
     return body + checksum(_HEADER + body)
 
 
-def _unframed(message: bytes) -> tuple[bytes, bool]:
-    """Return a text without what stands around it, and whether STX did."""
+def _strip_framing(message: bytes) -> tuple[bytes, bool]:
+    """Return a text without its framing and padding, and True if it began with STX."""
     body = bytes(message).rstrip(_SYN)
     framed = body.startswith(_STX)
     return (body[1:] if framed else body).partition(_ETX)[0], framed
 
 
 def _check(message: bytes, *counted: bytes) -> None:
-    """Check the two digits at the end: one of the bytes with them has to have a sum of 0."""
+    """Check the two checksum digits at the end; at least one of the given texts must have the sum 0."""
     for text in counted:
         if _HEX_BYTE.fullmatch(text[-2:]) and (sum(text[:-2]) + int(text[-2:], 16)) & 0xFF == 0:
             return
@@ -265,7 +265,7 @@ def _check(message: bytes, *counted: bytes) -> None:
 
 
 def _unreadable(message: bytes) -> ProtocolError:
-    return ProtocolError(tr("no TelABH3 text that can be read: {message!r:.80}", message=bytes(message)))
+    return ProtocolError(tr("not a valid TelABH3 text: {message!r:.80}", message=bytes(message)))
 
 
 def _in(allowed: range, number: object) -> int:
@@ -274,7 +274,7 @@ def _in(allowed: range, number: object) -> int:
         return found
     raise InvalidValue(
         tr(
-            "a whole number of 0 to 0x{highest:X} is needed, not {number}",
+            "the number must be a whole number of 0 to 0x{highest:X}, not {number}",
             highest=allowed.stop - 1,
             number=brief(number),
         )
@@ -288,11 +288,11 @@ class TelItem(NamedTuple):
     """A monitor or a parameter.
 
     Attributes:
-        address: see :func:`read_monitor`, :func:`read_parameter`.
-        kind: ``"pack"``, a PACK_FLOAT; ``"int"``, a whole number with a sign; ``"bits"``, flags.
-        title: what it is, in English, with placeholders.
-        unit: of the value; of switches the two words that they know.
-        values: those of the placeholders.
+        address: The address for :func:`read_monitor` or :func:`read_parameter`.
+        kind: ``"pack"`` for a PACK_FLOAT, ``"int"`` for a signed whole number, ``"bits"`` for flags.
+        title: The name, in English, with placeholders.
+        unit: Unit of the value; for switches, the two valid words.
+        values: Values of the placeholders.
     """
 
     address: int
@@ -303,19 +303,19 @@ class TelItem(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What it is, in the language in force."""
+        """The name, in the current language."""
         return tr(self.title, **dict(self.values))
 
     @property
     def english(self) -> str:
-        """What it is, in English."""
+        """The name, in English."""
         return translate("en", self.title, **dict(self.values))
 
     def decode(self, word: int) -> float:
-        """Return the value of a word: a ``float`` of a PACK_FLOAT, an ``int`` of others.
+        """Return the value of a word: a ``float`` for a PACK_FLOAT, otherwise an ``int``.
 
         Raises:
-            InvalidValue: it has more than 32 bits, or is negative.
+            InvalidValue: If the word has more than 32 bits or is negative.
         """
         if self.kind == "pack":
             return packfloat.to_float(word)
@@ -326,19 +326,21 @@ class TelItem(NamedTuple):
         """Return the word of a value.
 
         Raises:
-            InvalidValue: it is no number, or no whole one where one is needed, or does not fit into 32 bits.
+            InvalidValue: If the value is not a number of the required type, or does not fit in 32 bits.
         """
         if self.kind == "pack":
             word = packfloat.from_float(value)
             if not math.isfinite(packfloat.to_float(word)):
-                raise InvalidValue(tr("{name}: {value} cannot be written", name=self.text, value=brief(value)))
+                raise InvalidValue(
+                    tr("{name}: {value} cannot be written as a PACK_FLOAT", name=self.text, value=brief(value))
+                )
             return word
         low, high = (-(1 << 31), (1 << 31) - 1) if self.kind == "int" else (0, (1 << 32) - 1)
         number = whole(value)
         if number is None or not low <= number <= high:
             raise InvalidValue(
                 tr(
-                    "{name}: a whole number of {low} to {high} is needed, not {value}",
+                    "{name} must be a whole number of {low} to {high}, not {value}",
                     name=self.text,
                     low=low,
                     high=high,
@@ -371,7 +373,7 @@ def _monitors() -> Iterator[TelItem]:
     yield TelItem(0x1064, "int", N_("B pulse count"), "pulse")
 
 
-_OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # first of A/Y, how much further is B/X
+_OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # first address of A/Y, offset of B/X
     (0x5000, 0x08, "pack", N_("{axis} velocity #{number}"), "min^-1"),
     (0x5010, 0x08, "pack", N_("{axis} current #{number}"), "%"),
     (0x5020, 0x60, "pack", N_("{axis} acceleration time #{number}"), "s"),
@@ -414,8 +416,8 @@ def _parameters() -> Iterator[TelItem]:
         TelItem(0x4110 + n, "int", N_("broadcast reception {number}"), "", (("number", n + 1),)) for n in range(4)
     )
     for axis, name in enumerate(("A/Y", "B/X")):
-        for first, further, kind, title, unit in _OF_A_SET:
-            base = first + axis * further
+        for first, offset, kind, title, unit in _OF_A_SET:
+            base = first + axis * offset
             yield from (TelItem(base + n, kind, title, unit, (("axis", name), ("number", n))) for n in _SETS)
         for first, title in _SWITCHES:
             yield TelItem(first + axis * 0x20, "int", title, _SWITCH, (("axis", name),))
@@ -428,6 +430,6 @@ def _table(items: Iterator[TelItem]) -> Mapping[int, TelItem]:
 
 
 MONITORS: Final = _table(_monitors())
-"""Monitors by their addresses, as far as they are known."""
+"""The known monitors, by address."""
 PARAMETERS: Final = _table(_parameters())
-"""Parameters by their addresses, as far as they are known."""
+"""The known parameters, by address."""
