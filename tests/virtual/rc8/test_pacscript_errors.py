@@ -11,49 +11,49 @@ from support.pacscript_world import FakeWorld, body, run
 
 LONG_LINE = "I1 = 1 ' " + "x" * 1020
 
-# lines of Sub Main from line 2 on; line and column of the error; its text
+# lines of Sub Main, from line 2; line and column of the error; its message
 WRONG = [
-    (["I1 ="], 2, 5, "the line ends too early"),
-    (["I1 = (1"], 2, 8, 'the line ends too early; perhaps ")" is missing'),
-    (["If I1 = 1", "End If"], 2, 10, 'the line ends too early; perhaps "Then" is missing'),
-    (["For I1 = 1"], 2, 11, 'the line ends too early; perhaps "To" is missing'),
-    (["I1 = 1 2"], 2, 8, "2 cannot stand here"),
+    (["I1 ="], 2, 5, "unexpected end of line"),
+    (["I1 = (1"], 2, 8, 'unexpected end of line; ")" may be missing'),
+    (["If I1 = 1", "End If"], 2, 10, 'unexpected end of line; "Then" may be missing'),
+    (["For I1 = 1"], 2, 11, 'unexpected end of line; "To" may be missing'),
+    (["I1 = 1 2"], 2, 8, "unexpected 2"),
     (["I1 = 5x"], 2, 6, "5x is not a number"),
     (["I1 = 1e999"], 2, 6, "1e999 is too large"),
     (["I1 = &H100000000"], 2, 6, "&H100000000 is too large"),
-    (['S1 = "abc'], 2, 6, "the text has no closing quotation mark"),
-    (["I1 = 1 ; 2"], 2, 8, "; cannot be used here"),
-    (["I1 = \x07"], 2, 6, "U+0007 cannot be used here"),
+    (['S1 = "abc'], 2, 6, "the string has no closing quotation mark"),
+    (["I1 = 1 ; 2"], 2, 8, "unexpected character ;"),
+    (["I1 = \x07"], 2, 6, "unexpected character U+0007"),
     (["a = 1"], 2, 1, "a is not declared"),
     (["I1 = 1 + nothing"], 2, 10, "nothing is not declared"),
-    (["I1 = nothing(1)"], 2, 6, "there is no array or Function nothing"),
-    (["Nothing 1"], 2, 1, "there is no command, Sub or Function Nothing"),
-    (["Nothing[1] = 1"], 2, 1, "Nothing[ ] is no global variable; the elements of an array are Nothing( )"),
+    (["I1 = nothing(1)"], 2, 6, "unknown array or Function nothing"),
+    (["Nothing 1"], 2, 1, "unknown command, Sub or Function Nothing"),
+    (["Nothing[1] = 1"], 2, 1, "Nothing[ ] is not a global variable. Try: Nothing( ) for an element of an array"),
     (["Dim a As Integer", "Dim A As Single"], 3, 5, "A is declared twice"),
-    (["Dim a As Real"], 2, 10, "there is no type Real"),
-    (["Dim P1 As Position"], 2, 5, "P1 is the name of a global variable and cannot be declared"),
-    (["Dim Speed As Single"], 2, 5, "Speed is a word of PacScript and cannot be declared"),
-    (["Dim a(1, 1, 1, 1)"], 2, 5, "a: an array has at most 3 dimensions"),
-    (["Dim a(-1)"], 2, 7, "the highest index of an array is 0 to 99999"),
-    (["Dim a(99999), b(0)"], 2, 15, "b: the arrays of a Sub have at most 100000 elements"),
-    (["Dim a(I1)"], 2, 7, "a constant is wanted here"),
-    (["Dim a(1) As Integer = 1"], 2, 23, "an array cannot be given a value in Dim"),
-    (["Dim a(1)", "I1 = a"], 3, 6, "a is an array; an element is a(0)"),
-    (["Dim a(1)", "a = 1"], 3, 1, "a is an array; only an element can stand here"),
-    (["Dim a(1)", "a(1, 2) = 1"], 3, 1, "the number of arguments of a is 1, not 2"),
-    (["Const a = 1", "a = 2"], 3, 1, "a is a constant and cannot be changed"),
-    (["True = 1"], 2, 1, "True is a constant and cannot be changed"),
-    (['Const a As Integer = "x"'], 2, 22, "a number is wanted, not a text"),
-    (["Dim a", "a(1) = 2"], 3, 1, "a is no array"),
-    (["Dim a", "I1 = a(1)"], 3, 6, "there is no array or Function a"),
-    (['I1 = I["a"]'], 2, 8, "a number is wanted, not a text"),
-    (["Wait I1 = 1, 10, 5"], 2, 18, "a variable is wanted here"),
-    (["I[1]"], 2, 1, "a Sub is wanted here"),
-    (["Foo(1, 2), 3"], 2, 1, "a comma cannot stand here"),
-    (["Goto *1"], 2, 6, "a label needs a name behind *"),
-    (["I1 = Sin()"], 2, 6, "the number of arguments of Sin is 1, not 0"),
-    (['S1 = Mid("a")'], 2, 6, "the number of arguments of Mid is 2 to 3, not 1"),
-    (["Delay"], 2, 1, "the number of arguments of Delay is 1, not 0"),
+    (["Dim a As Real"], 2, 10, "unknown type Real"),
+    (["Dim P1 As Position"], 2, 5, "P1 cannot be declared: it is the name of a global variable"),
+    (["Dim Speed As Single"], 2, 5, "Speed cannot be declared: it is a word of PacScript"),
+    (["Dim a(1, 1, 1, 1)"], 2, 5, "a: an array may have at most 3 dimensions"),
+    (["Dim a(-1)"], 2, 7, "the highest index of an array must be 0 to 99999"),
+    (["Dim a(99999), b(0)"], 2, 15, "b: the arrays of a Sub may have at most 100000 elements in total"),
+    (["Dim a(I1)"], 2, 7, "expected a constant"),
+    (["Dim a(1) As Integer = 1"], 2, 23, "an array cannot be initialised in Dim"),
+    (["Dim a(1)", "I1 = a"], 3, 6, "a is an array. Try: an element, a(0)"),
+    (["Dim a(1)", "a = 1"], 3, 1, "a is an array; only an element can be used here"),
+    (["Dim a(1)", "a(1, 2) = 1"], 3, 1, "wrong number of arguments for a: 2, expected 1"),
+    (["Const a = 1", "a = 2"], 3, 1, "the constant a cannot be changed"),
+    (["True = 1"], 2, 1, "the constant True cannot be changed"),
+    (['Const a As Integer = "x"'], 2, 22, "expected a number, got a string"),
+    (["Dim a", "a(1) = 2"], 3, 1, "a is not an array"),
+    (["Dim a", "I1 = a(1)"], 3, 6, "unknown array or Function a"),
+    (['I1 = I["a"]'], 2, 8, "expected a number, got a string"),
+    (["Wait I1 = 1, 10, 5"], 2, 18, "expected a variable"),
+    (["I[1]"], 2, 1, "expected the name of a Sub"),
+    (["Foo(1, 2), 3"], 2, 1, "unexpected comma"),
+    (["Goto *1"], 2, 6, "* must be followed by the name of a label"),
+    (["I1 = Sin()"], 2, 6, "wrong number of arguments for Sin: 0, expected 1"),
+    (['S1 = Mid("a")'], 2, 6, "wrong number of arguments for Mid: 1, expected 2 to 3"),
+    (["Delay"], 2, 1, "wrong number of arguments for Delay: 0, expected 1"),
     (["Next"], 2, 1, "Next without For"),
     (["Loop"], 2, 1, "Loop without Do"),
     (["Wend"], 2, 1, "Wend without While"),
@@ -63,49 +63,49 @@ WRONG = [
     (["Exit For"], 2, 1, "Exit For without For"),
     (["Exit Function"], 2, 1, "Exit Function without Sub"),
     (["Return"], 2, 1, "Return without Gosub"),
-    (["Dim i, j", "For i = 0 To 1", "Next j"], 4, 1, "Next j cannot close For i of line 3"),
-    (["If I1 Then", "I1 = 0"], 4, 1, "End Sub cannot stand here: the If of line 2 has no End If"),
-    (["Do", "If I1 Then", "Loop"], 4, 1, "Loop cannot stand here: the If of line 3 has no End If"),
-    (["Do", "For I1 = 0 To 1", "Loop"], 4, 1, "Loop cannot stand here: the For of line 3 has no Next"),
-    (["Select Case I1", "Case 1"], 4, 1, "End Sub cannot stand here: the Select Case of line 2 has no End Select"),
-    (["Select Case I1", "I1 = 0", "End Select"], 3, 1, "a Case has to come first in the Select Case of line 2"),
+    (["Dim i, j", "For i = 0 To 1", "Next j"], 4, 1, "Next j does not match For i in line 3"),
+    (["If I1 Then", "I1 = 0"], 4, 1, "unexpected End Sub: the If in line 2 has no End If"),
+    (["Do", "If I1 Then", "Loop"], 4, 1, "unexpected Loop: the If in line 3 has no End If"),
+    (["Do", "For I1 = 0 To 1", "Loop"], 4, 1, "unexpected Loop: the For in line 3 has no Next"),
+    (["Select Case I1", "Case 1"], 4, 1, "unexpected End Sub: the Select Case in line 2 has no End Select"),
+    (["Select Case I1", "I1 = 0", "End Select"], 3, 1, "the Select Case in line 2 must begin with a Case"),
     (["Select Case I1", "Case Else", "Case 1", "End Select"], 4, 1,
-     "Case after the Case Else of the Select Case of line 2"),
-    (["If I1 Then", "Else", "ElseIf I2 Then", "End If"], 4, 1, "ElseIf after the Else of the If of line 2"),
-    (["Do While I1", "Loop Until I2"], 3, 1, "the condition is at the Do of line 2 already"),
-    (["Goto *nowhere"], 2, 6, "there is no label nowhere in this Sub"),
-    (["*a:", "*a:"], 3, 1, "label a is there twice"),
+     "Case after the Case Else of the Select Case in line 2"),
+    (["If I1 Then", "Else", "ElseIf I2 Then", "End If"], 4, 1, "ElseIf after the Else of the If in line 2"),
+    (["Do While I1", "Loop Until I2"], 3, 1, "the Do in line 2 already has a condition"),
+    (["Goto *nowhere"], 2, 6, "unknown label nowhere in this Sub"),
+    (["*a:", "*a:"], 3, 1, "label a is declared twice"),
     (["Goto *inside", "Do", "*inside:", "Loop"], 2, 6,
-     "label inside is inside the Do of line 3, which cannot be jumped into"),
+     "cannot jump to label inside inside the Do in line 3"),
     (["Gosub *inside", "If I1 Then", "*inside:", "End If"], 2, 7,
-     "label inside is inside the If of line 3, which cannot be jumped into"),
-    (["Move"], 2, 5, "the line ends too early"),
-    (["Move P1"], 2, 6, "Move wants P, L, C, S first"),
-    (["Move P"], 2, 1, "Move wants a pose"),
-    (["Move C, P1"], 2, 1, "Move wants a pose on the way and a target"),
-    (["Move P, @X P1"], 2, 10, "a pass mark is @0, @P, @E or @ and a radius in mm"),
-    (["Move P, P1, Force = 5"], 2, 13, "Force is no option of Move"),
-    (["Move P, Speed = 5, P1"], 2, 20, "a pose cannot stand behind an option"),
-    (["Approach C, P1, 50"], 2, 10, "Approach wants P, L first"),
-    (["Approach P, P1"], 2, 1, "Approach wants a pose and a length"),
-    (["Approach P, @P P1, 50"], 2, 14, "the pass mark of Approach belongs to the length"),
-    (["Drive 1, 10"], 2, 7, "a joint and a value are wanted: (1, 10)"),
-    (["Drive (1, 10), @P (2, 20)"], 2, 17, "a pass mark cannot stand here"),
-    (["Drive (1, 10) Ex(7, 1)"], 2, 15, "Ex and ExA cannot stand here"),
-    (["Rotate (V1, V2, V3), 45"], 2, 9, "Rotate about three points is not supported here"),
-    (["Rotate XY, 45, @P V1"], 2, 1, "the pass mark of Rotate belongs to the angle"),
-    (["Rotate XX, 45"], 2, 8, "the plane of Rotate is XY, YZ, ZX, XYH, YZH, ZXH"),
-    (["Rotate XYH, 45"], 2, 1, "Rotate XYH wants a pivot"),
-    (["Rotate XY, 45, V1, Static = True"], 2, 20, "Rotate Static = is not supported here"),
-    (["Set I1"], 2, 5, "an I/O point like IO[128] is wanted, not I1"),
-    (["I1 = (1, 2)"], 2, 7, "a list in parentheses cannot stand here"),
-    (["Sub Inner", "End Sub"], 2, 1, "Sub cannot stand here: the Sub of line 1 has no End Sub"),
+     "cannot jump to label inside inside the If in line 3"),
+    (["Move"], 2, 5, "unexpected end of line"),
+    (["Move P1"], 2, 6, "the first argument of Move must be one of P, L, C, S"),
+    (["Move P"], 2, 1, "Move requires a pose"),
+    (["Move C, P1"], 2, 1, "Move requires a relay pose and a target"),
+    (["Move P, @X P1"], 2, 10, "a pass mark must be @0, @P, @E or @ with a radius in mm"),
+    (["Move P, P1, Force = 5"], 2, 13, "Force is not an option of Move"),
+    (["Move P, Speed = 5, P1"], 2, 20, "poses must come before options"),
+    (["Approach C, P1, 50"], 2, 10, "the first argument of Approach must be one of P, L"),
+    (["Approach P, P1"], 2, 1, "Approach requires a pose and a length"),
+    (["Approach P, @P P1, 50"], 2, 14, "the pass mark of Approach must precede the length"),
+    (["Drive 1, 10"], 2, 7, "expected a joint and a value, for example (1, 10)"),
+    (["Drive (1, 10), @P (2, 20)"], 2, 17, "a pass mark is not allowed here"),
+    (["Drive (1, 10) Ex(7, 1)"], 2, 15, "Ex and ExA are not allowed here"),
+    (["Rotate (V1, V2, V3), 45"], 2, 9, "Rotate about three points is not supported"),
+    (["Rotate XY, 45, @P V1"], 2, 1, "the pass mark of Rotate must precede the angle"),
+    (["Rotate XX, 45"], 2, 8, "the plane of Rotate must be one of XY, YZ, ZX, XYH, YZH, ZXH"),
+    (["Rotate XYH, 45"], 2, 1, "Rotate XYH requires a pivot"),
+    (["Rotate XY, 45, V1, Static = True"], 2, 20, "Rotate Static = is not supported"),
+    (["Set I1"], 2, 5, "expected an I/O point, for example IO[128], not I1"),
+    (["I1 = (1, 2)"], 2, 7, "a list in parentheses is not allowed here"),
+    (["Sub Inner", "End Sub"], 2, 1, "unexpected Sub: the Sub in line 1 has no End Sub"),
     ([LONG_LINE], 2, 1, "the line has more than 1024 bytes"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("lines", "line", "column", "message"), WRONG, ids=[row[3][:40] for row in WRONG])
-def test_a_wrong_program_is_refused_with_its_place(lines, line, column, message):
+def test_a_compile_error_has_its_position(lines, line, column, message):
     with pytest.raises(PacScriptError) as caught:
         compile_program(body(*lines), "Pro1.pcs")
     error = caught.value
@@ -118,24 +118,24 @@ def test_a_wrong_program_is_refused_with_its_place(lines, line, column, message)
 @pytest.mark.parametrize(
     ("source", "line", "column", "message"),
     [
-        ("", 1, 1, "there is no Sub Main"),
-        ("Function Main\nEnd Function\n", 1, 1, "there is no Sub Main"),
-        ("Sub Main(a)\nEnd Sub\n", 1, 5, "Sub Main has no parameters"),
+        ("", 1, 1, "the program has no Sub Main"),
+        ("Function Main\nEnd Function\n", 1, 1, "the program has no Sub Main"),
+        ("Sub Main(a)\nEnd Sub\n", 1, 5, "Sub Main cannot have parameters"),
         ("Sub Main\nI1 = 1\n", 1, 1, "Sub has no End Sub"),
-        ("Sub Main\nEnd Function\n", 2, 1, "End Function cannot stand here: the Sub of line 1 has no End Sub"),
-        ("I1 = 1\nSub Main\nEnd Sub\n", 1, 1, "this has to be in a Sub"),
+        ("Sub Main\nEnd Function\n", 2, 1, "unexpected End Function: the Sub in line 1 has no End Sub"),
+        ("I1 = 1\nSub Main\nEnd Sub\n", 1, 1, "a statement must be in a Sub or Function"),
         ("Sub Main\nEnd Sub\nSub main\nEnd Sub\n", 3, 5, "main is declared twice"),
         ("Const c = 1\nSub Main\nDim c\nEnd Sub\n", 3, 5, "c is declared twice"),
-        ("Sub Main\nfoo 1\nEnd Sub\nSub Foo(a, b)\nEnd Sub\n", 2, 1, "the number of arguments of Foo is 2, not 1"),
-        ("Sub Main\nI1 = foo(1)\nEnd Sub\nSub Foo(a)\nEnd Sub\n", 2, 6, "foo is a Sub and has no value"),
+        ("Sub Main\nfoo 1\nEnd Sub\nSub Foo(a, b)\nEnd Sub\n", 2, 1, "wrong number of arguments for Foo: 1, expected 2"),
+        ("Sub Main\nI1 = foo(1)\nEnd Sub\nSub Foo(a)\nEnd Sub\n", 2, 6, "foo is a Sub and returns no value"),
         ("Sub Main\nWait foo(1) > 1\nEnd Sub\nFunction Foo(a)\nEnd Function\n", 2, 6,
-         "Foo cannot be called in a condition that is waited for"),
+         "Foo cannot be called in the condition of Wait"),
         ("Sub Main\nDim s As Single\nfoo s\nEnd Sub\nSub Foo(ByRef a As Integer)\nEnd Sub\n", 3, 5,
-         "a of Foo is ByRef and takes a variable of type Integer"),
-        ("Sub Main\nFork Other\nEnd Sub\n", 2, 1, "Fork is not supported here"),
+         "parameter a of Foo is ByRef and requires a variable of type Integer"),
+        ("Sub Main\nFork Other\nEnd Sub\n", 2, 1, "Fork is not supported"),
     ],
 )  # fmt: skip
-def test_a_wrong_file_is_refused_with_its_place(source, line, column, message):
+def test_an_error_of_the_whole_file_has_its_position(source, line, column, message):
     with pytest.raises(PacScriptError) as caught:
         compile_program(source, "f")
     assert (caught.value.message, caught.value.line, caught.value.column) == (message, line, column)
@@ -170,10 +170,10 @@ def test_a_wrong_file_is_refused_with_its_place(source, line, column, message):
         ("Call Run(1)", "Run"),
     ],
 )
-def test_what_is_not_supported_is_refused_by_name(line, word):
+def test_unsupported_words_are_rejected_by_name(line, word):
     with pytest.raises(PacScriptError) as caught:
         compile_program(body(line), "f")
-    assert caught.value.message == f"{word} is not supported here"
+    assert caught.value.message == f"{word} is not supported"
     assert caught.value.line == 2
 
 
@@ -184,12 +184,12 @@ def test_errors_are_in_japanese_too():
     assert caught.value.message == "OnErr には対応していません"
 
 
-def test_a_program_that_is_too_long_is_refused():
+def test_a_program_that_is_too_long_is_rejected():
     with pytest.raises(PacScriptError, match="more than 262144 characters"):
         compile_program("\n" * 262_145, "f")
 
 
-# --- while it runs ----------------------------------------------------------------------------------------------------
+# --- run-time errors --------------------------------------------------------------------------------------------------
 
 OUT_OF_RANGE = hresult.VALUE_OUT_OF_RANGE
 MISMATCH = hresult.VARIABLE_CHANGE_FAILED
@@ -205,40 +205,40 @@ FAULTS = [
     (["I1 = 3e9"], 2, OUT_OF_RANGE, "the number is too large for its type"),
     (["F1 = 1e39"], 2, OUT_OF_RANGE, "the number is too large for its type"),
     (["D1 = 1e308 * 10"], 2, OUT_OF_RANGE, "the number is too large for its type"),
-    (["D1 = 10 ^ 1000"], 2, OUT_OF_RANGE, "10 ^ 1000 has no value"),
-    (["D1 = (-1) ^ 0.5"], 2, OUT_OF_RANGE, "-1 ^ 0.5 has no value"),
-    (["D1 = Sqr(-1)"], 2, OUT_OF_RANGE, "not defined for -1"),
-    (["I1 = 1 << 32"], 2, OUT_OF_RANGE, "bits cannot be moved by 32"),
-    (['I1 = "a"'], 2, MISMATCH, "a number is wanted, not a text"),
-    (["S1 = 1"], 2, MISMATCH, "a text is wanted, not a number"),
-    (["P1 = J1"], 2, MISMATCH, "P is wanted, not J"),
+    (["D1 = 10 ^ 1000"], 2, OUT_OF_RANGE, "10 ^ 1000 is undefined or too large"),
+    (["D1 = (-1) ^ 0.5"], 2, OUT_OF_RANGE, "-1 ^ 0.5 is undefined or too large"),
+    (["D1 = Sqr(-1)"], 2, OUT_OF_RANGE, "undefined for -1"),
+    (["I1 = 1 << 32"], 2, OUT_OF_RANGE, "the shift count 32 is not in -31 to 31"),
+    (['I1 = "a"'], 2, MISMATCH, "expected a number, got a string"),
+    (["S1 = 1"], 2, MISMATCH, "expected a string, got a number"),
+    (["P1 = J1"], 2, MISMATCH, "expected P, got J"),
     (["I1 = P1 + J1"], 2, MISMATCH, "P and J cannot be added or subtracted"),
     (["I1 = P1 * 2"], 2, MISMATCH, "P and a number cannot be multiplied"),
-    (['If I1 = "a" Then I2 = 1'], 2, MISMATCH, "a number and a text cannot be compared"),
+    (['If I1 = "a" Then I2 = 1'], 2, MISMATCH, "a number and a string cannot be compared"),
     (["If P1 < P2 Then I2 = 1"], 2, MISMATCH, "poses can only be compared with = and <>"),
-    (["If S1 Then I2 = 1"], 2, MISMATCH, "a number is wanted, not a text"),
-    (["D1 = PosX(J1)"], 2, MISMATCH, "P, T, V is wanted, not J"),
-    (["Dim a(3)", "I1 = a(4)"], 3, hresult.DISP_E_BADINDEX, "index 4 of a; there are 0..3"),
-    (["Dim a(1, 2)", "a(1, -1) = 0"], 3, hresult.DISP_E_BADINDEX, "index -1 of a; there are 0..1, 0..2"),
+    (["If S1 Then I2 = 1"], 2, MISMATCH, "expected a number, got a string"),
+    (["D1 = PosX(J1)"], 2, MISMATCH, "expected P, T, V, got J"),
+    (["Dim a(3)", "I1 = a(4)"], 3, hresult.DISP_E_BADINDEX, "index 4 of a is out of range: 0..3"),
+    (["Dim a(1, 2)", "a(1, -1) = 0"], 3, hresult.DISP_E_BADINDEX, "index -1 of a is out of range: 0..1, 0..2"),
     (["S1 = \"" + "x" * 255 + '"', 'S1 = S1 + "y"'], 3, hresult.STRING_TOO_LONG, ""),
-    (["Dim s As String", 's = "x"', "Do", "s = s & s", "Loop"], 5, hresult.STRING_TOO_LONG, "more than 4096 characters"),
-    (["Delay -1"], 2, OUT_OF_RANGE, "a time of -1 ms"),
-    (["Speed 0"], 2, OUT_OF_RANGE, "a percentage is above 0 and at most 100, not 0"),
-    (["Move P, P1, Speed = 101"], 2, OUT_OF_RANGE, "a percentage is above 0 and at most 100, not 101"),
-    (["Move P, P1, Time = 0"], 2, OUT_OF_RANGE, "a motion of 0 ms"),
-    (["Move P, V1"], 2, MISMATCH, "P, J, T is wanted, not V"),
-    (["Move P, P1 Ex((6, 1))"], 2, OUT_OF_RANGE, "joint 6 is no extra joint, 7 or 8"),
-    (["Drive (9, 1)"], 2, OUT_OF_RANGE, "joint 9; there are 1 to 8"),
-    (["I1 = Joint(0, J1)"], 2, OUT_OF_RANGE, "joint 0; there are 1 to 8"),
-    (['S1 = Mid("abc", 0)'], 2, OUT_OF_RANGE, "position 0; the first is 1"),
-    (["Move P, @(I1 - 1) P1"], 2, OUT_OF_RANGE, "a pass mark of -1 mm"),
-    (["Rotate XY, 45, V1, Pose = 3"], 2, OUT_OF_RANGE, "Pose = 3; it is 1 or 2"),
-    (['S1 = Left("a", -1)'], 2, OUT_OF_RANGE, "-1 characters"),
-    (["S1 = Chr(256)"], 2, OUT_OF_RANGE, "256 is no character"),
-    (['I1 = Asc("")'], 2, OUT_OF_RANGE, "the text is empty"),
-    (['I1 = Asc("\U0001f600")'], 2, OUT_OF_RANGE, "the character has no code"),
+    (["Dim s As String", 's = "x"', "Do", "s = s & s", "Loop"], 5, hresult.STRING_TOO_LONG, "the string has more than 4096 characters"),
+    (["Delay -1"], 2, OUT_OF_RANGE, "the time is negative: -1 ms"),
+    (["Speed 0"], 2, OUT_OF_RANGE, "a percentage must be above 0 and at most 100, not 0"),
+    (["Move P, P1, Speed = 101"], 2, OUT_OF_RANGE, "a percentage must be above 0 and at most 100, not 101"),
+    (["Move P, P1, Time = 0"], 2, OUT_OF_RANGE, "invalid duration of a motion: 0 ms"),
+    (["Move P, V1"], 2, MISMATCH, "expected P, J, T, got V"),
+    (["Move P, P1 Ex((6, 1))"], 2, OUT_OF_RANGE, "joint 6 is not an extended joint (7 or 8)"),
+    (["Drive (9, 1)"], 2, OUT_OF_RANGE, "joint 9 is not in 1 to 8"),
+    (["I1 = Joint(0, J1)"], 2, OUT_OF_RANGE, "joint 0 is not in 1 to 8"),
+    (['S1 = Mid("abc", 0)'], 2, OUT_OF_RANGE, "position 0 is less than 1"),
+    (["Move P, @(I1 - 1) P1"], 2, OUT_OF_RANGE, "the radius of a pass mark is negative: -1 mm"),
+    (["Rotate XY, 45, V1, Pose = 3"], 2, OUT_OF_RANGE, "Pose must be 1 or 2, not 3"),
+    (['S1 = Left("a", -1)'], 2, OUT_OF_RANGE, "the number of characters is negative: -1"),
+    (["S1 = Chr(256)"], 2, OUT_OF_RANGE, "256 is not a character code"),
+    (['I1 = Asc("")'], 2, OUT_OF_RANGE, "the string is empty"),
+    (['I1 = Asc("\U0001f600")'], 2, OUT_OF_RANGE, "the character has no code in Shift_JIS"),
     (["I1 = -2147483647", "I1 = I1 - 2"], 3, OUT_OF_RANGE, "the number is too large for its type"),
-    (["*a:", "Gosub *a", "Return"], 3, OUT_OF_RANGE, "Gosub deeper than 64"),
+    (["*a:", "Gosub *a", "Return"], 3, OUT_OF_RANGE, "Gosub is nested more than 64 deep"),
     (["Goto *b", "*a:", "Gosub *b", "*b:", "Return"], 6, OUT_OF_RANGE, "Return without Gosub"),
 ]  # fmt: skip
 
@@ -259,10 +259,10 @@ def test_recursion_is_bounded():
     machine = run("Sub Main\nI1 = deep(0)\nEnd Sub\nFunction deep(ByVal n)\nI2 = n\ndeep = deep(n + 1)\nEnd Function\n")
     assert machine.fault is not None
     assert (machine.fault.code, machine.fault.line) == (OUT_OF_RANGE, 6)
-    assert machine.fault.detail == "calls nested deeper than 64"
+    assert machine.fault.detail == "calls are nested more than 64 deep"
 
 
-def test_the_arrays_of_all_that_runs_are_bounded():
+def test_the_arrays_of_all_active_calls_are_bounded():
     machine = run("Sub Main\ndeep\nEnd Sub\nSub deep\nDim a(29999)\ndeep\nEnd Sub\n")
     assert machine.fault is not None
     assert (machine.fault.code, machine.fault.line) == (hresult.E_OUTOFMEMORY, 6)
@@ -279,13 +279,13 @@ def test_the_arrays_of_all_that_runs_are_bounded():
         ("Wait CurFig = 1", "current"),
     ],
 )
-def test_what_the_controller_refuses_is_a_fault_with_its_code(line, method):
+def test_an_error_of_the_controller_is_a_fault_with_its_code(line, method):
     machine = run(body("I1 = 1", line, "I1 = 2"), FakeWorld(refuses={method: hresult.ARM_NOT_TAKEN}))
     assert machine.fault is not None
     assert (machine.fault.code, machine.fault.line) == (hresult.ARM_NOT_TAKEN, 3)
 
 
-def test_a_pose_that_is_no_number_is_a_fault():
+def test_a_pose_with_nan_is_a_fault():
     world = FakeWorld()
     world.values["P", 1] = (float("nan"), *(0.0,) * 6)
     machine = run(body("Move P, P1"), world)
@@ -312,6 +312,6 @@ def test_both_errors_can_be_pickled():
     assert (fault.code, fault.file, fault.line, fault.detail) == (0x83500002, "f", 4, "d")
 
 
-def test_a_fault_tells_what_and_where():
+def test_a_fault_as_a_string():
     fault = ProgramFault(0x83500002, "Pro1.pcs", 4, "division by zero")
     assert str(fault) == "Pro1.pcs:4: 0x83500002 VALUE_OUT_OF_RANGE: Value out of range [division by zero]"

@@ -55,7 +55,7 @@ def test_places_count_from_one():
     assert second.at == (2, 12)
 
 
-def test_a_place_behind_a_continued_line_is_of_its_own_line():
+def test_a_position_after_a_line_continuation_is_that_of_the_physical_line():
     (statement,) = parse("I1 = _\n   I2\n", "f")
     assert isinstance(statement, tree.Assign)
     assert statement.value.at == (2, 4)
@@ -128,7 +128,7 @@ def test_the_arguments_of_a_call_are_the_same_in_every_form():
         ("Pi", "3.141592653589793"),
     ],
 )
-def test_operators_bind_as_documented(expression, shown):
+def test_operators_have_the_documented_precedence(expression, shown):
     assert after("Dim v As Variant", f"v = {expression}", "PrintDbg v").shown == [("dbg", shown, "")]
 
 
@@ -140,7 +140,7 @@ def test_names_may_be_japanese():
     assert after("Dim 個数 As Integer", "個数 = 3", "I1 = 個数").values == {("I", 1): 3}
 
 
-def test_a_program_names_its_subs_and_the_lines_that_can_be_stepped_to():
+def test_a_program_lists_its_subs_and_the_lines_of_its_statements():
     source = "Sub Main\n  Dim a As Integer\n  ' nothing\n  a = 1\n\n  Work1\nEnd Sub\nSub Work1\nEnd Sub\n"
     program = compile_program(source, "dir\\Pro1.pcs")
     assert program.file == "dir\\Pro1.pcs"
@@ -155,7 +155,7 @@ def test_the_samples_load():
         assert not source.splitlines()[0].isascii()
 
 
-# --- whatever the text is ---------------------------------------------------------------------------------------------
+# --- arbitrary input --------------------------------------------------------------------------------------------------
 
 _WORDS = st.sampled_from(
     [
@@ -169,16 +169,16 @@ _MUTATIONS = st.lists(
 )
 
 
-def loads_or_is_refused(source: str) -> None:
-    refusal = None
+def loads_or_is_rejected(source: str) -> None:
+    rejection = None
     try:
         program = compile_program(source, "f")
     except PacScriptError as error:
-        refusal = error
-    if refusal is not None:
-        assert refusal.line >= 1
-        assert refusal.column >= 1
-        assert refusal.message
+        rejection = error
+    if rejection is not None:
+        assert rejection.line >= 1
+        assert rejection.column >= 1
+        assert rejection.message
         return
     machine = Machine(program, FakeWorld())
     for _ in range(10):
@@ -188,22 +188,22 @@ def loads_or_is_refused(source: str) -> None:
 
 
 @given(st.text())
-def test_any_text_loads_or_is_refused(source):
-    loads_or_is_refused(source)
+def test_any_text_loads_or_is_rejected(source):
+    loads_or_is_rejected(source)
 
 
 @given(st.lists(_WORDS, max_size=40).map(" ".join))
-def test_any_words_load_or_are_refused(source):
-    loads_or_is_refused(source)
-    loads_or_is_refused(body("Dim x As Integer", source))
+def test_any_words_load_or_are_rejected(source):
+    loads_or_is_rejected(source)
+    loads_or_is_rejected(body("Dim x As Integer", source))
 
 
 @given(st.sampled_from([*sample_programs().values()]), _MUTATIONS)
-def test_a_damaged_program_loads_or_is_refused(source, mutations):
+def test_a_damaged_program_loads_or_is_rejected(source, mutations):
     for where, length, text in mutations:
         at = int(where * len(source))
         source = source[:at] + text + source[at + length :]
-    loads_or_is_refused(source)
+    loads_or_is_rejected(source)
 
 
 @pytest.mark.parametrize(
@@ -229,9 +229,9 @@ def test_a_damaged_program_loads_or_is_refused(source, mutations):
     ],
     ids=range(17),
 )
-def test_a_hostile_text_is_answered_soon(source):
-    began = process_time()  # of this process: the machine may have other work to do
-    loads_or_is_refused(source)
+def test_hostile_input_is_processed_in_bounded_time(source):
+    began = process_time()  # CPU time: the machine may be busy with other processes
+    loads_or_is_rejected(source)
     assert process_time() - began < 20
 
 

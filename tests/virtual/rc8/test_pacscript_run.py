@@ -12,7 +12,7 @@ from support.pacscript_world import FakeWorld, after, body, run
 ZERO_P = (*(0.0,) * 6, -1.0)
 PLAIN = MotionOptions()
 
-# what Sub Main does -> what it leaves in variables
+# statements of Sub Main -> variables afterwards
 PROGRAMS = {
     "assignment": (["I1 = 3", "F[1 + 1] = 2.5", "D3 = 0.1", 'S1 = "text"'],
                    {"I1": 3, "F2": 2.5, "D3": 0.1, "S1": "text"}),
@@ -113,12 +113,12 @@ def values(world: FakeWorld) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(("lines", "expected"), PROGRAMS.values(), ids=PROGRAMS)
-def test_what_a_program_leaves(lines, expected):
+def test_variables_after_a_program(lines, expected):
     assert values(after(*lines)) == expected
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_slices_of_any_size_give_the_same(name):
+def test_the_result_does_not_depend_on_the_size_of_slices(name):
     source = body(*PROGRAMS[name][0], "Move P, P1, P2", "Delay 20", "Wait IO[5] = On, 50")
     whole, pieces = FakeWorld(), FakeWorld()
     assert run(source, whole).state is MachineState.DONE
@@ -148,19 +148,19 @@ def test_a_parameter_by_reference_changes_the_callers_variable():
     assert subs(lines, "Sub Bump(x As Integer)", "x = x + 10", "End Sub") == {"I1": 11, "I2": 10, "I3": 10, "I4": 10}
 
 
-def test_a_reference_is_handed_on():
+def test_a_reference_is_passed_on():
     assert subs(["Outer I1"], "Sub Outer(a As Integer)", "Inner a", "a = a * 2", "End Sub",
                 "Sub Inner(ByRef b As Integer)", "b = 4", "End Sub") == {"I1": 8}  # fmt: skip
 
 
-def test_a_parameter_by_value_does_not():
+def test_a_parameter_by_value_does_not_change_the_callers_variable():
     assert subs(["I1 = 1", "Bump I1"], "Sub Bump(ByVal x As Integer)", "x = x + 10", "I2 = x", "End Sub") == {
         "I1": 1,
         "I2": 11,
     }
 
 
-def test_a_variable_of_another_type_is_handed_over_by_value():
+def test_a_variable_of_another_type_is_passed_by_value():
     lines = ["Dim a As Single", "a = 1.6", "Bump a", "F1 = a"]
     assert subs(lines, "Sub Bump(x As Integer)", "I1 = x", "x = 9", "End Sub") == {"I1": 2, "F1": 1.600000023841858}
 
@@ -200,7 +200,7 @@ def test_a_function_that_waits_in_an_expression():
     assert world.seconds >= 0.04
 
 
-def test_constants_outside_of_a_sub_are_for_all():
+def test_constants_outside_of_subs_are_global():
     source = "Sub Main\nI1 = LIMIT\nOther\nEnd Sub\nConst LIMIT = 5\nSub Other\nI2 = LIMIT * 2\nEnd Sub\n"
     world = FakeWorld()
     run(source, world)
@@ -262,7 +262,7 @@ MOTIONS = {
 
 
 @pytest.mark.parametrize(("line", "call"), MOTIONS.items(), ids=MOTIONS)
-def test_what_the_controller_is_asked_for(line, call):
+def test_commands_call_the_host_interface(line, call):
     assert after(line).log == [call]
 
 
@@ -286,7 +286,7 @@ def test_next_does_not_wait():
     assert values(world) == {"I1": 1}
 
 
-def test_delay_takes_its_time():
+def test_delay_waits_for_its_time():
     world = FakeWorld()
     machine = Machine(compile_program(body("Delay 100", "I1 = 1"), "f"), world)
     machine.run(10)
@@ -298,13 +298,13 @@ def test_delay_takes_its_time():
     assert machine.state is MachineState.DONE
 
 
-def test_a_delay_of_nothing_does_not_wait():
+def test_a_delay_of_zero_does_not_wait():
     machine = Machine(compile_program(body("Delay 0", "I1 = 1"), "f"), FakeWorld())
     assert machine.run(10) == 3
     assert machine.state is MachineState.DONE
 
 
-def test_wait_until_an_input_comes():
+def test_wait_until_an_input_is_on():
     world = FakeWorld()
     machine = Machine(compile_program(body("Wait IO[5] = On, 1000, I1"), "f"), world)
     machine.run(10)
@@ -315,7 +315,7 @@ def test_wait_until_an_input_comes():
     assert values(world) == {"I1": -1}
 
 
-def test_wait_until_the_time_is_up():
+def test_wait_until_the_timeout():
     world = FakeWorld()
     machine = Machine(compile_program(body("I1 = 7", "Wait IO[5] = On, 1000, I1"), "f"), world)
     machine.run(10)
@@ -337,7 +337,7 @@ def test_messages():
     ]
 
 
-def test_numbers_of_single_precision_are_written_short():
+def test_numbers_of_single_precision_are_printed_with_few_digits():
     assert after("F1 = 0.1", "PrintDbg F1, F1 * 2, 1e20, 1 / 3").shown == [
         ("dbg", "0.1 0.2 1e+20 0.3333333333333333", "")
     ]
@@ -403,7 +403,7 @@ def test_a_step_that_waits_ends_when_the_wait_is_over():
     assert (machine.state, machine.line) == (MachineState.RUNNING, 3)
 
 
-def test_restart_begins_main_anew():
+def test_restart_begins_main_again():
     machine = Machine(
         compile_program(body("Dim a As Integer", "a = a + 1", "I1 = a", "I2 = I2 + 1"), "f"), world := FakeWorld()
     )
@@ -415,7 +415,7 @@ def test_restart_begins_main_anew():
     assert (machine.state, machine.line) == (MachineState.RUNNING, 3)
 
 
-def test_after_an_interruption_the_statement_is_executed_anew():
+def test_after_an_interruption_the_statement_is_executed_again():
     machine = Machine(compile_program(body("Move P, P1", "I1 = 1"), "f"), world := FakeWorld())
     machine.run(10)
     machine.interrupt()
@@ -433,7 +433,7 @@ def test_a_program_is_run_by_any_number_of_machines():
     assert [values(world) for world in worlds] == [{"I1": 1}, {"I1": 1}]
 
 
-def test_what_the_controller_says_of_an_index_is_the_fault():
+def test_an_invalid_index_is_a_fault_with_the_controllers_code():
     machine = run(body("I1 = 1", "IO[9999] = On"))
     assert machine.fault is not None
     assert machine.fault.code == hresult.VARIABLE_INDEX_INVALID
@@ -466,18 +466,18 @@ def test_the_sample_that_calculates_a_pallet():
 
 
 def hand_over(world: FakeWorld) -> None:
-    """A part comes when the program is ready, and goes when it is not."""
+    """Simulate parts: one arrives when the program is ready and is removed when it is not."""
     world.write_io("IO", 130, world.read_io("IO", 131))
 
 
-def test_the_sample_that_takes_parts_over():
+def test_the_sample_that_receives_parts():
     world = FakeWorld(on_poll=hand_over)
     assert run(sample_programs()["Pro3.pcs"], world).state is MachineState.DONE
     assert values(world) == {"I11": 3, "I12": 0, "S2": "complete"}
     assert world.read_io("IO", 131) == 0
 
 
-def test_the_sample_when_no_part_comes():
+def test_the_sample_when_no_part_arrives():
     world = FakeWorld()
     assert run(sample_programs()["Pro3.pcs"], world).state is MachineState.DONE
     assert values(world) == {"I11": 0, "I12": 2, "S2": "timed out"}

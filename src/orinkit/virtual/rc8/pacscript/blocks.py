@@ -1,4 +1,4 @@
-"""What is open while a program is compiled: Sub, If, For, Do, While, Select Case."""
+"""The blocks that are open while a program is compiled: Sub, If, For, Do, While, Select Case."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orinkit.virtual.rc8.pacscript.tree import Place
 
 @dataclass(slots=True, eq=False)
 class Block:
-    """What is open: its word and place, and the spot behind its end."""
+    """An open block: its keyword and position, and the spot after its end."""
 
     word: str
     at: Place
@@ -20,7 +20,7 @@ class Block:
 
     @property
     def closing(self) -> str:
-        """The word that closes it."""
+        """The keyword that closes the block."""
         return {"For": "Next", "Do": "Loop", "While": "Wend", "Select Case": "End Select"}.get(
             self.word, f"End {self.word}"
         )
@@ -35,14 +35,14 @@ class RoutineBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class IfBlock(Block):
-    """If; ``otherwise`` is where it goes on when no condition so far is met, ``None`` after Else."""
+    """If; ``otherwise`` is the jump target if no condition so far is met, None after Else."""
 
     otherwise: Spot | None = field(default_factory=Spot)
 
 
 @dataclass(slots=True, eq=False)
 class ForBlock(Block):
-    """For: what its Next does, and where its body begins."""
+    """For: the loop variable and its access functions, the slots of limit and step, and the start of the body."""
 
     target: tree.Target | None = None
     read: Evaluate | None = None
@@ -53,7 +53,7 @@ class ForBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class LoopBlock(Block):
-    """Do or While; ``tested`` says that it has a condition."""
+    """Do or While; ``tested`` is True if the opening line has a condition."""
 
     top: Spot = field(default_factory=Spot)
     tested: bool = False
@@ -61,7 +61,7 @@ class LoopBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class SelectBlock(Block):
-    """Select Case: where the value is; ``following`` is the next Case, ``None`` before the first and after Case Else."""
+    """Select Case: the slot of the value; ``following`` is the next Case, None before the first and after Case Else."""
 
     slot: int = 0
     following: Spot | None = None

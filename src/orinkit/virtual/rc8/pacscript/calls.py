@@ -1,4 +1,4 @@
-"""Calls of the program's own Subs and Functions."""
+"""Calls of Subs and Functions of the program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.pacscript.tree import Expression, Name, Place
 
 _Bind: TypeAlias = Callable[[Frame], Any]
 NO_RESULT: Final = -1
-"""In place of a slot: the value of a call is not wanted."""
+"""Used instead of a slot if the result of a call is discarded."""
 
 
 def emit_call(
@@ -24,17 +24,17 @@ def emit_call(
     """Emit a call.
 
     Args:
-        expressions: compiles the arguments.
-        routine: what is called.
-        at: where the call stands.
-        arguments: as many as it has parameters.
-        result: whether its value is wanted.
+        expressions: Compiles the arguments.
+        routine: The Sub or Function to call.
+        at: Position of the call.
+        arguments: Arguments, one for each parameter.
+        result: True if the result is used.
 
     Returns:
-        the slot where the value will be, NO_RESULT without one.
+        The slot of the result, or NO_RESULT.
 
     Raises:
-        Refusal: another number of arguments, or one that does not fit ByRef.
+        CompileError: If the number of arguments is wrong, or if the type of an argument does not match ByRef.
     """
     count = len(routine.parameters)
     check_count(Name(at, routine.name.text), len(arguments), count, count)
@@ -87,7 +87,7 @@ def _wrong_type(routine: Routine, parameter: Variable, argument: Expression) -> 
     kind = parameter.type.name.capitalize()
     return CompileError(
         tr(
-            "{name} of {routine} is ByRef and takes a variable of type {kind}",
+            "parameter {name} of {routine} is ByRef and requires a variable of type {kind}",
             name=parameter.name,
             routine=routine.name.text,
             kind=kind,

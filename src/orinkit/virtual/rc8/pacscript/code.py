@@ -1,7 +1,8 @@
-"""The flat list of instructions that a program becomes, and how it is put together.
+"""Compiled code: a flat list of instructions, and its linker.
 
-An instruction is a function of the frame; it returns the index of the instruction to go on with, or WAIT or DONE. A
-frame is a list: the world, the machine, the places that Gosub came from, then the variables.
+An instruction is a function of the frame; it returns the index of the next instruction, or WAIT or DONE. A frame is a
+list: the world (a :class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`), the machine, the return
+addresses of Gosub, then the variables.
 """
 
 from __future__ import annotations
@@ -11,32 +12,32 @@ from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
 Frame: TypeAlias = list[Any]
-"""World, machine, places of Gosub, variables."""
+"""World, machine, return addresses of Gosub, variables."""
 Op: TypeAlias = Callable[[Frame], int]
 """An instruction."""
 Evaluate: TypeAlias = Callable[[Frame], Any]
-"""Gives the value of an expression."""
+"""Evaluates an expression."""
 Make: TypeAlias = Callable[[int], Op]
-"""Makes an instruction when all places are known, of the index of the one that follows it."""
+"""Creates an instruction at link time, when all addresses are known; the argument is that of the next instruction."""
 
 WAIT: Final = -1
-"""The machine has been told what to wait for."""
+"""Returned by an instruction after it has passed a wait to the machine."""
 DONE: Final = -2
-"""The program is over."""
+"""Returned by an instruction that ends the program."""
 
 WORLD: Final = 0
-"""Where the world is in a frame."""
+"""Index of the world in a frame."""
 MACHINE: Final = 1
-"""Where the machine is."""
+"""Index of the machine in a frame."""
 RETURNS: Final = 2
-"""Where the list of instructions is that Return goes to; ``None`` before the first Gosub."""
+"""Index of the stack of return addresses of Gosub in a frame; it is ``None`` before the first Gosub."""
 FIRST_SLOT: Final = 3
-"""Where the variables begin."""
+"""Index of the first variable in a frame."""
 
 
 @dataclass(slots=True, eq=False)
 class Spot:
-    """A place in the code that something jumps to; ``pc`` is known when instructions are made."""
+    """A jump target in the code; ``pc`` is set by the linker before instructions are created."""
 
     pc: int = -1
 
@@ -51,7 +52,7 @@ class _Item:
 
 @dataclass(frozen=True, slots=True)
 class Linked:
-    """Finished code: the instructions, the line of each, and whether a statement starts with it."""
+    """Linked code: the instructions, their lines, and flags that mark the first instruction of a statement."""
 
     ops: tuple[Op, ...]
     lines: tuple[int, ...]
@@ -60,7 +61,7 @@ class Linked:
 
 @dataclass(slots=True)
 class Code:
-    """Instructions in the making."""
+    """Collects instructions and links them."""
 
     _items: list[_Item] = field(default_factory=list)
     _spots: list[tuple[Spot, int]] = field(default_factory=list)
@@ -68,7 +69,7 @@ class Code:
     _starts: bool = False
 
     def statement(self, line: int) -> None:
-        """Say that the next instruction starts a statement."""
+        """Mark the next instruction as the start of a statement."""
         self._line = line
         self._starts = True
 
@@ -78,15 +79,15 @@ class Code:
         self._starts = False
 
     def jump(self, to: Spot) -> None:
-        """Go on elsewhere: forward only, and it takes no instruction."""
+        """Add a forward jump; the linker resolves it without an instruction."""
         self._items.append(_Item(None, to, self._line, False))
 
     def put(self, spot: Spot) -> None:
-        """Make a spot the place of the next instruction."""
+        """Place a spot at the next instruction."""
         self._spots.append((spot, len(self._items)))
 
     def link(self) -> Linked:
-        """Resolve the spots and make the instructions."""
+        """Resolve the spots and create the instructions."""
         items = self._items
         numbers: list[int] = []
         count = 0

@@ -1,4 +1,4 @@
-"""The commands that are no motions: waiting, messages, the arm, speeds, I/O, parts of poses."""
+"""The commands other than motions: waiting, messages, the arm, speeds, I/O, elements of poses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from orinkit.virtual.rc8.pacscript.values import AnyValue, number, truth, whole
 
 _TRUE: Final = CONSTANTS["true"]
 _FALSE: Final = CONSTANTS["false"]
-_MOST_PRINTED: Final = 16
+_MAX_PRINTED: Final = 16
 
 _Run: TypeAlias = Callable[[Frame], None]
 
@@ -37,7 +37,7 @@ def compile_command(expressions: Expressions, node: Command) -> None:
     """Emit a command.
 
     Raises:
-        Refusal: a wrong number of arguments.
+        CompileError: If the number of arguments is wrong.
     """
     row = _COMMANDS[node.word]
     check_count(Name(node.at, node.word), len(node.arguments), row.least, row.most)
@@ -45,7 +45,7 @@ def compile_command(expressions: Expressions, node: Command) -> None:
 
 
 def compile_take_arm(expressions: Expressions, node: TakeArm) -> None:
-    """Emit TakeArm; the group is 0 and Keep 0 where they are not given."""
+    """Emit TakeArm; group and Keep default to 0."""
     group = _optional(expressions, node.group, 0)
     keep = _optional(expressions, node.keep, 0)
     simple(expressions, lambda f: f[WORLD].take_arm(whole(group(f)), truth(keep(f))))
@@ -55,22 +55,22 @@ def compile_set_point(expressions: Expressions, node: SetPoint) -> None:
     """Emit Set or Reset.
 
     Raises:
-        Refusal: the target is no I/O.
+        CompileError: If the target is not an I/O point.
     """
     name = node.target if isinstance(node.target, Name) else node.target.name
     if isinstance(node.target, Apply) or not name.key.startswith("io"):
         raise CompileError(
-            tr("an I/O point like IO[128] is wanted, not {name}", name=name.text),
+            tr("expected an I/O point, for example IO[128], not {name}", name=name.text),
             name.at,
         )
     put = store(expressions, node.target)
-    # All the points of an IOB, IOW or IOD: every bit of -1 is set.
+    # -1 sets all points of an IOB, IOW or IOD: all its bits are 1.
     value = (1 if name.key == "io" or name.key[2:].isdigit() else -1) if node.on else 0
     simple(expressions, lambda f: put(f, value))
 
 
 def compile_let_part(expressions: Expressions, node: LetPart) -> None:
-    """Emit LetX and the like."""
+    """Emit LetX or a similar command."""
     read, put = expressions.value(node.target), store(expressions, node.target)
     value = expressions.value(node.value)
     take, place = functions.LET_PARTS[node.word]
@@ -86,7 +86,7 @@ def compile_let_part(expressions: Expressions, node: LetPart) -> None:
 
 
 def simple(expressions: Expressions, run: _Run) -> None:
-    """Emit an instruction after which the next one follows."""
+    """Emit an instruction that continues with the next one."""
 
     def make(following: int) -> Op:
         def op(f: Frame) -> int:
@@ -99,7 +99,7 @@ def simple(expressions: Expressions, run: _Run) -> None:
 
 
 def waiting(expressions: Expressions, begin: Callable[[Frame], Callable[[], bool]]) -> None:
-    """Emit an instruction that begins something and waits until it is over."""
+    """Emit an instruction that starts an operation and waits until it is complete."""
 
     def make(following: int) -> Op:
         return lambda f: int(f[MACHINE].wait_for(begin(f), following))
@@ -108,27 +108,29 @@ def waiting(expressions: Expressions, begin: Callable[[Frame], Callable[[], bool
 
 
 def percent(value: AnyValue) -> float:
-    """Return a percentage above 0, at most 100.
+    """Return a percentage.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is not above 0 and at
+            most 100.
     """
     share = float(number(value))
     if 0 < share <= MAX_PERCENT:
         return share
-    raise out_of_range(tr("a percentage is above 0 and at most 100, not {share:g}", share=share))
+    raise out_of_range(tr("a percentage must be above 0 and at most 100, not {share:g}", share=share))
 
 
 def milliseconds(value: AnyValue) -> float:
-    """Return a time given in ms in seconds.
+    """Return a time given in ms as seconds.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is negative or exceeds
+            32 bits.
     """
     time = whole(value)
     if time >= 0:
         return time / 1000
-    raise out_of_range(tr("a time of {time} ms", time=time))
+    raise out_of_range(tr("the time is negative: {time} ms", time=time))
 
 
 def _optional(expressions: Expressions, node: Expression | None, default: int) -> Evaluate:
@@ -140,7 +142,7 @@ def _runs(expressions: Expressions, node: Command) -> list[Evaluate]:
 
 
 def _with_values(act: Callable[..., None], expressions: Expressions, node: Command) -> None:
-    """Emit a command that acts on the world with the values of its arguments."""
+    """Emit a command that calls a function with the world and the values of its arguments."""
     runs = tuple(_runs(expressions, node))
     simple(expressions, lambda f: act(f[WORLD], *[run(f) for run in runs]))
 
@@ -179,7 +181,7 @@ def _print_debug(world: Any, *parts: AnyValue) -> None:
 
 
 def _print_message(world: Any, text: AnyValue, style: AnyValue = 0, title: AnyValue = "") -> None:
-    whole(style)  # the picture beside the message: nothing here shows it
+    whole(style)  # the icon of the message is not displayed; the argument is only checked
     world.show("msg", values.bounded(values.text(text)), values.string(title))
 
 
@@ -229,7 +231,7 @@ def _wait(expressions: Expressions, node: Command) -> None:
 
 
 def _nowhere(_: Frame, __: AnyValue) -> None:
-    """Store nothing."""
+    """Discard a value."""
 
 
 _COMMANDS: Final[Mapping[str, _Row]] = {
@@ -242,7 +244,7 @@ _COMMANDS: Final[Mapping[str, _Row]] = {
     "GiveArm": _Row(0, 0, partial(_with_values, _give_arm)),
     "Hold": _Row(0, 0, _hold),
     "Motor": _Row(1, 1, _motor),
-    "PrintDbg": _Row(1, _MOST_PRINTED, partial(_with_values, _print_debug)),
+    "PrintDbg": _Row(1, _MAX_PRINTED, partial(_with_values, _print_debug)),
     "PrintMsg": _Row(1, 3, partial(_with_values, _print_message)),
     "Speed": _Row(1, 1, partial(_with_values, _speed)),
     "Wait": _Row(1, 3, _wait),

@@ -1,4 +1,4 @@
-"""A program's statements to instructions."""
+"""Compiles the statements of a program to instructions."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ _MAIN: Final = "main"
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A program that can be run; any number of machines can run it.
+    """A compiled program; any number of machines can run it.
 
     Attributes:
-        file: name of its file.
-        lines: the lines that can be stepped to, counted from 1.
-        subs: names of its Subs and Functions, as written.
-        linked: its instructions.
-        entry: the first instruction of Main.
-        elements: how many elements the arrays of Main have.
-        new_frame: makes Main's frame, of a world and a machine.
+        file: Name of the file.
+        lines: Lines at which a statement begins, counted from 1.
+        subs: Names of the Subs and Functions, as written.
+        linked: Instructions.
+        entry: Index of the first instruction of Main.
+        elements: Total number of elements of the arrays of Main.
+        new_frame: Creates the frame of Main from a world and a machine.
     """
 
     file: str
@@ -53,22 +53,22 @@ class Program:
 
 
 def compile_program(source: str, file: str) -> Program:
-    """Return the program of a source.
+    """Compile a program.
 
     Args:
-        source: PacScript; at most 256 Ki characters, 1,024 bytes a line.
-        file: name of the file, for errors.
+        source: Source in PacScript; at most 256 Ki characters, 1,024 bytes per line.
+        file: Name of the file, for errors.
 
     Raises:
-        PacScriptError: the source cannot be run; says where and why.
+        PacScriptError: If the source has an error; with its position.
     """
     statements = parse(source, file)
     compiler = _Compiler()
     try:
         linked = compiler.compile(statements)
         main = compiler.main()
-    except CompileError as refusal:
-        raise PacScriptError(refusal.message, file, *refusal.at) from None
+    except CompileError as error:
+        raise PacScriptError(error.message, file, *error.at) from None
     lines = sorted({line for line, starts in zip(linked.lines, linked.starts, strict=True) if starts})
     subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
     return Program(file, tuple(lines), subs, linked, main.entry.pc, main.elements, main.framer())
@@ -94,15 +94,15 @@ class _Compiler:
         """Return Sub Main."""
         main = self.scope.routines.get(_MAIN)
         if main is None or main.word != "Sub":
-            raise CompileError(tr("there is no Sub Main"), Place(1, 1))
+            raise CompileError(tr("the program has no Sub Main"), Place(1, 1))
         if main.parameters:
-            raise CompileError(tr("Sub Main has no parameters"), main.name.at)
+            raise CompileError(tr("Sub Main cannot have parameters"), main.name.at)
         return main
 
-    # --- what is known before anything is compiled
+    # --- declarations, before statements are compiled
 
     def _collect(self, statements: tuple[Statement, ...]) -> None:
-        """Declare all Subs and Functions, and the constants outside of them."""
+        """Declare all Subs and Functions, and the global constants."""
         headers = [statement for statement in statements if isinstance(statement, tree.Routine)]
         for header in headers:
             self.scope.add_routine(Routine(header.name, header.word))
@@ -132,9 +132,9 @@ class _Compiler:
 
     def _statement(self, node: Statement) -> None:
         if self.scope.routine is None and not isinstance(node, tree.Routine | tree.Constants):
-            raise CompileError(tr("this has to be in a Sub"), node.at)
+            raise CompileError(tr("a statement must be in a Sub or Function"), node.at)
         self.code.statement(node.at.line)
-        self._refuse_before_case(node)
+        self._require_case_first(node)
         match node:
             case tree.Routine():
                 self.scope.routine = self.flow.open_routine(node)
@@ -216,14 +216,14 @@ class _Compiler:
             case _:
                 self.code.emit(lambda _: _end)
 
-    def _refuse_before_case(self, node: Statement) -> None:
+    def _require_case_first(self, node: Statement) -> None:
         block = self.flow.blocks[-1] if self.flow.blocks else None
         if not isinstance(block, SelectBlock) or block.begun or isinstance(node, tree.Case):
             return
         if isinstance(node, tree.Marker) and node.word in ("Case Else", "End Select"):
             return
         raise CompileError(
-            tr("a Case has to come first in the Select Case of line {line}", line=block.at.line),
+            tr("the Select Case in line {line} must begin with a Case", line=block.at.line),
             node.at,
         )
 
@@ -233,7 +233,7 @@ class _Compiler:
             if len(sizes) > MAX_DIMENSIONS:
                 raise CompileError(
                     tr(
-                        "{name}: an array has at most {most} dimensions",
+                        "{name}: an array may have at most {most} dimensions",
                         name=item.name.text,
                         most=MAX_DIMENSIONS,
                     ),
@@ -241,7 +241,7 @@ class _Compiler:
                 )
             if sizes and item.value is not None:
                 raise CompileError(
-                    tr("an array cannot be given a value in Dim"),
+                    tr("an array cannot be initialised in Dim"),
                     item.value.at,
                 )
             self.scope.add_variable(self.scope.inside, item.name, find_type(item.type), sizes)
@@ -253,7 +253,7 @@ class _Compiler:
         if 0 <= highest < MAX_ELEMENTS:
             return highest + 1
         raise CompileError(
-            tr("the highest index of an array is 0 to {highest}", highest=MAX_ELEMENTS - 1),
+            tr("the highest index of an array must be 0 to {highest}", highest=MAX_ELEMENTS - 1),
             node.at,
         )
 
@@ -282,7 +282,7 @@ class _Compiler:
     def _call(self, node: tree.Call) -> None:
         name = node.target
         if not isinstance(name, tree.Name):
-            raise CompileError(tr("a Sub is wanted here"), node.at)
+            raise CompileError(tr("expected the name of a Sub"), node.at)
         routine = self.scope.routines.get(name.key)
         if routine is None:
             raise unknown_routine(name)

@@ -1,4 +1,4 @@
-"""What goes wrong with a program: at load a :class:`PacScriptError`, at run time a :class:`ProgramFault`."""
+"""Errors of programs: :class:`PacScriptError` at load, :class:`ProgramFault` at run time."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from orinkit.core.i18n import tr
 
 
 class PacScriptError(ValueError):
-    """A program that cannot be loaded.
+    """A program cannot be loaded.
 
     Attributes:
-        message: what is wrong, in the language in force when it was found.
-        file: name of the file.
-        line: counted from 1.
-        column: counted from 1, in characters.
-        code: SYNTAX_ERROR, under which a controller reports it.
+        message: Description, in the language that was current when the error was found.
+        file: Name of the file.
+        line: Line, counted from 1.
+        column: Column in characters, counted from 1.
+        code: SYNTAX_ERROR, the code under which a controller reports it.
     """
 
     code: Final = hresult.SYNTAX_ERROR
@@ -34,13 +34,13 @@ class PacScriptError(ValueError):
 
 
 class ProgramFault(Exception):
-    """What stopped a program while it ran.
+    """A run-time error that stopped a program.
 
     Attributes:
-        code: the return code, unsigned 32 bits.
-        file: name of the file.
-        line: the line it happened in, counted from 1.
-        detail: what else is known.
+        code: Return code, unsigned 32 bits.
+        file: Name of the file.
+        line: Line of the failed statement, counted from 1.
+        detail: Further details, or ``""``.
     """
 
     def __init__(self, code: int, file: str, line: int, detail: str = "") -> None:
@@ -58,7 +58,7 @@ class ProgramFault(Exception):
 
 
 class CompileError(Exception):
-    """A place of the source and what is wrong there; loading makes a :class:`PacScriptError` of it."""
+    """An error at a position of the source; loading converts it to a :class:`PacScriptError`."""
 
     def __init__(self, message: str, at: tuple[int, int]) -> None:
         super().__init__(message, at)
@@ -67,15 +67,15 @@ class CompileError(Exception):
 
 
 def not_supported(word: str, at: tuple[int, int]) -> CompileError:
-    """Return the refusal of something that PacScript has and this interpreter has not."""
-    return CompileError(tr("{word} is not supported here", word=word), at)
+    """Return the error for a word of PacScript that this interpreter does not support."""
+    return CompileError(tr("{word} is not supported", word=word), at)
 
 
 def mismatch(text: str) -> CallError:
-    """Return the error of a value of the wrong type."""
+    """Return the error for a value of the wrong type."""
     return error_for(hresult.VARIABLE_CHANGE_FAILED, text)
 
 
 def out_of_range(text: str) -> CallError:
-    """Return the error of a value that is too large, too small or not defined."""
+    """Return the error for a value that is too large, too small or undefined."""
     return error_for(hresult.VALUE_OUT_OF_RANGE, text)

@@ -1,4 +1,4 @@
-"""What compilers of calls and of lvalues need of the compiler of expressions."""
+"""The interface of the expression compiler that the compilers of calls and of lvalues require."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from orinkit.virtual.rc8.pacscript.tree import Apply, Expression
 
 
 class ExpressionCompiler(Protocol):
-    """Compiles expressions; :class:`~orinkit.virtual.rc8.pacscript.expressions.Expressions` is the one that there is."""
+    """Compiles expressions; implemented by :class:`~orinkit.virtual.rc8.pacscript.expressions.Expressions`."""
 
     @property
     def scope(self) -> Scope:
@@ -19,10 +19,10 @@ class ExpressionCompiler(Protocol):
 
     @property
     def code(self) -> Code:
-        """Where instructions go."""
+        """The code to which instructions are added."""
 
     def value(self, node: Expression) -> Evaluate:
-        """Return what evaluates an expression."""
+        """Return a function that evaluates an expression."""
 
     def element(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return what evaluates the offset of an element of an array."""
+        """Return a function that evaluates the offset of an array element."""

@@ -1,7 +1,7 @@
-"""Expressions to functions of the frame.
+"""Compiles expressions to functions of the frame.
 
-A call of one of the program's own Functions becomes instructions before the statement that it is part of; its result
-waits in a slot of the frame.
+A call of a Function of the program becomes instructions before the statement that contains it; its result is in a slot
+of the frame.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ RELATIONS: Final[Mapping[str, Callable[[AnyValue, AnyValue], bool]]] = {
     "AT_MOST": lambda left, right: not values.less(right, left),
     "AT_LEAST": lambda left, right: not values.less(left, right),
 }
-"""Comparisons by the name of their token."""
+"""Comparison operators by the name of their token."""
 
 _BITWISE: Final = frozenset(("AND", "OR", "XOR"))
 _POINT_COMPARED: Final = frozenset(("EQUAL", "UNLIKE"))
@@ -66,10 +66,10 @@ class Compiled:
     """An expression that can be evaluated.
 
     Attributes:
-        run: returns the value.
-        logical: whether the value is a truth value: -1 or 0, or 1 or 0 of an I/O point.
-        point: whether it is an I/O point.
-        constant: the value where it is known already, else ``None``.
+        run: Evaluates the expression.
+        logical: True if the value is a truth value: -1 or 0, or 1 or 0 of an I/O point.
+        point: True if the expression is an I/O point.
+        constant: The value of a constant expression, else None.
     """
 
     run: Evaluate
@@ -82,8 +82,7 @@ class Expressions:
     """Compiles the expressions of a program.
 
     Attributes:
-        polled: set while an expression is compiled that is evaluated again and again, where no Function of the
-            program can be called.
+        polled: Set while a polled condition is compiled, in which Functions of the program cannot be called.
     """
 
     def __init__(self, scope: Scope, code: Code) -> None:
@@ -92,10 +91,10 @@ class Expressions:
         self.polled = False
 
     def compile(self, node: Expression) -> Compiled:
-        """Return an expression that can be evaluated.
+        """Compile an expression.
 
         Raises:
-            Refusal: a name that is not declared, a wrong number of arguments, what is not supported.
+            CompileError: If a name is not declared, a number of arguments is wrong, or a function is not supported.
         """
         match node:
             case Literal():
@@ -111,14 +110,14 @@ class Expressions:
             case Binary():
                 return self._binary(node)
             case Listed():
-                raise CompileError(tr("a list in parentheses cannot stand here"), node.at)
+                raise CompileError(tr("a list in parentheses is not allowed here"), node.at)
 
     def value(self, node: Expression) -> Evaluate:
-        """Return what gives the value of an expression."""
+        """Return a function that evaluates an expression."""
         return self.compile(node).run
 
     def condition(self, node: Expression) -> Callable[[Frame], bool]:
-        """Return what tells whether a condition is met."""
+        """Return a function that is true if a condition is met."""
         compiled = self.compile(node)
         run = compiled.run
         if compiled.logical:
@@ -126,31 +125,31 @@ class Expressions:
         return lambda f: truth(run(f))
 
     def known(self, node: Expression) -> AnyValue:
-        """Return the value of an expression that has to be constant.
+        """Return the value of a constant expression.
 
         Raises:
-            Refusal: it is not.
+            CompileError: If the expression is not constant.
         """
         compiled = self.compile(node)
         if compiled.constant is None:
-            raise CompileError(tr("a constant is wanted here"), node.at)
+            raise CompileError(tr("expected a constant"), node.at)
         return compiled.constant
 
     def call(self, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool) -> int:
         """Emit the call of a Sub or Function.
 
         Returns:
-            the slot where its result will be, -1 without one.
+            The slot of the result, -1 if there is none.
         """
         if self.polled:
             raise CompileError(
-                tr("{name} cannot be called in a condition that is waited for", name=routine.name.text),
+                tr("{name} cannot be called in the condition of Wait", name=routine.name.text),
                 at,
             )
         return emit_call(self, routine, at, arguments, result=result)
 
     def element(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return what gives the place of an element in the list of an array."""
+        """Return a function that evaluates the offset of an array element."""
         check_count(node.name, len(node.arguments), len(variable.sizes), len(variable.sizes))
         indices = [self.value(argument) for argument in node.arguments]
         if len(indices) == 1:
@@ -195,7 +194,7 @@ class Expressions:
         slot = variable.slot
         if variable.sizes:
             raise CompileError(
-                tr("{name} is an array; an element is {name}(0)", name=node.text),
+                tr("{name} is an array. Try: an element, {name}(0)", name=node.text),
                 node.at,
             )
         if not variable.by_ref:
@@ -244,7 +243,7 @@ class Expressions:
 
     def _routine(self, routine: Routine, name: Name, arguments: tuple[Expression, ...]) -> Compiled:
         if routine.result is None:
-            raise CompileError(tr("{name} is a Sub and has no value", name=name.text), name.at)
+            raise CompileError(tr("{name} is a Sub and returns no value", name=name.text), name.at)
         return Compiled(itemgetter(self.call(routine, name.at, arguments, result=True)))
 
     # --- operators
@@ -278,7 +277,7 @@ class Expressions:
 
     def _relation(self, operator: str, left: Compiled, right: Compiled) -> Compiled:
         compare, first, second = RELATIONS[operator], left.run, right.run
-        if operator in _POINT_COMPARED and (left.point or right.point):  # a point is on or off, True is -1 but On is 1
+        if operator in _POINT_COMPARED and (left.point or right.point):  # a point equals both True (-1) and On (1)
             if operator == "EQUAL":
                 return Compiled(lambda f: -1 if truth(first(f)) is truth(second(f)) else 0, logical=True)
             return Compiled(lambda f: 0 if truth(first(f)) is truth(second(f)) else -1, logical=True)
@@ -286,12 +285,12 @@ class Expressions:
 
 
 def constant(value: AnyValue, *, logical: bool = False) -> Compiled:
-    """Return an expression whose value is known."""
+    """Return a constant expression."""
     return Compiled(lambda _: value, logical, constant=value)
 
 
 def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
-    """Return a calculation with constants; one that fails does so when the program gets there."""
+    """Evaluate a calculation with constants at compile time; if it fails, leave it to run time."""
     try:
         return constant(run([]), logical=logical)
     except CallError:
@@ -299,7 +298,7 @@ def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
 
 
 def read_global(kind: str, index: int | Evaluate) -> Compiled:
-    """Return what reads a global variable or I/O point of a class."""
+    """Return an expression that reads a global variable or I/O point of a class."""
     if kind in POINT_KINDS:
         return _read_point(kind, index)
     if kind in ("V", "P", "J", "T"):
@@ -326,7 +325,7 @@ def whole_at(value: AnyValue, at: Place) -> int:
     """Return a constant as a whole number.
 
     Raises:
-        Refusal: it is none.
+        CompileError: If it is not a number or too large.
     """
     try:
         return whole(value)
@@ -335,7 +334,7 @@ def whole_at(value: AnyValue, at: Place) -> int:
 
 
 def bad_index(variable: Variable, index: int) -> int:
-    """Raise the error of an index that an array does not have.
+    """Raise the error for an index outside of an array.
 
     Raises:
         CallError: DISP_E_BADINDEX.
@@ -343,5 +342,5 @@ def bad_index(variable: Variable, index: int) -> int:
     sizes = ", ".join(f"0..{size - 1}" for size in variable.sizes)
     raise error_for(
         hresult.DISP_E_BADINDEX,
-        tr("index {index} of {name}; there are {sizes}", index=index, name=variable.name, sizes=sizes),
+        tr("index {index} of {name} is out of range: {sizes}", index=index, name=variable.name, sizes=sizes),
     )

@@ -1,4 +1,4 @@
-"""Blocks and jumps: If, For, Do, While, Select Case, Goto, Gosub. Says which opening line a closing word misses."""
+"""Blocks and jumps: If, For, Do, While, Select Case, Goto, Gosub. Errors name the opening line of an unclosed block."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from orinkit.virtual.rc8.pacscript.expressions import Expressions
 
 MAX_GOSUB: Final = 64
-"""How deep Gosub may be nested in one Sub."""
+"""Maximum nesting depth of Gosub in one Sub."""
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class FlowCompiler:
     """Compiles blocks and jumps.
 
     Attributes:
-        blocks: what is open, outermost first.
+        blocks: The open blocks, outermost first.
     """
 
     def __init__(self, expressions: Expressions) -> None:
@@ -54,7 +54,7 @@ class FlowCompiler:
     # --- Sub and Function
 
     def open_routine(self, node: tree.Routine) -> Routine:
-        """Begin a Sub or Function."""
+        """Compile the beginning of a Sub or Function."""
         self.refuse_open(node.at, node.word)
         routine = self._scope.routines[node.name.key]
         self.blocks.append(RoutineBlock(node.word, node.at))
@@ -63,7 +63,7 @@ class FlowCompiler:
         return routine
 
     def close_routine(self, word: str, at: Place) -> None:
-        """End a Sub or Function."""
+        """Compile the end of a Sub or Function."""
         block = self._close(RoutineBlock, word.removeprefix("End "), word, at)
         if self._returns and not block.has_gosub:
             raise _misplaced("Return", self._returns[0], "Gosub")
@@ -71,17 +71,17 @@ class FlowCompiler:
         self._join_labels()
 
     def leave_routine(self, word: str, at: Place) -> None:
-        """Exit Sub, Exit Function."""
+        """Compile Exit Sub or Exit Function."""
         routine = self._scope.inside
         if routine.word != word.removeprefix("Exit "):
             raise _misplaced(word, at, routine.word)
         self._code.emit(_return_from(routine))
 
     def refuse_open(self, at: Place, word: str) -> None:
-        """Check that nothing is open.
+        """Check that no block is open.
 
         Raises:
-            Refusal: something is.
+            CompileError: If a block is open.
         """
         if self.blocks:
             raise _not_closed(self.blocks[-1], at, word)
@@ -89,30 +89,30 @@ class FlowCompiler:
     # --- If
 
     def open_if(self, node: tree.If) -> None:
-        """If."""
+        """Compile If."""
         block = IfBlock("If", node.at)
         self._branch(node.condition, block.otherwise)
         self.blocks.append(block)
 
     def else_if(self, node: tree.If) -> None:
-        """ElseIf."""
+        """Compile ElseIf."""
         block = self._next_branch(node.word, node.at)
         block.otherwise = Spot()
         self._branch(node.condition, block.otherwise)
 
     def else_(self, at: Place) -> None:
-        """Else."""
+        """Compile Else."""
         self._next_branch("Else", at).otherwise = None
 
     def close_if(self, at: Place) -> None:
-        """End If."""
+        """Compile End If."""
         block = self._close(IfBlock, "If", "End If", at)
         if block.otherwise is not None:
             self._code.put(block.otherwise)
         self._code.put(block.end)
 
     def if_line(self, node: tree.IfLine, compile_one: Callable[[tree.Statement], None]) -> None:
-        """If on one line."""
+        """Compile If on one line."""
         otherwise, end = Spot(), Spot()
         self._branch(node.condition, otherwise)
         for statement in node.then:
@@ -126,7 +126,7 @@ class FlowCompiler:
     # --- For
 
     def open_for(self, node: tree.For) -> None:
-        """For."""
+        """Compile For."""
         expressions = self._expressions
         routine = self._scope.inside
         put, read = store(expressions, node.target), expressions.value(node.target)
@@ -153,12 +153,12 @@ class FlowCompiler:
         self.blocks.append(block)
 
     def close_for(self, node: tree.Next) -> None:
-        """Next."""
+        """Compile Next."""
         block = self._close(ForBlock, "For", "Next", node.at)
         if node.target is not None and block.target is not None and _written(node.target) != _written(block.target):
             raise CompileError(
                 tr(
-                    "Next {name} cannot close For {opened} of line {line}",
+                    "Next {name} does not match For {opened} in line {line}",
                     name=_written(node.target),
                     opened=_written(block.target),
                     line=block.at.line,
@@ -173,7 +173,7 @@ class FlowCompiler:
     # --- Do, While
 
     def open_loop(self, node: tree.Loop) -> None:
-        """Do, or While ... Wend."""
+        """Compile Do or While."""
         block = LoopBlock(node.word, node.at, tested=node.test is not None)
         self._code.put(block.top)
         if node.test is not None:
@@ -181,11 +181,11 @@ class FlowCompiler:
         self.blocks.append(block)
 
     def close_loop(self, word: str, at: Place, test: tree.Test | None) -> None:
-        """Loop or Wend."""
+        """Compile Loop or Wend."""
         block = self._close(LoopBlock, "Do" if word == "Loop" else "While", word, at)
         if test is not None and block.tested:
             raise CompileError(
-                tr("the condition is at the Do of line {line} already", line=block.at.line),
+                tr("the Do in line {line} already has a condition", line=block.at.line),
                 at,
             )
         if test is not None:
@@ -195,7 +195,7 @@ class FlowCompiler:
         self._code.put(block.end)
 
     def leave_loop(self, word: str, at: Place) -> None:
-        """Exit For, Exit Do."""
+        """Compile Exit For or Exit Do."""
         wanted = word.removeprefix("Exit ")
         for block in reversed(self.blocks):
             if block.word == wanted:
@@ -206,7 +206,7 @@ class FlowCompiler:
     # --- Select Case
 
     def open_select(self, node: tree.Select) -> None:
-        """Select Case."""
+        """Compile Select Case."""
         value = self._expressions.value(node.value)
         slot = self._scope.inside.new_slot()
 
@@ -221,7 +221,7 @@ class FlowCompiler:
         self.blocks.append(SelectBlock("Select Case", node.at, slot=slot))
 
     def case(self, node: tree.Case) -> None:
-        """Case."""
+        """Compile Case."""
         block = self._next_case("Case", node.at)
         following = block.following = Spot()
         tests = tuple(self._matcher(item) for item in node.items)
@@ -242,11 +242,11 @@ class FlowCompiler:
         self._code.emit(make)
 
     def case_else(self, at: Place) -> None:
-        """Case Else."""
+        """Compile Case Else."""
         self._next_case("Case Else", at).following = None
 
     def close_select(self, at: Place) -> None:
-        """End Select."""
+        """Compile End Select."""
         block = self._close(SelectBlock, "Select Case", "End Select", at)
         if block.following is not None:
             self._code.put(block.following)
@@ -255,16 +255,16 @@ class FlowCompiler:
     # --- labels
 
     def label(self, node: tree.Label) -> None:
-        """A label."""
+        """Compile a label."""
         known = self._labels.setdefault(node.name.key, _Label(Spot()))
         if known.path is not None:
             text = node.name.text
-            raise CompileError(tr("label {label} is there twice", label=text), node.at)
+            raise CompileError(tr("label {label} is declared twice", label=text), node.at)
         known.path = tuple(self.blocks)
         self._code.put(known.spot)
 
     def jump(self, node: tree.Jump) -> None:
-        """Goto, Gosub."""
+        """Compile Goto or Gosub."""
         spot = self._labels.setdefault(node.label.key, _Label(Spot())).spot
         self._jumps.append((node.label, tuple(self.blocks)))
         if node.word == "Goto":
@@ -276,14 +276,14 @@ class FlowCompiler:
         self._code.emit(_gosub(spot))
 
     def return_(self, at: Place) -> None:
-        """Return, from Gosub."""
+        """Compile Return, the end of a Gosub."""
         self._returns.append(at)
         self._code.emit(lambda _: _return_from_gosub)
 
     # --- helpers
 
     def _branch(self, condition: tree.Expression, otherwise: Spot | None, *, unless: bool = False) -> None:
-        """Emit a test: on if the condition is met (not met with ``unless``), else to a spot."""
+        """Emit a test: continue if the condition is met (with ``unless``: not met), else jump to a spot."""
         assert otherwise is not None
         met = self._expressions.condition(condition)
 
@@ -299,7 +299,7 @@ class FlowCompiler:
         block = self._innermost(IfBlock, "If", word, at)
         if block.otherwise is None:
             raise CompileError(
-                tr("{word} after the Else of the If of line {line}", word=word, line=block.at.line),
+                tr("{word} after the Else of the If in line {line}", word=word, line=block.at.line),
                 at,
             )
         self._code.jump(block.end)
@@ -310,7 +310,7 @@ class FlowCompiler:
         block = self._innermost(SelectBlock, "Select Case", word, at)
         if block.begun and block.following is None:
             raise CompileError(
-                tr("{word} after the Case Else of the Select Case of line {line}", word=word, line=block.at.line),
+                tr("{word} after the Case Else of the Select Case in line {line}", word=word, line=block.at.line),
                 at,
             )
         if block.following is not None:
@@ -328,7 +328,11 @@ class FlowCompiler:
         return lambda f, value: compare(value, low(f))
 
     def _innermost(self, kind: type[_B], opening: str, word: str, at: Place) -> _B:
-        """Return the innermost block, which has to be of a kind, for a word that belongs to it."""
+        """Return the innermost block for a keyword that belongs to it.
+
+        Raises:
+            CompileError: If the block is of another type.
+        """
         top = self.blocks[-1] if self.blocks else None
         if isinstance(top, kind) and top.word == opening:
             return top
@@ -348,14 +352,14 @@ class FlowCompiler:
             there = self._labels[name.key].path
             if there is None:
                 raise CompileError(
-                    tr("there is no label {label} in this Sub", label=name.text),
+                    tr("unknown label {label} in this Sub", label=name.text),
                     name.at,
                 )
             if there != path[: len(there)]:
                 block = next(one for one in reversed(there) if one not in path)
                 raise CompileError(
                     tr(
-                        "label {label} is inside the {word} of line {line}, which cannot be jumped into",
+                        "cannot jump to label {label} inside the {word} in line {line}",
                         label=name.text,
                         word=block.word,
                         line=block.at.line,
@@ -405,7 +409,7 @@ def _gosub(spot: Spot) -> Make:
         def run(f: Frame) -> int:
             returns = f[RETURNS] = f[RETURNS] or []
             if len(returns) >= MAX_GOSUB:
-                raise out_of_range(tr("Gosub deeper than {most}", most=MAX_GOSUB))
+                raise out_of_range(tr("Gosub is nested more than {most} deep", most=MAX_GOSUB))
             returns.append(following)
             return there
 
@@ -427,7 +431,7 @@ def _misplaced(word: str, at: Place, opening: str) -> CompileError:
 def _not_closed(block: Block, at: Place, word: str) -> CompileError:
     return CompileError(
         tr(
-            "{word} cannot stand here: the {opening} of line {line} has no {closing}",
+            "unexpected {word}: the {opening} in line {line} has no {closing}",
             word=word,
             opening=block.word,
             line=block.at.line,

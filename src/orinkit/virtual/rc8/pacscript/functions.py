@@ -1,7 +1,7 @@
-"""The functions that are built in: THE TABLE of names, arguments and what each returns.
+"""The table of built-in functions: names, numbers of arguments, implementations.
 
-Angles are in degrees, as on the controller. Positions in texts count from 1, lengths are in characters. ``Rnd`` gives
-the same numbers after every start of the program.
+Angles are in deg, as on the controller. Positions in strings are counted from 1; lengths are in characters. ``Rnd``
+returns the same sequence after every start of the program.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ _LEADING_NUMBER: Final = re.compile(
     r"[ \t]*(?:&[hH](?P<hex>[0-9a-fA-F]{1,8})|&[bB](?P<bin>[01]{1,32})"
     r"|(?P<real>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?))"
 )
-_MOST: Final = 16
+_MAX_ARGUMENTS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function that is built in.
+    """A built-in function.
 
     Attributes:
-        name: as documented.
-        least: how many arguments it takes at least.
-        most: at most.
-        run: returns the value of the arguments.
-        framed: whether ``run`` takes the frame (world, machine ...) before the arguments.
+        name: Name as documented.
+        least: Minimum number of arguments.
+        most: Maximum number of arguments.
+        run: Calculates the result from the arguments.
+        framed: If True, ``run`` takes the frame (world, machine ...) before the arguments.
     """
 
     name: str
@@ -69,7 +69,7 @@ def _real(calculate: Callable[..., float]) -> Callable[..., float]:
             return values.finite(calculate(*(float(number(value)) for value in arguments)))
         except (ValueError, OverflowError):
             shown = ", ".join(map(values.text, arguments))
-            raise out_of_range(tr("not defined for {shown}", shown=shown)) from None
+            raise out_of_range(tr("undefined for {shown}", shown=shown)) from None
 
     return run
 
@@ -90,21 +90,21 @@ def _smallest(*arguments: AnyValue) -> AnyValue:
     return min(map(number, arguments))
 
 
-# --- texts ------------------------------------------------------------------------------------------------------------
+# --- strings ----------------------------------------------------------------------------------------------------------
 
 
 def _count(value: AnyValue) -> int:
     count = whole(value)
     if count >= 0:
         return count
-    raise out_of_range(tr("{count} characters", count=count))
+    raise out_of_range(tr("the number of characters is negative: {count}", count=count))
 
 
 def _position(value: AnyValue) -> int:
     position = whole(value)
     if position >= 1:
         return position - 1
-    raise out_of_range(tr("position {position}; the first is 1", position=position))
+    raise out_of_range(tr("position {position} is less than 1", position=position))
 
 
 def _left(text: AnyValue, count: AnyValue) -> str:
@@ -136,7 +136,7 @@ def _character(code: AnyValue) -> str:
     try:
         return bytes([code]).decode("cp932")
     except (ValueError, UnicodeDecodeError):
-        raise out_of_range(tr("{code} is no character", code=code)) from None
+        raise out_of_range(tr("{code} is not a character code", code=code)) from None
 
 
 def _code(text: AnyValue) -> int:
@@ -144,11 +144,11 @@ def _code(text: AnyValue) -> int:
     try:
         return int.from_bytes(text[:1].encode("cp932"), "big") if text else _no_text()
     except UnicodeEncodeError:
-        raise out_of_range(tr("the character has no code")) from None
+        raise out_of_range(tr("the character has no code in Shift_JIS")) from None
 
 
 def _no_text() -> int:
-    raise out_of_range(tr("the text is empty"))
+    raise out_of_range(tr("the string is empty"))
 
 
 def _find(*arguments: AnyValue) -> int:
@@ -188,12 +188,12 @@ def joint_index(value: AnyValue) -> int:
     """Return the index of a joint by its number.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED; VALUE_OUT_OF_RANGE, it is not 1 to 8.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is not 1 to 8.
     """
     joint = whole(value)
     if 1 <= joint <= values.J_LENGTH:
         return joint - 1
-    raise out_of_range(tr("joint {joint}; there are 1 to 8", joint=joint))
+    raise out_of_range(tr("joint {joint} is not in 1 to 8", joint=joint))
 
 
 def _joint(joint: AnyValue, value: AnyValue) -> float:
@@ -208,7 +208,7 @@ def _make(kind: str, least: int, *, fig: bool) -> Function:
     length = values.LENGTHS[kind]
     rest = [0.0] * length
     if fig:
-        rest[-1] = -1.0  # Fig: the controller chooses
+        rest[-1] = -1.0  # Fig: chosen by the controller
 
     def run(*elements: AnyValue) -> tuple[float, ...]:
         given = [float(number(element)) for element in elements]
@@ -225,7 +225,7 @@ POSES: Final[Mapping[str, Function]] = {
     "t": _make("T", 9, fig=True),
     "v": _make("V", 1, fig=False),
 }
-"""``P(...)``, ``J(...)``, ``T(...)``, ``V(...)``: values that are left out are 0, Fig is -1."""
+"""``P(...)``, ``J(...)``, ``T(...)``, ``V(...)``: omitted values are 0, an omitted Fig is -1."""
 
 
 # --- the controller ---------------------------------------------------------------------------------------------------
@@ -266,7 +266,7 @@ def _table() -> Mapping[str, Function]:
         ("Asin", 1, 1, _to_angle(math.asin)), ("Acos", 1, 1, _to_angle(math.acos)),
         ("Atn", 1, 1, _to_angle(math.atan)), ("Atn2", 2, 2, _to_angle(math.atan2)),
         ("DegRad", 1, 1, _real(math.radians)), ("RadDeg", 1, 1, _real(math.degrees)),
-        ("Max", 2, _MOST, _largest), ("Min", 2, _MOST, _smallest),
+        ("Max", 2, _MAX_ARGUMENTS, _largest), ("Min", 2, _MAX_ARGUMENTS, _smallest),
         ("Len", 1, 1, lambda text: len(string(text))), ("Left", 2, 2, _left), ("Right", 2, 2, _right),
         ("Mid", 2, 3, _middle), ("Str", 1, 1, values.text), ("Val", 1, 1, _value_of), ("Chr", 1, 1, _character),
         ("Asc", 1, 1, _code), ("Ord", 1, 1, _code), ("InStr", 2, 3, _find), ("StrPos", 2, 2, _find),
@@ -299,11 +299,11 @@ def _table() -> Mapping[str, Function]:
 
 
 FUNCTIONS: Final = _table()
-"""Every function but the makers of poses, by its name in small letters."""
+"""All functions except the constructors of poses, by name in lower case."""
 
 
 LET_PARTS: Final[Mapping[str, tuple[Callable[[AnyValue], tuple[float, ...]], int]]] = {
     "LetX": (_PLACED, 0), "LetY": (_PLACED, 1), "LetZ": (_PLACED, 2), "LetRX": (_POSITION, 3), "LetRY": (_POSITION, 4),
     "LetRZ": (_POSITION, 5), "LetF": (_FIGURED, -1), "LetJ": (_JOINTS, 0),
 }  # fmt: skip
-"""``LetX P1 = ...`` and the like: which element of which poses; of LetJ the first one, without its joint."""
+"""Accepted poses and element of ``LetX P1 = ...`` and similar commands; LetJ: the element of joint 1."""

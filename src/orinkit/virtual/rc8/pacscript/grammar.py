@@ -1,7 +1,7 @@
-r"""The grammar of PacScript: a flat list of statements. Which of them close which is for the compiler to see.
+r"""The grammar of PacScript: a flat list of statements; the compiler matches the ends of blocks to their beginnings.
 
-The tokens come from :mod:`orinkit.virtual.rc8.pacscript.lexer`. Operators bind as in the RC8 manual: ``^``, sign,
-``* /``, ``\``, ``Mod``, ``+ -``, ``&``, ``<< >>``, comparison, ``Not``, ``And``, ``Or``, ``Xor``.
+The tokens come from :mod:`orinkit.virtual.rc8.pacscript.lexer`. Precedence of operators as in the RC8 manual, highest
+first: ``^``, sign, ``* /``, ``\``, ``Mod``, ``+ -``, ``&``, ``<< >>``, comparison, ``Not``, ``And``, ``Or``, ``Xor``.
 """
 
 from __future__ import annotations
@@ -101,4 +101,4 @@ text: STRING
 %declare BACKSLASH CARET AMPERSAND EQUAL LESS MORE AT_MOST AT_LEAST UNLIKE LEFTWARDS RIGHTWARDS SELECT
 %declare _OPEN _CLOSE _COMMA _AT _OPEN_INDEX _CLOSE_INDEX _COLON _LINE
 """
-"""What lark makes its tables of."""
+"""The grammar, in the notation of lark."""

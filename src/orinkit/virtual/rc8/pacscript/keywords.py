@@ -1,4 +1,4 @@
-"""The words of PacScript: those that the grammar knows, those that start a command, and those that are refused."""
+"""The words of PacScript: keywords of the grammar, words that start a command, and unsupported words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _KEYWORDS: Final = """
     or return select step sub then to until wend while xor
 """
 KEYWORDS: Final[Mapping[str, str]] = {word: word.upper() for word in _KEYWORDS.split()} | {"endif": "END_IF"}
-"""Words that are the grammar's wherever they stand -> the name of the token."""
+"""Keywords that are reserved at any position -> the name of the token."""
 
 PAIRS: Final[Mapping[tuple[str, str], str]] = {
     ("end", "sub"): "END_SUB",
@@ -25,7 +25,7 @@ PAIRS: Final[Mapping[tuple[str, str], str]] = {
     ("select", "case"): "SELECT_CASE",
     ("case", "else"): "CASE_ELSE",
 }
-"""Two words that are one token."""
+"""Pairs of words that form one token."""
 
 _COMMANDS: Final = """
     accel changetool changework decel delay extspeed givearm hold motor printdbg printmsg speed wait
@@ -37,20 +37,20 @@ STARTERS: Final[Mapping[str, str]] = (
     | dict.fromkeys(("letx", "lety", "letz", "letrx", "letry", "letrz", "letf"), "LETPART")
     | {"letj": "LETJOINT", "takearm": "TAKEARM"}
 )
-"""Words that are commands where a statement starts -> the name of the token."""
+"""Words that are commands at the start of a statement -> the name of the token."""
 
 _TYPES: Final = "integer long single double string position joint trans vector variant boolean"
 TYPES: Final = frozenset(_TYPES.split())
-"""What may stand behind As."""
+"""Types that may follow As."""
 
 CONSTANTS: Final[Mapping[str, int | float]] = {"true": -1, "false": 0, "on": 1, "off": 0, "pi": 3.141592653589793}
-"""Names with a value of their own."""
+"""Predefined constants."""
 
 GLOBAL_KINDS: Final = frozenset("IFDVPJTS")
 POINT_KINDS: Final = frozenset(("IO", "IOB", "IOW", "IOD"))
-"""The classes of I/O; :data:`GLOBAL_KINDS` are those of global variables."""
+"""The classes of I/O points; :data:`GLOBAL_KINDS` are those of global variables."""
 NUMBERED: Final = re.compile(r"(IO[BWD]?|[IFDVPJTS])([0-9]{1,9})", re.IGNORECASE | re.ASCII)
-"""A global variable or I/O point by its name, ``P12`` or ``IO128``."""
+"""Matches the name of a global variable or I/O point, ``P12`` or ``IO128``."""
 
 _REFUSED_WORDS: Final = """
     ArchMove AreaPos AreaSize Arrive BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClrErr Com_Discom
@@ -67,17 +67,17 @@ _REFUSED_WORDS: Final = """
     SysLog SysState Take_Sem TakeSem TakeVis Time Tool ToolPos UnChuck WaitMotion Work WorkPos ZForce
 """
 REFUSED: Final[Mapping[str, str]] = {word.lower(): word for word in _REFUSED_WORDS.split()}
-"""Words that PacScript has and this interpreter does not, by their small letters."""
+"""Words of PacScript that this interpreter does not support: lower case -> as documented."""
 
 DIRECTIVES: Final[Mapping[str, str]] = {
     "include": "#Include", "define": "#Define", "undef": "#Undef", "error": "#Error", "if": "#If", "ifdef": "#Ifdef",
     "ifndef": "#Ifndef", "else": "#Else", "elif": "#Elif", "endif": "#Endif",
 }  # fmt: skip
-"""Preprocessor lines that are refused by name; ``#Pragma`` is the one that is taken."""
+"""Unsupported preprocessor directives; only ``#Pragma`` is supported."""
 
 
 def canonical(word: str) -> str:
-    """Return a keyword as documents write it: ``ELSEIF`` is ``ElseIf``."""
+    """Return a keyword in the spelling of the manuals: ``ElseIf`` for ``ELSEIF``."""
     lower = word.lower()
     return _WRITTEN.get(lower, lower.capitalize())
 

@@ -1,7 +1,7 @@
-"""Source to tokens, for the grammar in :mod:`orinkit.virtual.rc8.pacscript.grammar`.
+"""Lexer: source to tokens, for the grammar in :mod:`orinkit.virtual.rc8.pacscript.grammar`.
 
-Whether a word is a command depends on where it stands (``Speed 50``, but ``Move P, P1, Speed = 50``), so the lexer
-knows where statements start. It refuses by name what PacScript has and this interpreter has not.
+Whether a word is a command depends on its position (``Speed 50``, but ``Move P, P1, Speed = 50``), so the lexer tracks
+the starts of statements. It rejects unsupported words of PacScript by name.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported
 from orinkit.virtual.rc8.pacscript.keywords import DIRECTIVES, KEYWORDS, PAIRS, REFUSED, STARTERS, canonical
 
 MAX_SOURCE: Final = 256 * 1024
-"""How many characters a program may have."""
+"""Maximum length of a program, in characters."""
 
 MAX_LINE: Final = 1024
-"""How many bytes a line may have (RC8 manual, PacScript)."""
+"""Maximum length of a line, in bytes (RC8 manual, PacScript)."""
 
 _TOKEN: Final = re.compile(
     r"""
@@ -51,18 +51,18 @@ _TAKES_LABEL: Final = frozenset(("GOTO", "GOSUB"))
 
 
 class PacScriptLexer(Lexer):
-    """Gives lark its tokens."""
+    """The lexer as lark requires it."""
 
-    __future_interface__ = 2  # lark: lex() as its own lexers have it
+    __future_interface__ = 2  # lark: lex() has the signature of lark's own lexers
 
     def __init__(self, _: Any) -> None:
-        """Make the lexer; lark hands over a configuration that is not needed."""
+        """Create the lexer; lark passes a configuration, which is ignored."""
 
-    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:  # noqa: ARG002 - no need of it
+    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:  # noqa: ARG002 - not needed
         """Yield the tokens of a program.
 
         Raises:
-            Refusal: a character or word that cannot be used, a line or a program that is too long.
+            CompileError: If a character or word is not allowed, or if a line or the program is too long.
         """
         yield from _Scan(_normal(str(lexer_state.text.text))).tokens()
 
@@ -150,7 +150,7 @@ class _Scan:
     def _label(self, defines: bool) -> Token:
         found = _LABEL.match(self.text, self.at)
         if found is None:
-            raise CompileError(tr("a label needs a name behind *"), self.place)
+            raise CompileError(tr("* must be followed by the name of a label"), self.place)
         end = found.end() if defines else found.end(1)
         return self._token("LABEL" if defines else "NAME", found.group(1), end - self.at)
 
@@ -164,7 +164,7 @@ class _Scan:
         pragma = _PRAGMA.match(self.text, found.end())
         if pragma is None:
             raise CompileError(
-                tr('only #Pragma Encoding("...") is supported here'),
+                tr('only #Pragma Encoding("...") is supported'),
                 self.place,
             )
         self.at = pragma.end()
@@ -182,7 +182,7 @@ class _Scan:
 
     def _skip_blank(self, found: re.Match[str]) -> None:
         self.at = found.end()
-        if found.group().endswith("\n"):  # a line that goes on in the next one
+        if found.group().endswith("\n"):  # the line continues in the next one
             self._next_line()
 
     def _next_line(self) -> None:
@@ -197,9 +197,9 @@ class _Scan:
     def _stray(self) -> CompileError:
         sign = self.text[self.at]
         if sign == '"':
-            return CompileError(tr("the text has no closing quotation mark"), self.place)
+            return CompileError(tr("the string has no closing quotation mark"), self.place)
         shown = sign if sign.isprintable() else f"U+{ord(sign):04X}"
-        return CompileError(tr("{shown} cannot be used here", shown=shown), self.place)
+        return CompileError(tr("unexpected character {shown}", shown=shown), self.place)
 
 
 def _normal(source: str) -> str:

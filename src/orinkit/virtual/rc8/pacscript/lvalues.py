@@ -1,4 +1,4 @@
-"""What can be assigned to: how a value is stored there, and how another Sub gets hold of it (ByRef)."""
+"""Assignable expressions: storing a value, and passing by reference (ByRef)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
 Store: TypeAlias = Callable[[Frame, AnyValue], None]
 """Stores a value."""
 Refer: TypeAlias = Callable[[Frame], tuple[Any, int]]
-"""Returns a list, or what can be indexed like one, and the index where the value is."""
+"""Returns a container (a list, or an object indexed like one) and the index of the value in it."""
 
 
 class _Globals:
-    """The global variables of a class as if they were a list, to be handed over by reference."""
+    """The global variables of a class as a list-like container, for passing by reference."""
 
     __slots__ = ("_convert", "_kind", "_world")
 
@@ -38,21 +38,21 @@ class _Globals:
 
 
 def as_target(node: Expression) -> Target:
-    """Return an expression that stands where something can be assigned to.
+    """Return an expression as an assignment target.
 
     Raises:
-        Refusal: it is something else.
+        CompileError: If it is not a variable.
     """
     if isinstance(node, Name | Apply | Index):
         return node
-    raise CompileError(tr("a variable is wanted here"), node.at)
+    raise CompileError(tr("expected a variable"), node.at)
 
 
 def store(expressions: ExpressionCompiler, target: Target) -> Store:
-    """Return what stores a value, converted to the type of the target.
+    """Return a function that stores a value, converted to the type of the target.
 
     Raises:
-        Refusal: nothing can be assigned to it.
+        CompileError: If the target is not assignable.
     """
     local = _local(expressions, target)
     if local is None:
@@ -76,10 +76,10 @@ def store(expressions: ExpressionCompiler, target: Target) -> Store:
 
 
 def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf, Refer] | None:
-    """Return the type of a variable and what gives hold of it; ``None`` for what cannot be handed over by reference."""
+    """Return the type of a variable and a function that locates it; None if it cannot be passed by reference."""
     if not isinstance(node, Name | Apply | Index):
         return None
-    local = _local(expressions, node, refuse=False)
+    local = _local(expressions, node, strict=False)
     if local is not None:
         return local
     where = _global_of(expressions, node)
@@ -89,29 +89,29 @@ def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf
     return BY_CLASS[kind], lambda f: (_Globals(f[WORLD], kind), whole(index(f)))
 
 
-def _local(expressions: ExpressionCompiler, target: Target, *, refuse: bool = True) -> tuple[TypeOf, Refer] | None:
+def _local(expressions: ExpressionCompiler, target: Target, *, strict: bool = True) -> tuple[TypeOf, Refer] | None:
     name = _name_of(target)
     if isinstance(target, Index):
         return None
     variable = expressions.scope.variable(name.key)
     if variable is None:
-        if refuse and expressions.scope.constant(name.key) is not None:
+        if strict and expressions.scope.constant(name.key) is not None:
             raise CompileError(
-                tr("{name} is a constant and cannot be changed", name=name.text),
+                tr("the constant {name} cannot be changed", name=name.text),
                 name.at,
             )
         return None
     slot = variable.slot
     if isinstance(target, Apply):
         if not variable.sizes:
-            if refuse:
-                raise CompileError(tr("{name} is no array", name=name.text), name.at)
+            if strict:
+                raise CompileError(tr("{name} is not an array", name=name.text), name.at)
             return None
         offset = expressions.element(variable, target)
         return variable.type, lambda f: (f[slot], offset(f))
     if variable.sizes:
         raise CompileError(
-            tr("{name} is an array; only an element can stand here", name=name.text),
+            tr("{name} is an array; only an element can be used here", name=name.text),
             name.at,
         )
     if variable.by_ref:

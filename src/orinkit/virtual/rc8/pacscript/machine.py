@@ -1,4 +1,4 @@
-"""Runs a program in slices."""
+"""The interpreter: runs a program in slices."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from orinkit.virtual.rc8.pacscript.scope import MAX_ELEMENTS
 __all__ = ["MAX_CALLS", "Machine", "MachineState", "Program", "compile_program"]
 
 MAX_CALLS: Final = 64
-"""How deep Subs and Functions may call each other."""
+"""Maximum nesting depth of calls of Subs and Functions."""
 
 _SEED: Final = 12_345
 _MULTIPLIER: Final = 1_103_515_245
@@ -27,24 +27,24 @@ _MODULUS: Final = 2**31
 
 
 class MachineState(Enum):
-    """What a machine is about."""
+    """The state of a machine."""
 
-    RUNNING = "running"  #: at a statement
-    WAITING = "waiting"  #: for a motion, a time, a condition
+    RUNNING = "running"  #: ready to execute the next statement
+    WAITING = "waiting"  #: waits for a motion, a time or a condition
     DONE = "done"  #: at the end of Main, or at End
-    FAULT = "fault"  #: stopped by what :attr:`Machine.fault` says
+    FAULT = "fault"  #: stopped by the error in :attr:`Machine.fault`
 
 
 class Machine:
-    """A program as it runs.
+    """A running program.
 
     Args:
-        program: what to run; it begins at Sub Main.
-        world: the controller.
+        program: The program; it begins at Sub Main.
+        world: The interface to the controller.
 
     Attributes:
-        program: what it runs.
-        frame: the variables of the Sub that runs; for the instructions.
+        program: The program.
+        frame: The variables of the running Sub; used by the instructions.
     """
 
     def __init__(self, program: Program, world: HostInterface) -> None:
@@ -55,21 +55,21 @@ class Machine:
 
     @property
     def state(self) -> MachineState:
-        """What it is about."""
+        """The current state."""
         return self._state
 
     @property
     def fault(self) -> ProgramFault | None:
-        """What stopped it; ``None`` unless the state is FAULT."""
+        """The error that stopped the program; None unless the state is FAULT."""
         return self._fault
 
     @property
     def line(self) -> int:
-        """The line to be executed next, or that waits, or failed; when it is done the last one; counted from 1."""
+        """The line that is next, waits or failed; the last executed line if the program is done; counted from 1."""
         return self.program.linked.lines[self._pc]
 
     def restart(self) -> None:
-        """Begin Main anew."""
+        """Restart the program at Main."""
         self._stack: list[tuple[Frame, int, int, int]] = []
         self._elements = self.program.elements
         self.frame: Frame = self.program.new_frame(self._world, self)
@@ -81,7 +81,7 @@ class Machine:
         self._state = MachineState.RUNNING
 
     def interrupt(self) -> None:
-        """Forget the wait in progress; the statement that waited is executed anew when the program goes on."""
+        """Discard the wait in progress; its statement is executed again when the program continues."""
         self._wait = None
         if self._state is MachineState.WAITING:
             self._state = MachineState.RUNNING
@@ -90,18 +90,18 @@ class Machine:
         """Execute statements until the budget is used up or the program waits or ends.
 
         Args:
-            budget: how many. A call of a Function in an expression counts as one of its own.
-            tired: is asked after each of them whether it has been long enough.
+            budget: Maximum number of statements. A call of a Function in an expression counts as a statement.
+            tired: Called after each statement; True ends the slice early.
 
         Returns:
-            how many were executed; the one that began to wait is among them.
+            The number of executed statements, including one that has begun to wait.
         """
         if self._state is MachineState.WAITING:
             self._poll()
         return self._execute(budget, tired) if self._state is MachineState.RUNNING else 0
 
     def step(self) -> None:
-        """Execute one statement; of one that waits, look whether it is over."""
+        """Execute one statement, or poll the wait in progress."""
         if self._state is MachineState.WAITING:
             self._poll()
         elif self._state is MachineState.RUNNING:
@@ -113,7 +113,7 @@ class Machine:
     # --- for the instructions
 
     def wait_for(self, wait: Wait, following: int) -> int:
-        """Wait, then go on at an instruction."""
+        """Begin to wait; afterwards the program continues at an instruction."""
         self._wait = wait
         self._after_wait = following
         return WAIT
@@ -122,27 +122,28 @@ class Machine:
         """Begin a Sub or Function.
 
         Args:
-            frame: its variables.
-            following: the instruction after the call.
-            slot: where the caller wants its value, -1 for nowhere.
-            elements: how many elements its arrays have.
+            frame: Its variables.
+            following: The instruction after the call.
+            slot: The slot for the result in the caller's frame, -1 to discard it.
+            elements: Total number of elements of its arrays.
 
         Raises:
-            CallError: VALUE_OUT_OF_RANGE, MAX_CALLS are running; E_OUTOFMEMORY, their arrays are too large together.
+            CallError: VALUE_OUT_OF_RANGE if MAX_CALLS calls are active; E_OUTOFMEMORY if the arrays of all active calls
+                exceed MAX_ELEMENTS.
         """
         if len(self._stack) >= MAX_CALLS:
-            raise out_of_range(tr("calls nested deeper than {most}", most=MAX_CALLS))
+            raise out_of_range(tr("calls are nested more than {most} deep", most=MAX_CALLS))
         if self._elements + elements > MAX_ELEMENTS:
             raise error_for(
                 hresult.E_OUTOFMEMORY,
-                tr("the arrays of the running Subs have more than {most} elements", most=MAX_ELEMENTS),
+                tr("the arrays of the running Subs have more than {most} elements in total", most=MAX_ELEMENTS),
             )
         self._elements += elements
         self._stack.append((self.frame, following, slot, elements))
         self.frame = frame
 
     def leave(self, value: Any) -> int:
-        """End a Sub or Function; returns where the caller goes on."""
+        """End a Sub or Function and return the instruction at which the caller continues, or DONE."""
         if not self._stack:
             return DONE
         frame, following, slot, elements = self._stack.pop()
@@ -153,7 +154,7 @@ class Machine:
         return following
 
     def random(self) -> float:
-        """Return a number from 0 up to 1, the same ones after every restart."""
+        """Return a pseudo-random number in [0, 1); the sequence is the same after every restart."""
         self._seed = (_MULTIPLIER * self._seed + _INCREMENT) % _MODULUS
         return self._seed / _MODULUS
 
@@ -169,7 +170,7 @@ class Machine:
                 following = ops[pc](self.frame)
                 if following < 0:
                     self._pc = pc
-                    if not self._goes_on(following):
+                    if not self._continues(following):
                         return done
                     following = self._pc
                 pc = following
@@ -181,21 +182,21 @@ class Machine:
             self._fail(error)
         return done
 
-    def _goes_on(self, told: int) -> bool:
-        """Return whether the program goes on at once after an instruction that told to wait or to end."""
-        if told == WAIT:
-            return self._is_over()
+    def _continues(self, result: int) -> bool:
+        """Return True if the program continues at once after an instruction that returned WAIT or DONE."""
+        if result == WAIT:
+            return self._poll_wait()
         self._state = MachineState.DONE
         return False
 
     def _poll(self) -> None:
         try:
-            self._is_over()
+            self._poll_wait()
         except (CallError, InvalidValue) as error:
             self._fail(error)
 
-    def _is_over(self) -> bool:
-        """DrainInput whether what is waited for is over."""
+    def _poll_wait(self) -> bool:
+        """Poll the wait; return True if it is complete."""
         self._state = MachineState.WAITING
         if self._wait is not None and not self._wait():
             return False

@@ -35,13 +35,13 @@ _ORIGIN: Final = Target("V", (0.0, 0.0, 0.0))
 
 @dataclass(slots=True)
 class _Options:
-    """The options of a motion in the making: field -> what gives its value."""
+    """The options of a motion that is being compiled: field -> function that evaluates it."""
 
     fields: dict[str, Evaluate] = field(default_factory=dict)
     next: bool = False
 
     def build(self, f: Frame, mark: PassMark | None = None, pose: int | None = None) -> MotionOptions:
-        """Return the options with the values of now."""
+        """Evaluate the options."""
         given = self.fields
         return MotionOptions(
             speed=percent(given["speed"](f)) if "speed" in given else None,
@@ -58,7 +58,7 @@ def compile_motion(expressions: Expressions, node: Motion) -> None:
     """Emit a motion.
 
     Raises:
-        Refusal: parts of it are missing, too many, or wrong.
+        CompileError: If arguments are missing, superfluous or wrong.
     """
     items, options = _split(expressions, node)
     if node.word in ("Drive", "DriveA"):
@@ -72,7 +72,7 @@ def compile_motion(expressions: Expressions, node: Motion) -> None:
 
 
 def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options]:
-    """Return what comes before the options, and the options."""
+    """Split the arguments of a motion into positional arguments and options."""
     options = _Options()
     items: list[Item] = []
     for item in node.items:
@@ -82,7 +82,7 @@ def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options
         elif isinstance(value, Binary) and value.operator == "EQUAL" and isinstance(value.left, Name):
             _add_option(expressions, node, value.left, value, options)
         elif options.next or options.fields:
-            raise CompileError(tr("a pose cannot stand behind an option"), item.at)
+            raise CompileError(tr("poses must come before options"), item.at)
         else:
             items.append(item)
     return items, options
@@ -94,7 +94,7 @@ def _add_option(expressions: Expressions, node: Motion, name: Name, value: Binar
         raise not_supported(f"{node.word} {_REFUSED_OPTIONS[name.key]} =", name.at)
     if where is None or (where == "pose" and node.word != "Rotate"):
         raise CompileError(
-            tr("{option} is no option of {word}", option=name.text, word=node.word),
+            tr("{option} is not an option of {word}", option=name.text, word=node.word),
             name.at,
         )
     options.fields[where] = expressions.value(value.right)
@@ -111,14 +111,14 @@ def _straight(expressions: Expressions, node: Motion, items: list[Item], options
         _approach(expressions, interpolation, parts, options)
     elif node.word == "Depart":
         _require(node, parts, 1, 1, tr("a length"))
-        _refuse_extra(parts[0])
+        _reject_extra_joints(parts[0])
         length, mark = _amount(expressions, parts[0])
         waiting(
             expressions,
             lambda f: f[WORLD].depart(interpolation, float(number(length(f))), mark(f), options.build(f)),
         )
     elif interpolation == _INTERPOLATIONS["c"]:
-        _require(node, parts, _POSES_ON_ARC, _POSES_ON_ARC, tr("a pose on the way and a target"))
+        _require(node, parts, _POSES_ON_ARC, _POSES_ON_ARC, tr("a relay pose and a target"))
         _move(expressions, interpolation, parts, options)
     elif interpolation == _INTERPOLATIONS["s"]:
         _require(node, parts, 1, 1, tr("the number of a path"))
@@ -138,7 +138,7 @@ def _move(expressions: Expressions, interpolation: int, parts: Sequence[Item], o
 
 
 def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
-    _refuse_extra(part)
+    _reject_extra_joints(part)
     path, mark = _amount(expressions, part)
     waiting(
         expressions,
@@ -151,7 +151,7 @@ def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
 def _approach(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
     if parts[0].mark is not None:
         raise CompileError(
-            tr("the pass mark of Approach belongs to the length"),
+            tr("the pass mark of Approach must precede the length"),
             parts[0].at,
         )
     pose, extra = _pose(expressions, parts[0]), _extra(expressions, parts[1].extra or parts[0].extra)
@@ -176,7 +176,7 @@ def _interpolation(node: Motion, items: list[Item]) -> int:
     if number_of is None or number_of not in allowed:
         letters = "P, L, C, S" if node.word == "Move" else "P, L"
         raise CompileError(
-            tr("{word} wants {letters} first", word=node.word, letters=letters),
+            tr("the first argument of {word} must be one of {letters}", word=node.word, letters=letters),
             first.at,
         )
     return number_of
@@ -186,13 +186,13 @@ def _interpolation(node: Motion, items: list[Item]) -> int:
 
 
 def _drive(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    _require(node, items, 1, values.J_LENGTH, tr("joints and values like (1, 10)"))
+    _require(node, items, 1, values.J_LENGTH, tr("joints with values, for example (1, 10)"))
     absolute = node.word == "DriveA"
     mark = _mark(expressions, items[0].mark)
     for item in items:
-        _refuse_extra(item)
+        _reject_extra_joints(item)
         if item.mark is not None and item is not items[0]:
-            raise CompileError(tr("a pass mark cannot stand here"), item.at)
+            raise CompileError(tr("a pass mark is not allowed here"), item.at)
     pairs = _pairs(expressions, items)
     waiting(expressions, lambda f: f[WORLD].drive(pairs(f), absolute, mark(f), options.build(f)))
 
@@ -203,12 +203,12 @@ def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tup
         joints, take = expressions.value(first), values.pose("J")
         return lambda f: tuple(enumerate(take(joints(f)), 1))
     runs = [_pair(expressions, item.value, item.at) for item in items]
-    return lambda f: tuple(dict(run(f) for run in runs).items())  # of a joint that is there twice the last counts
+    return lambda f: tuple(dict(run(f) for run in runs).items())  # if a joint occurs twice, the last value counts
 
 
 def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame], tuple[int, float]]:
     if not isinstance(node, Listed) or len(node.items) != 2:
-        raise CompileError(tr("a joint and a value are wanted: (1, 10)"), at)
+        raise CompileError(tr("expected a joint and a value, for example (1, 10)"), at)
     joint, value = (expressions.value(item) for item in node.items)
 
     def run(f: Frame) -> tuple[int, float]:
@@ -224,25 +224,25 @@ def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame]
 
 
 def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    _require(node, items, 2, 3, tr("a plane, an angle and perhaps a pivot"))
+    _require(node, items, 2, 3, tr("a plane, an angle and optionally a pivot"))
     plane = items[0].value
     if isinstance(plane, Listed):
         raise not_supported(tr("Rotate about three points"), plane.at)
     name = plane.text.upper() if isinstance(plane, Name) else ""
     if name not in _PLANES:
         raise CompileError(
-            tr("the plane of Rotate is {planes}", planes=", ".join(_PLANES)),
+            tr("the plane of Rotate must be one of {planes}", planes=", ".join(_PLANES)),
             items[0].at,
         )
     for item in items:
-        _refuse_extra(item)
+        _reject_extra_joints(item)
     if items[0].mark or (len(items) > 2 and items[2].mark):
-        raise CompileError(tr("the pass mark of Rotate belongs to the angle"), node.at)
+        raise CompileError(tr("the pass mark of Rotate must precede the angle"), node.at)
     angle, mark = _amount(expressions, items[1])
     centre = items[2].value if len(items) > 2 else None
     pivot = expressions.value(centre) if centre is not None else None
     if pivot is None and name.endswith("H"):
-        raise CompileError(tr("Rotate {name} wants a pivot", name=name), node.at)
+        raise CompileError(tr("Rotate {name} requires a pivot", name=name), node.at)
 
     def begin(f: Frame) -> Callable[[], bool]:
         turn = float(number(angle(f)))
@@ -254,9 +254,9 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
 
 
 def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    """RotateH is a Rotate in the tool's XY plane about the tool's origin, with the orientation."""
+    """Emit RotateH: a Rotate in the tool's XY plane about the tool's origin that also turns the orientation."""
     _require(node, items, 1, 1, tr("an angle"))
-    _refuse_extra(items[0])
+    _reject_extra_joints(items[0])
     angle, mark = _amount(expressions, items[0])
     waiting(
         expressions,
@@ -283,7 +283,7 @@ def _pose(expressions: Expressions, item: Item) -> Evaluate:
 
 
 def _amount(expressions: Expressions, item: Item) -> tuple[Evaluate, Callable[[Frame], PassMark | None]]:
-    """Return what gives a length or an angle, and its pass mark."""
+    """Return functions that evaluate a length or an angle, and its pass mark."""
     return _pose(expressions, item), _mark(expressions, item.mark)
 
 
@@ -300,7 +300,7 @@ def _mark(expressions: Expressions, node: Mark | None) -> Callable[[Frame], Pass
 def _radius(value: AnyValue) -> PassMark:
     radius = float(number(value))
     if radius < 0:
-        raise out_of_range(tr("a pass mark of {radius:g} mm", radius=radius))
+        raise out_of_range(tr("the radius of a pass mark is negative: {radius:g} mm", radius=radius))
     return PassMark("n", radius) if radius else AT_COMMAND
 
 
@@ -319,7 +319,7 @@ def _extra(expressions: Expressions, node: ExtraJoints | None) -> Callable[[Fram
         given = dict(one(f) for one in runs)
         for joint in given:
             if joint not in _EXTRA_JOINTS:
-                raise out_of_range(tr("joint {joint} is no extra joint, 7 or 8", joint=joint))
+                raise out_of_range(tr("joint {joint} is not an extended joint (7 or 8)", joint=joint))
         return Extra(absolute, tuple(given.items()))
 
     return run
@@ -333,23 +333,23 @@ def _time(value: AnyValue) -> float:
     time = float(number(value))
     if 0 < time <= MAX_TIME:
         return time
-    raise out_of_range(tr("a motion of {time:g} ms", time=time))
+    raise out_of_range(tr("invalid duration of a motion: {time:g} ms", time=time))
 
 
 def _pose_option(value: AnyValue) -> int:
     value = whole(value)
     if value in (1, 2):
         return int(value)
-    raise out_of_range(tr("Pose = {value}; it is 1 or 2", value=value))
+    raise out_of_range(tr("Pose must be 1 or 2, not {value}", value=value))
 
 
 def _require(node: Motion, items: Sequence[Item], least: int, most: int, what: str) -> None:
     if least <= len(items) <= most:
         return
     at = items[most].at if len(items) > most else node.at
-    raise CompileError(tr("{word} wants {what}", word=node.word, what=what), at)
+    raise CompileError(tr("{word} requires {what}", word=node.word, what=what), at)
 
 
-def _refuse_extra(item: Item) -> None:
+def _reject_extra_joints(item: Item) -> None:
     if item.extra is not None:
-        raise CompileError(tr("Ex and ExA cannot stand here"), item.extra.at)
+        raise CompileError(tr("Ex and ExA are not allowed here"), item.extra.at)

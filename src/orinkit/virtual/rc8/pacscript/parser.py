@@ -1,4 +1,4 @@
-"""Source to statements."""
+"""Parser: source to statements."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ _INTEGER_BITS: Final = 32
 _LONGEST_INTEGER: Final = 10
 _LARGEST: Final = 2**31 - 1
 
-#: What the reader misses most likely, the first of these that could stand there.
+#: Suggestions for a syntax error: the first of these tokens that is allowed at the position.
 _MISSING: Final = (
     ("THEN", "Then"), ("TO", "To"), ("_CLOSE", ")"), ("_CLOSE_INDEX", "]"), ("_COMMA", ","),
 )  # fmt: skip
 
 
 def parse(source: str, file: str) -> tuple[Statement, ...]:
-    """Return the statements of a program, with every one of its lines that says something.
+    """Return the statements of a program.
 
     Args:
-        source: the text; at most 256 Ki characters, 1,024 bytes a line.
-        file: its name, for errors.
+        source: Source; at most 256 Ki characters, 1,024 bytes per line.
+        file: Name of the file, for errors.
 
     Raises:
-        PacScriptError: it is not PacScript, or not what is supported of it.
+        PacScriptError: If the source has a syntax error or an unsupported statement.
     """
     try:
         return cast("tuple[Statement, ...]", _lark().parse(source))
     except UnexpectedToken as error:
         line, column = _place(error.token)
         raise PacScriptError(_unexpected(error), file, line, column) from None
-    except CompileError as refusal:
-        raise PacScriptError(refusal.message, file, *refusal.at) from None
+    except CompileError as error:
+        raise PacScriptError(error.message, file, *error.at) from None
 
 
 @cache
@@ -57,14 +57,14 @@ def _place(token: Token) -> Place:
 
 def _unexpected(error: UnexpectedToken) -> str:
     token = cast("Token", error.token)
-    possible = error.accepts or ()  # tried out: what is merely expected also holds what fits elsewhere
+    possible = error.accepts or ()  # not error.expected, which includes tokens that do not fit here
     missing = next((shown for name, shown in _MISSING if name in possible), "")
     if token.type in ("_LINE", "$END"):
-        problem = tr("the line ends too early")
+        problem = tr("unexpected end of line")
     else:
-        problem = tr("{word} cannot stand here", word=_shorten(token))
+        problem = tr("unexpected {word}", word=_shorten(token))
     if missing and token.type != "LABEL":
-        return tr('{problem}; perhaps "{missing}" is missing', problem=problem, missing=missing)
+        return tr('{problem}; "{missing}" may be missing', problem=problem, missing=missing)
     return problem
 
 
@@ -74,7 +74,7 @@ def _shorten(text: str) -> str:
 
 @v_args(inline=True)
 class _Builder(Transformer[Token, Any]):
-    """Makes the nodes while lark parses; nothing here recurses."""
+    """Creates the nodes while lark parses, without recursion."""
 
     # --- the program and its routines
 
@@ -189,7 +189,7 @@ class _Builder(Transformer[Token, Any]):
     def call_more(self, target: tree.Target, values: tuple[Expression, ...]) -> tree.Call:
         if isinstance(target, tree.Apply) and len(target.arguments) == 1:
             return tree.Call(target.at, target.name, (*target.arguments, *values))
-        raise CompileError(tr("a comma cannot stand here"), target.at)
+        raise CompileError(tr("unexpected comma"), target.at)
 
     def motion(self, word: Token, *items: tree.Item) -> tree.Motion:
         return tree.Motion(_place(word), canonical(word), items)
@@ -210,7 +210,7 @@ class _Builder(Transformer[Token, Any]):
         elif not isinstance(what, tree.Listed):
             return tree.Mark(what.at, "n", what)
         raise CompileError(
-            tr("a pass mark is @0, @P, @E or @ and a radius in mm"),
+            tr("a pass mark must be @0, @P, @E or @ with a radius in mm"),
             _place(what) if isinstance(what, Token) else what.at,
         )
 

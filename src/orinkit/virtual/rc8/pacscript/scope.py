@@ -25,9 +25,9 @@ from orinkit.virtual.rc8.pacscript.tree import Name
 from orinkit.virtual.rc8.pacscript.values import AnyValue
 
 MAX_DIMENSIONS: Final = 3
-"""How many dimensions an array may have."""
+"""Maximum number of dimensions of an array."""
 MAX_ELEMENTS: Final = 100_000
-"""How many elements the arrays of all Subs and Functions that run may have together."""
+"""Maximum number of elements of the arrays of all running Subs and Functions together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ class TypeOf:
     """A type of variables.
 
     Attributes:
-        name: in small letters; Long is Integer.
-        default: the value that a variable has at first.
-        convert: makes a value fit to be kept, or raises.
+        name: Name in lower case; Long is Integer.
+        default: Initial value of a variable.
+        convert: Converts a value to this type, or raises CallError.
     """
 
     name: str
@@ -61,7 +61,7 @@ _TYPES: Final[Mapping[str, TypeOf]] = {
     )
 }
 VARIANT: Final = _TYPES["variant"]
-"""The type that takes any value."""
+"""The type that accepts any value."""
 BY_CLASS: Final[Mapping[str, TypeOf]] = {
     "I": _TYPES["integer"], "F": _TYPES["single"], "D": _TYPES["double"], "S": _TYPES["string"],
     "V": _TYPES["vector"], "P": _TYPES["position"], "J": _TYPES["joint"], "T": _TYPES["trans"],
@@ -74,11 +74,11 @@ class Variable:
     """A local variable.
 
     Attributes:
-        name: as declared.
-        type: of it or of its elements.
-        slot: where it is in the frame.
-        sizes: how many elements an array has in each dimension; ``()`` for a plain variable.
-        by_ref: whether the slot has a list and an index, where the value is.
+        name: Name as declared.
+        type: Type of the variable, or of the elements of an array.
+        slot: Index in the frame.
+        sizes: Number of elements of an array in each dimension; ``()`` for a scalar.
+        by_ref: If True, the slot contains a container and the index of the value in it.
     """
 
     name: str
@@ -104,12 +104,12 @@ class Routine:
     elements: int = 0
 
     def new_slot(self, default: AnyValue = None) -> int:
-        """Reserve a place in the frame."""
+        """Reserve a slot in the frame and return its index."""
         self.template.append(default)
         return len(self.template) - 1
 
     def framer(self) -> Callable[[Any, Any], Frame]:
-        """Return what makes a new frame, of the world and the machine."""
+        """Return a factory of new frames; its arguments are the world and the machine."""
         template = self.template
         arrays = [(one.slot, one.type.default, math.prod(one.sizes)) for one in self.variables.values() if one.sizes]
 
@@ -125,7 +125,7 @@ class Routine:
 
 
 class Scope:
-    """The names that can be seen from a place in a program."""
+    """The names that are visible at a position in a program."""
 
     def __init__(self) -> None:
         self.routines: dict[str, Routine] = {}
@@ -142,10 +142,10 @@ class Scope:
         """Add a Sub or Function.
 
         Raises:
-            Refusal: the name is taken or cannot be one.
+            CompileError: If the name is already declared or not allowed.
         """
         self.check_name(routine.name)
-        self._refuse_second(routine.name, routine.name.key in self.routines)
+        self._reject_duplicate(routine.name, routine.name.key in self.routines)
         self.routines[routine.name.key] = routine
 
     def add_variable(
@@ -154,18 +154,18 @@ class Scope:
         """Add a variable to a Sub or Function.
 
         Raises:
-            Refusal: the name is taken or cannot be one; an array is too large.
+            CompileError: If the name is already declared or not allowed, or if the arrays are too large.
         """
         self.check_name(name)
         key = name.key
         taken = key in routine.variables or key in routine.constants
         own = routine.result is None and key == routine.name.key  # a Function's name is its result
-        self._refuse_second(name, taken or (key in self.routines and not own) or key in self.shared)
+        self._reject_duplicate(name, taken or (key in self.routines and not own) or key in self.shared)
         routine.elements += math.prod(sizes) if sizes else 0
         if routine.elements > MAX_ELEMENTS:
             raise CompileError(
                 tr(
-                    "{name}: the arrays of a Sub have at most {most} elements",
+                    "{name}: the arrays of a Sub may have at most {most} elements in total",
                     name=name.text,
                     most=MAX_ELEMENTS,
                 ),
@@ -176,23 +176,23 @@ class Scope:
         return variable
 
     def add_constant(self, name: Name, value: AnyValue) -> None:
-        """Add a constant to the Sub or Function that is being compiled, or outside of one to all.
+        """Add a constant to the Sub or Function that is being compiled, or a global one outside of Subs.
 
         Raises:
-            Refusal: the name is taken or cannot be one.
+            CompileError: If the name is already declared or not allowed.
         """
         self.check_name(name)
         inside = self.routine
         taken = inside is not None and (name.key in inside.variables or name.key in inside.constants)
-        self._refuse_second(name, taken or name.key in self.routines or name.key in self.shared)
+        self._reject_duplicate(name, taken or name.key in self.routines or name.key in self.shared)
         (self.shared if inside is None else inside.constants)[name.key] = value
 
     def variable(self, key: str) -> Variable | None:
-        """Return a local variable."""
+        """Return a local variable, or None if there is none of this name."""
         return self.routine.variables.get(key) if self.routine else None
 
     def constant(self, key: str) -> AnyValue:
-        """Return a constant, ``None`` if there is none of this name."""
+        """Return a constant, or None if there is none of this name."""
         if self.routine and key in self.routine.constants:
             return self.routine.constants[key]
         return self.shared.get(key, CONSTANTS.get(key))
@@ -201,22 +201,22 @@ class Scope:
         """Check that a name may be declared.
 
         Raises:
-            Refusal: it is a word of PacScript or the name of a global variable.
+            CompileError: If the name is a word of PacScript or the name of a global variable.
         """
         key = name.key
         if NUMBERED.fullmatch(key):
             raise CompileError(
-                tr("{name} is the name of a global variable and cannot be declared", name=name.text),
+                tr("{name} cannot be declared: it is the name of a global variable", name=name.text),
                 name.at,
             )
         if key in _RESERVED:
             raise CompileError(
-                tr("{name} is a word of PacScript and cannot be declared", name=name.text),
+                tr("{name} cannot be declared: it is a word of PacScript", name=name.text),
                 name.at,
             )
 
     @staticmethod
-    def _refuse_second(name: Name, taken: bool) -> None:
+    def _reject_duplicate(name: Name, taken: bool) -> None:
         if taken:
             raise CompileError(tr("{name} is declared twice", name=name.text), name.at)
 
@@ -233,21 +233,21 @@ _RESERVED: Final = (
 
 
 def find_type(name: Name | None) -> TypeOf:
-    """Return the type behind As; Variant where there is none.
+    """Return the type given by As; Variant if there is no As.
 
     Raises:
-        Refusal: there is no such type.
+        CompileError: If the type does not exist.
     """
     if name is None:
         return VARIANT
     kind = _TYPES.get("integer" if name.key == "long" else name.key)
     if kind is None:
-        raise CompileError(tr("there is no type {name}", name=name.text), name.at)
+        raise CompileError(tr("unknown type {name}", name=name.text), name.at)
     return kind
 
 
 def split_number(key: str) -> tuple[str, int] | None:
-    """Return class and index of ``P12`` or ``IO128``; ``None`` for another word."""
+    """Return class and index of ``P12`` or ``IO128``; None for any other word."""
     found = NUMBERED.fullmatch(key)
     return (found[1].upper(), int(found[2])) if found else None
 
@@ -256,7 +256,7 @@ def known_class(name: Name) -> str:
     """Return the class of ``P[...]`` or ``IO[...]``.
 
     Raises:
-        Refusal: there is none of this name.
+        CompileError: If there is no class of this name.
     """
     kind = name.text.upper()
     if kind in GLOBAL_KINDS or kind in POINT_KINDS:
@@ -264,28 +264,28 @@ def known_class(name: Name) -> str:
     if name.key in REFUSED:
         raise not_supported(REFUSED[name.key], name.at)
     raise CompileError(
-        tr("{name}[ ] is no global variable; the elements of an array are {name}( )", name=name.text),
+        tr("{name}[ ] is not a global variable. Try: {name}( ) for an element of an array", name=name.text),
         name.at,
     )
 
 
 def unknown_routine(name: Name) -> CompileError:
-    """Return the refusal of a statement that is no command, and no call of a Sub that there is."""
+    """Return the error for a statement that is neither a command nor a call of a declared Sub or Function."""
     if name.key in REFUSED:
         return not_supported(REFUSED[name.key], name.at)
     return CompileError(
-        tr("there is no command, Sub or Function {name}", name=name.text),
+        tr("unknown command, Sub or Function {name}", name=name.text),
         name.at,
     )
 
 
 def unknown(name: Name, *, applied: bool) -> CompileError:
-    """Return the refusal of a word that means nothing."""
+    """Return the error for an undeclared name; ``applied``: a name followed by parentheses."""
     if name.key in REFUSED:
         return not_supported(REFUSED[name.key], name.at)
     if applied:
         return CompileError(
-            tr("there is no array or Function {name}", name=name.text),
+            tr("unknown array or Function {name}", name=name.text),
             name.at,
         )
     return CompileError(tr("{name} is not declared", name=name.text), name.at)
@@ -295,14 +295,14 @@ def check_count(name: Name, given: int, least: int, most: int) -> None:
     """Check the number of arguments or indices.
 
     Raises:
-        Refusal: it is wrong.
+        CompileError: If the number is not allowed.
     """
     if least <= given <= most:
         return
     wanted = f"{least}" if least == most else tr("{least} to {most}", least=least, most=most)
     raise CompileError(
         tr(
-            "the number of arguments of {name} is {wanted}, not {given}",
+            "wrong number of arguments for {name}: {given}, expected {wanted}",
             name=name.text,
             wanted=wanted,
             given=given,

@@ -1,4 +1,4 @@
-"""What the parser makes of a program: expressions as trees, statements as a flat list."""
+"""The syntax tree of a program: expressions as trees, statements as a flat list."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.errors import CompileError
 
 MAX_DEPTH: Final = 100
-"""How deep an expression may be nested."""
+"""Maximum nesting depth of an expression."""
 
 
 class Place(NamedTuple):
-    """A place in the source, counted from 1."""
+    """A position in the source; line and column are counted from 1."""
 
     line: int
     column: int
@@ -24,7 +24,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """A number or a text as it was written."""
+    """A number or a string literal."""
 
     at: Place
     value: int | float | str
@@ -41,13 +41,13 @@ class Name:
 
     @property
     def key(self) -> str:
-        """The word in small letters, as names are the same in any case."""
+        """The word in lower case, because names are case-insensitive."""
         return self.text.lower()
 
 
 @dataclass(frozen=True, slots=True)
 class Apply:
-    """``name(...)``: an element of an array, a pose, a function."""
+    """``name(...)``: an element of an array, a pose, or a call of a function."""
 
     name: Name
     arguments: tuple[Expression, ...]
@@ -55,7 +55,7 @@ class Apply:
 
     @property
     def at(self) -> Place:
-        """Where the name stands."""
+        """The position of the name."""
         return self.name.at
 
 
@@ -69,7 +69,7 @@ class Index:
 
     @property
     def at(self) -> Place:
-        """Where the name stands."""
+        """The position of the name."""
         return self.name.at
 
 
@@ -96,7 +96,7 @@ class Binary:
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """``(x, y)``: a joint and its value, in motions."""
+    """``(x, y)``: a joint and its value, as an argument of a motion."""
 
     at: Place
     items: tuple[Expression, ...]
@@ -104,16 +104,16 @@ class Listed:
 
 
 Expression: TypeAlias = Literal | Name | Apply | Index | Unary | Binary | Listed
-"""Anything that has a value."""
+"""An expression that has a value."""
 Target: TypeAlias = Name | Apply | Index
-"""Anything that may be assigned to; whether it can be is for the compiler to see."""
+"""An expression with the form of an assignment target; the compiler checks that it is assignable."""
 
 
 def depth_over(at: Place, *parts: Expression) -> int:
-    """Return the depth of an expression of these parts.
+    """Return the depth of an expression with these parts.
 
     Raises:
-        Refusal: it is deeper than MAX_DEPTH.
+        CompileError: If the depth exceeds MAX_DEPTH.
     """
     depth = 1 + max((part.depth for part in parts), default=0)
     if depth > MAX_DEPTH:
@@ -135,7 +135,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Routine:
-    """``Sub name(...)`` or ``Function name(...) As type``; ``word`` says which."""
+    """``Sub name(...)`` or ``Function name(...) As type``; ``word`` is ``"Sub"`` or ``"Function"``."""
 
     at: Place
     word: str
@@ -146,7 +146,7 @@ class Routine:
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """A statement of nothing but its word: ``End Sub``, ``Else``, ``Exit For``, ``Return`` ..."""
+    """A statement that consists only of a keyword: ``End Sub``, ``Else``, ``Exit For``, ``Return`` ..."""
 
     at: Place
     word: str
@@ -233,7 +233,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class ExtraJoints:
-    """``Ex(...)`` or, absolute, ``ExA(...)``."""
+    """``Ex(...)``, or ``ExA(...)`` if absolute."""
 
     at: Place
     absolute: bool
@@ -242,7 +242,7 @@ class ExtraJoints:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One part of a motion between its commas; ``value`` is ``None`` for ``Next``."""
+    """One comma-separated argument of a motion; ``value`` is None for ``Next``."""
 
     at: Place
     mark: Mark | None
@@ -261,7 +261,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Another command with its arguments: ``Delay 100``."""
+    """Any other command with its arguments: ``Delay 100``."""
 
     at: Place
     word: str
@@ -288,7 +288,7 @@ class SetPoint:
 
 @dataclass(frozen=True, slots=True)
 class LetPart:
-    """``LetX P1 = 5`` and the like; ``joint`` only with LetJ."""
+    """``LetX P1 = 5`` and similar commands; ``joint`` is None except for LetJ."""
 
     at: Place
     word: str
@@ -345,7 +345,7 @@ class Test:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """``Do [test]``, ``Loop [test]`` or ``While condition``; ``word`` says which."""
+    """``Do [test]``, ``Loop [test]`` or ``While condition``; ``word`` is the keyword."""
 
     at: Place
     word: str
@@ -362,7 +362,7 @@ class Select:
 
 @dataclass(frozen=True, slots=True)
 class CaseItem:
-    """``value``, ``low To high`` or ``Is < value``; ``relation`` is a token's name, or ``"TO"``."""
+    """``value``, ``low To high`` or ``Is < value``; ``relation`` is the name of a token or ``"TO"``."""
 
     relation: str
     value: Expression

@@ -1,7 +1,7 @@
-"""The values of a program: numbers, texts and poses; how they are converted, calculated, compared and written.
+"""The values of a program (numbers, strings and poses): conversion, calculation, comparison, formatting.
 
-A pose is a plain tuple, and its length says what it is: V 3, P 7, J 8, T 10 numbers. A truth value is -1 or 0, and any
-number but 0 counts as true. Whole numbers have 32 bits; a result beyond them is a fault, never another number.
+A pose is a plain tuple; its length determines its type: V 3, P 7, J 8, T 10 numbers. A truth value is -1 or 0; any
+number other than 0 is true. Whole numbers have 32 bits; an overflow is a fault and never wraps.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ AnyValue: TypeAlias = Any
 """``int``, ``float``, ``str`` or a tuple of ``float``."""
 
 V_LENGTH: Final = 3
-"""How many numbers a V has."""
+"""Number of elements of a V."""
 P_LENGTH: Final = 7
-"""How many a P has."""
+"""Number of elements of a P."""
 J_LENGTH: Final = 8
-"""How many a J has."""
+"""Number of elements of a J."""
 T_LENGTH: Final = 10
-"""How many a T has."""
+"""Number of elements of a T."""
 KINDS: Final = {V_LENGTH: "V", P_LENGTH: "P", J_LENGTH: "J", T_LENGTH: "T"}
-"""Which kind of pose has how many numbers."""
+"""Number of elements -> type of pose."""
 LENGTHS: Final = {kind: length for length, kind in KINDS.items()}
-"""The lengths of the kinds V, P, J, T; :data:`KINDS` is the way back."""
+"""Type of pose -> number of elements; the inverse of :data:`KINDS`."""
 
 LEAST: Final = -(2**31)
-"""The least Integer."""
+"""The smallest Integer."""
 LARGEST: Final = 2**31 - 1
 """The largest Integer."""
 MAX_TEXT: Final = 4096
-"""How many characters a text may have while it is calculated with."""
+"""Maximum length of a string in an expression, in characters."""
 
 _SINGLE: Final = struct.Struct("<f")
 _SHORTEST_DIGITS: Final = range(6, 10)
@@ -47,30 +47,30 @@ _SHORTEST_DIGITS: Final = range(6, 10)
 
 
 def describe(value: AnyValue) -> str:
-    """Return what a value is, for a message."""
+    """Return the type of a value, for a message."""
     if isinstance(value, str):
-        return tr("a text")
+        return tr("a string")
     if isinstance(value, tuple):
         return KINDS.get(len(value), tr("a list"))
     return tr("a number")
 
 
 def number(value: AnyValue) -> int | float:
-    """Return a number as it is.
+    """Return a number unchanged.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED; it is a text or a pose.
+        CallError: VARIABLE_CHANGE_FAILED if the value is a string or a pose.
     """
     if isinstance(value, int | float):
         return value
-    raise mismatch(tr("a number is wanted, not {given}", given=describe(value)))
+    raise mismatch(tr("expected a number, got {given}", given=describe(value)))
 
 
 def whole(value: AnyValue) -> int:
-    """Return a whole number of 32 bits; a fraction is rounded, one half upwards.
+    """Return a number rounded to a whole number of 32 bits; one half is rounded up.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it exceeds 32 bits.
     """
     if type(value) is int and LEAST <= value <= LARGEST:
         return value
@@ -84,7 +84,7 @@ def single(value: AnyValue) -> float:
     """Return a number rounded to single precision.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is too large.
     """
     try:
         return float(_SINGLE.unpack(_SINGLE.pack(number(value)))[0])
@@ -93,57 +93,57 @@ def single(value: AnyValue) -> float:
 
 
 def double(value: AnyValue) -> float:
-    """Return a number of double precision.
+    """Return a number in double precision.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number.
     """
     return float(number(value))
 
 
 def string(value: AnyValue) -> str:
-    """Return a text as it is.
+    """Return a string unchanged.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED; it is none.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a string.
     """
     if isinstance(value, str):
         return value
-    raise mismatch(tr("a text is wanted, not {given}", given=describe(value)))
+    raise mismatch(tr("expected a string, got {given}", given=describe(value)))
 
 
 def boolean(value: AnyValue) -> int:
-    """Return -1 for any number but 0.
+    """Return 0 for 0 and -1 for any other number.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number.
     """
     return -1 if number(value) else 0
 
 
 def pose(*kinds: str) -> Callable[[AnyValue], tuple[float, ...]]:
-    """Return what takes poses of some kinds: ``pose("P", "J")``."""
+    """Return a function that accepts only poses of the given types: ``pose("P", "J")``."""
     lengths = frozenset(LENGTHS[kind] for kind in kinds)
     wanted = ", ".join(kinds)
 
     def take(value: AnyValue) -> tuple[float, ...]:
         if isinstance(value, tuple) and len(value) in lengths:
             return value
-        raise mismatch(tr("{wanted} is wanted, not {given}", wanted=wanted, given=describe(value)))
+        raise mismatch(tr("expected {wanted}, got {given}", wanted=wanted, given=describe(value)))
 
     return take
 
 
 def any_value(value: AnyValue) -> AnyValue:
-    """Return a value as it is, as a Variant takes it."""
+    """Return a value unchanged: a Variant accepts any value."""
     return value
 
 
 def truth(value: AnyValue) -> bool:
-    """Return whether a condition is met.
+    """Return True if a condition is met: a number other than 0.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED; it is no number.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number.
     """
     return bool(number(value))
 
@@ -152,7 +152,9 @@ def truth(value: AnyValue) -> bool:
 
 
 def add(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return a sum; of texts their concatenation, of two poses of a kind the sum of their numbers, with the left Fig.
+    """Return the sum of two numbers, the concatenation of two strings or the sum of two poses of one type.
+
+    Poses are added element by element; the Fig is that of the left one.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE, STRING_TOO_LONG.
@@ -170,7 +172,7 @@ def add(left: AnyValue, right: AnyValue) -> AnyValue:
 
 
 def subtract(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return a difference, as :func:`add`.
+    """Return the difference of two numbers or of two poses of one type, like :func:`add`.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -186,7 +188,9 @@ def subtract(left: AnyValue, right: AnyValue) -> AnyValue:
 
 
 def multiply(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return a product: of numbers, of a number and a V, of two T (the second seen from the first, with its Fig).
+    """Return the product of two numbers, of a number and a V, or of two T.
+
+    The second T is relative to the first; the Fig of the product is that of the second.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -202,7 +206,7 @@ def multiply(left: AnyValue, right: AnyValue) -> AnyValue:
 
 
 def divide(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return a quotient, always with a fraction; of a V and a number a V.
+    """Return the quotient of two numbers as a float, or that of a V and a number as a V.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -214,7 +218,7 @@ def divide(left: AnyValue, right: AnyValue) -> AnyValue:
 
 
 def divide_whole(left: AnyValue, right: AnyValue) -> int:
-    r"""Return the quotient of two whole numbers without its fraction: ``-7 \ 2`` is -3.
+    r"""Return the quotient of two whole numbers, truncated: ``-7 \ 2`` is -3.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -236,20 +240,22 @@ def remainder(left: AnyValue, right: AnyValue) -> int:
 
 
 def power(left: AnyValue, right: AnyValue) -> float:
-    """Return a power, always with a fraction.
+    """Return a power as a float.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED; VALUE_OUT_OF_RANGE also where there is no such power.
+        CallError: VARIABLE_CHANGE_FAILED; VALUE_OUT_OF_RANGE, also if the power is undefined.
     """
     base, exponent = float(number(left)), float(number(right))
     try:
         return finite(math.pow(base, exponent))
     except (ValueError, OverflowError):
-        raise out_of_range(tr("{base:g} ^ {exponent:g} has no value", base=base, exponent=exponent)) from None
+        raise out_of_range(
+            tr("{base:g} ^ {exponent:g} is undefined or too large", base=base, exponent=exponent)
+        ) from None
 
 
 def negate(value: AnyValue) -> AnyValue:
-    """Return a number or a V with the other sign.
+    """Return a number or a V with the opposite sign.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -260,7 +266,7 @@ def negate(value: AnyValue) -> AnyValue:
 
 
 def join(left: AnyValue, right: AnyValue) -> str:
-    """Return the texts of two values behind each other.
+    """Return the concatenation of two values, formatted as strings.
 
     Raises:
         CallError: STRING_TOO_LONG.
@@ -269,14 +275,14 @@ def join(left: AnyValue, right: AnyValue) -> str:
 
 
 def shift(value: AnyValue, count: AnyValue) -> int:
-    """Return a whole number with its bits moved, up for a positive count; bits beyond 32 are lost.
+    """Return a whole number shifted by a number of bits: left for a positive count; bits beyond 32 are lost.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
     """
     bits, by = whole(value), whole(count)
     if not -32 < by < 32:
-        raise out_of_range(tr("bits cannot be moved by {by}", by=by))
+        raise out_of_range(tr("the shift count {by} is not in -31 to 31", by=by))
     moved = bits << by if by >= 0 else bits >> -by
     return (moved - LEAST) % 2**32 + LEAST
 
@@ -285,10 +291,10 @@ def shift(value: AnyValue, count: AnyValue) -> int:
 
 
 def equal(left: AnyValue, right: AnyValue) -> bool:
-    """Return whether two values are the same.
+    """Return True if two values are equal.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED; a number cannot be compared with a text, nor a P with a J.
+        CallError: VARIABLE_CHANGE_FAILED if the types differ, for example a number and a string, or a P and a J.
     """
     if type(left) is not type(right) or type(left) is tuple:
         _comparable(left, right)
@@ -296,10 +302,10 @@ def equal(left: AnyValue, right: AnyValue) -> bool:
 
 
 def less(left: AnyValue, right: AnyValue) -> bool:
-    """Return whether the first of two numbers or texts comes before the second.
+    """Return True if the first of two numbers or strings is less than the second.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED.
+        CallError: VARIABLE_CHANGE_FAILED if the types differ, or if the values are poses.
     """
     if type(left) is not type(right) or type(left) is tuple:
         _comparable(left, right)
@@ -308,11 +314,11 @@ def less(left: AnyValue, right: AnyValue) -> bool:
     return bool(left < right)
 
 
-# --- writing ----------------------------------------------------------------------------------------------------------
+# --- formatting -------------------------------------------------------------------------------------------------------
 
 
 def text(value: AnyValue) -> str:
-    """Return how a value is written: ``12``, ``0.1``, ``P(1, 2, 3, 180, 0, 180, 5)``."""
+    """Format a value: ``12``, ``0.1``, ``P(1, 2, 3, 180, 0, 180, 5)``."""
     if isinstance(value, str):
         return value
     if isinstance(value, tuple):
@@ -323,26 +329,26 @@ def text(value: AnyValue) -> str:
 
 
 def bounded(value: str) -> str:
-    """Return a text that is not too long.
+    """Return a string unchanged.
 
     Raises:
-        CallError: STRING_TOO_LONG.
+        CallError: STRING_TOO_LONG if it has more than MAX_TEXT characters.
     """
     if len(value) <= MAX_TEXT:
         return value
-    raise error_for(hresult.STRING_TOO_LONG, tr("more than {most} characters", most=MAX_TEXT))
+    raise error_for(hresult.STRING_TOO_LONG, tr("the string has more than {most} characters", most=MAX_TEXT))
 
 
 def overflow() -> Exception:
-    """Return the error of a number that is too large."""
+    """Return the error for a number that is too large."""
     return out_of_range(tr("the number is too large for its type"))
 
 
 def finite(value: float) -> float:
-    """Return a number that is neither infinite nor NaN.
+    """Return a number unchanged.
 
     Raises:
-        CallError: VALUE_OUT_OF_RANGE.
+        CallError: VALUE_OUT_OF_RANGE if it is infinite or NaN.
     """
     if value - value == 0:
         return value
@@ -354,7 +360,7 @@ def _real(value: float) -> str:
     if abs(value) < LARGEST and value.is_integer():
         return str(int(value))
     try:
-        if _SINGLE.unpack(_SINGLE.pack(value))[0] == value:  # a value of single precision in as few digits as it has
+        if _SINGLE.unpack(_SINGLE.pack(value))[0] == value:  # single precision: the shortest digits that round-trip
             shown = next((s for n in _SHORTEST_DIGITS if single(float(s := f"{value:.{n}g}")) == value), shown)
     except OverflowError:
         pass
@@ -384,7 +390,7 @@ def _multiply_poses(left: AnyValue, right: AnyValue) -> tuple[float, ...]:
 
 
 def _turn(frame: tuple[float, ...], vector: tuple[float, ...]) -> tuple[float, float, float]:
-    """Return a vector that is seen from a T as one of the base; the T's X axis is orient x approach."""
+    """Return a vector of the frame T in base coordinates; the X axis of T is orient x approach."""
     ox, oy, oz, ax, ay, az = frame[3:9]
     nx, ny, nz = oy * az - oz * ay, oz * ax - ox * az, ox * ay - oy * ax
     x, y, z = vector
