@@ -123,13 +123,13 @@ def other_key(folder: Path) -> Path:
 
 def test_certificates_that_cannot_be_used(rc8, tmp_path):
     for options, said in (
-        (HttpOptions(), "https needs a certificate"),
-        (HttpOptions(cert=str(CERTIFICATE)), "has no private key in it"),
-        (HttpOptions(cert=str(KEY), key=str(CERTIFICATE)), "exchange them"),
-        (HttpOptions(cert=str(KEY)), "has no certificate in it"),
+        (HttpOptions(), "https requires a certificate"),
+        (HttpOptions(cert=str(CERTIFICATE)), "contains no private key"),
+        (HttpOptions(cert=str(KEY), key=str(CERTIFICATE)), "they may be swapped"),
+        (HttpOptions(cert=str(KEY)), "contains no certificate"),
         (
             HttpOptions(cert=str(CERTIFICATE), key=str(other_key(tmp_path))),
-            "other.pem is not that of the certificate in",
+            "other.pem does not match the certificate in",
         ),
         (HttpOptions(cert=str(tmp_path / "none.pem"), key=str(KEY)), "No such file"),
     ):
@@ -141,7 +141,7 @@ def test_certificates_that_cannot_be_used(rc8, tmp_path):
 
 def test_a_certificate_without_its_key(refused):
     said = refused("serve", "rc8", "--http", "0", "--cert", str(CERTIFICATE))
-    assert said.startswith(f"cannot listen on https://127.0.0.1:0: {CERTIFICATE} has no private key in it")
+    assert said.startswith(f"cannot listen on https://127.0.0.1:0: {CERTIFICATE} contains no private key")
     assert "another port" not in said
 
 

@@ -582,7 +582,7 @@ def test_a_call_that_takes_too_long(web: Web, workshop: Workshop) -> None:
     handle = connect(web)
     answer = web.call(EXECUTE, handle, "Wait", "8,late")
     assert answer.code == hresult.E_TIMEOUT
-    assert answer.detail == "not done within 0.1 s"
+    assert answer.detail == "not completed within 0.1 s"
     answer = web.call(GET_VARIABLE, handle, "slow one")
     assert answer.code == hresult.E_TIMEOUT
     assert not workshop.cancelled.acquire(blocking=False)  # the work goes on
@@ -604,7 +604,7 @@ def test_the_servers_time_out(workshop: Workshop) -> None:
         assert [web.line() for _ in range(6)] == [b"1", b"", b""] * 2
         leap(server, 100.0)
         rest = b"".join(web.pieces({"transfer-encoding": "chunked"}))
-        assert rest.lstrip(b"\n") == b"0x80000900,not done within 1000 s"
+        assert rest.lstrip(b"\n") == b"0x80000900,not completed within 1000 s"
 
 
 def test_eight_calls_of_a_client_at_a_time(server: Server, workshop: Workshop) -> None:
@@ -772,10 +772,10 @@ def test_certificates_that_cannot_be_used(workshop: Workshop, certificate: tuple
     noise = tmp_path / "noise.pem"
     noise.write_bytes(b"noise")
     for options, found in (
-        (HttpOptions(), "needs a certificate"),
+        (HttpOptions(), "requires a certificate"),
         (HttpOptions(cert=cert), "cert.pem"),
         (HttpOptions(cert=key, key=cert), "cert.pem"),
-        (HttpOptions(cert=cert, key=str(locked)), "no password"),
+        (HttpOptions(cert=cert, key=str(locked)), "protected by a password"),
         (HttpOptions(cert=str(noise), key=key), "noise.pem"),
         (HttpOptions(cert=str(tmp_path / "none.pem")), "none.pem"),
     ):

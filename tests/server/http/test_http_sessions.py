@@ -556,7 +556,7 @@ def test_clients_are_logged(workshop: Workshop, caplog: pytest.LogCaptureFixture
     told = [record.getMessage() for record in caplog.records]
     who = f"{host}:{port}/http"
     assert [line for line in told if line.startswith(who)] == [
-        f"{who} connected", f"{who} disconnected: nothing heard", f"{who} connected", f"{who} disconnected",
+        f"{who} connected", f"{who} disconnected: nothing received", f"{who} connected", f"{who} disconnected",
     ]  # fmt: skip
 
 

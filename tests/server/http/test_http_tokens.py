@@ -92,7 +92,7 @@ def test_guesses_are_slowed_down_and_the_right_token_is_not(
         assert [each.answer().status for each in waiting] == [401] * _HELD
     until(lambda: not shared.held)
     told = [record.getMessage() for record in caplog.records if "wrong token" in record.getMessage()]
-    assert told == ["127.0.0.1: 5 requests over HTTP with a wrong token, or with none"]
+    assert told == ["127.0.0.1: 5 HTTP requests with a wrong token or without one"]
 
 
 def test_guessing_takes_its_time(server: Server) -> None:
@@ -106,7 +106,7 @@ def test_guessing_takes_its_time(server: Server) -> None:
 
 @pytest.mark.parametrize("token", ["x", "0123456789abcde"])
 def test_a_token_that_can_be_guessed_is_warned_of(token: str, caplog: pytest.LogCaptureFixture) -> None:
-    for lang, text in (("en", "can be guessed. Try: 16 or more"), ("ja", "推測されるおそれがあります")):
+    for lang, text in (("en", "can be guessed. Try: use 16 or more"), ("ja", "推測されるおそれがあります")):
         i18n.use("ja" if lang == "ja" else "en")
         with orinkit.serve(Workshop(), "http://127.0.0.1:0", http=HttpOptions(token=token)):
             pass

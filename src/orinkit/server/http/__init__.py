@@ -1,1 +1,1 @@
-"""e-CAP over HTTP, server side."""
+"""e-CAP server over HTTP."""

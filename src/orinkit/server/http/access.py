@@ -1,4 +1,4 @@
-"""Who may call over HTTP: everything that the header of a request tells, and what those are told who may not."""
+"""Access control for HTTP: checks of the header of a request, and the responses that refuse a request."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from orinkit.server.http.options import HttpOptions
 
 Headers: TypeAlias = dict[bytes, bytes]
 
-_REMEMBERED: Final = 64  # headers that have been looked at
+_CACHED: Final = 64  # accepted header values in each cache
 _FORM: Final = b"application/x-www-form-urlencoded"
 _UTF8: Final = (b"utf-8", b"utf8")
-_WEB: Final = {"http": "80", "https": "443"}  # schemes of pages, and their ports
+_WEB: Final = {"http": "80", "https": "443"}  # schemes of web pages, and their default ports
 
 
 class AccessCheck:
-    """Looks at a request's header: whether it is a call, of somebody who may call, for this server.
+    """Checks the header of a request: method, host, origin, token, and content type.
 
     Args:
-        options: who is let in.
-        secure: it is https.
+        options: access control options.
+        secure: whether the listener uses https.
     """
 
     def __init__(self, options: HttpOptions, *, secure: bool) -> None:
@@ -39,27 +39,30 @@ class AccessCheck:
         self._known_types: set[bytes] = {_FORM}
 
     def refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
-        """Return the answer for one who is not let in; ``None`` for a call."""
+        """Return the response that refuses the request, or ``None`` if it is a permitted call."""
         host = headers.get(b"host", b"")
         if host not in self._known_hosts and not self._is_ours(host):
             return _wrong_host(host)
-        if b"origin" in headers and not self._is_own(headers[b"origin"], host):
+        if b"origin" in headers and not self._is_same_origin(headers[b"origin"], host):
             return plain(
                 403,
-                tr("calls of other web sites are refused (Origin)"),
+                tr("requests from other web sites are refused (Origin)"),
             )
         if method != "POST":
             return _not_post(method)
-        if self._token and not self._shows_token(headers.get(b"authorization", b"")):
-            text = tr("a token is needed: Authorization: Bearer ...")
+        if self._token and not self._has_token(headers.get(b"authorization", b"")):
+            text = tr("a token is required (Authorization: Bearer ...)")
             return plain(401, text, {"WWW-Authenticate": "Bearer"})
-        kind = headers.get(b"content-type", _FORM)
-        if (kind not in self._known_types and not self._is_form(kind)) or not _is_unpacked(headers):
-            return plain(415, tr("Content-Type: {type}, UTF-8 is needed", type=_FORM.decode()))
+        content_type = headers.get(b"content-type", _FORM)
+        if (content_type not in self._known_types and not self._is_form(content_type)) or not _is_uncompressed(headers):
+            return plain(415, tr("the body must be {type} in UTF-8, uncompressed", type=_FORM.decode()))
         return None
 
     def _is_ours(self, given: bytes) -> bool:
-        """Whether a Host header names this server. A web page can have a name of its own point here, but no address."""
+        """Return True if a Host header names this server.
+
+        Addresses are always accepted. Other names are not, because a web page can make its own name resolve to this server.
+        """
         host, _ = _host_and_port(given.decode("latin-1").lower(), "")
         name = host.removesuffix(".")
         if name in self._hosts or name.endswith(".localhost") or _is_address(host):
@@ -67,79 +70,79 @@ class AccessCheck:
             return True
         return False
 
-    def _is_own(self, origin: bytes, host: bytes) -> bool:
-        """Whether a web page is of this server itself."""
-        scheme, mark, place = origin.decode("latin-1").lower().partition("://")
+    def _is_same_origin(self, origin: bytes, host: bytes) -> bool:
+        """Return True if the origin of a web page is this server itself."""
+        scheme, mark, netloc = origin.decode("latin-1").lower().partition("://")
         called = host.decode("latin-1").lower()
         scheme_port = _WEB.get(scheme, "")
         return bool(scheme_port and mark and called) and (
-            place == called or _host_and_port(place, scheme_port) == _host_and_port(called, self._port)
+            netloc == called or _host_and_port(netloc, scheme_port) == _host_and_port(called, self._port)
         )
 
-    def _shows_token(self, given: bytes) -> bool:
+    def _has_token(self, given: bytes) -> bool:
         kind, _, token = given.partition(b" ")
         return hmac.compare_digest(token.strip(), self._token) and kind.lower() == b"bearer"
 
     def _is_form(self, given: bytes) -> bool:
-        kind, *parameters = (part.strip() for part in given.lower().split(b";"))
+        content_type, *parameters = (part.strip() for part in given.lower().split(b";"))
         for parameter in parameters:
             name, _, value = parameter.partition(b"=")
             if name.strip() == b"charset" and value.strip().strip(b'"') not in _UTF8:
                 return False
-        if kind == _FORM:
+        if content_type == _FORM:
             _remember(self._known_types, given)
-        return kind == _FORM
+        return content_type == _FORM
 
 
-# --- what is told ------------------------------------------------------------------------------------------------------
+# --- responses ---------------------------------------------------------------------------------------------------------
 
 _ONCE: Final = (b"host", b"origin", b"authorization", b"content-length", b"content-type")
 _CLOSE: Final = {"Connection": "close"}
 
 
 def plain(status: int, text: str, headers: dict[str, str] | None = None) -> PlainTextResponse:
-    """Return an answer with a text of one line."""
+    """Return a response with one line of text."""
     return PlainTextResponse(f"{text}\n", status, headers)
 
 
 def ambiguous(headers: Iterable[tuple[bytes, bytes]]) -> PlainTextResponse | None:
-    """Return the answer to a request whose header can be read in more than one way; ``None`` for any other.
+    """Return the response to a request with an ambiguous header, or ``None`` if the header is unambiguous.
 
-    A proxy in front may have read it in the other way. Equal lengths count once: h11 has made one of them.
+    A proxy may have interpreted an ambiguous header in the other way. Equal lengths do not count: h11 has merged them.
     """
     names = [name for name, _ in headers]
     for name in _ONCE:
         if names.count(name) > 1:
             shown = name.decode().title()
-            return plain(400, tr("{shown} is there more than once", shown=shown), _CLOSE)
+            return plain(400, tr("the header {shown} is repeated", shown=shown), _CLOSE)
     if b"content-length" in names and b"transfer-encoding" in names:
-        text = tr("Content-Length and Transfer-Encoding exclude each other")
+        text = tr("Content-Length and Transfer-Encoding cannot be combined")
         return plain(400, text, _CLOSE)
     return None
 
 
 def closed() -> PlainTextResponse:
-    """Return the answer of a server that is being closed."""
+    """Return the response of a server that is closing."""
     return plain(503, closing(), {"Connection": "close"})
 
 
 def too_many_guesses() -> PlainTextResponse:
-    """Return the answer to a request whose token is not looked at: its address is being slowed down."""
-    text = tr("too many wrong tokens from this address; try again in a second")
+    """Return the response to a request whose token is not checked, because its address has sent too many wrong tokens."""
+    text = tr("too many wrong tokens from this address. Try: repeat the request after 1 s")
     return plain(429, text, {**_CLOSE, "Retry-After": "1"})
 
 
 def full() -> PlainTextResponse:
-    """Return the answer to a body for which there is no room, because others are sending too much."""
+    """Return the response to a body for which there is no room, because other clients are sending too much."""
     return plain(
         503,
-        tr("too many requests are under way; try again"),
+        tr("too many requests in progress. Try: repeat the request later"),
         _CLOSE,
     )
 
 
 def _not_post(method: str) -> PlainTextResponse:
-    text = tr("e-CAP is spoken with POST")
+    text = tr("e-CAP requires POST")
     if method == "GET":
         text = (
             "orinkit: this is an e-CAP server. Try: curl -d 'Func=1' URL\n"
@@ -153,36 +156,36 @@ def _wrong_host(given: bytes) -> PlainTextResponse:
     return plain(
         421,
         tr(
-            "this server is not {shown}; it is called by its address, or a name that it has been told (--http-host)",
+            "this server is not {shown}. Try: use its address, or start it with --http-host NAME",
             shown=shown,
         ),
     )
 
 
 def too_long(most: int) -> PlainTextResponse:
-    """Return the answer to a body that has more bytes than that."""
-    return plain(413, tr("a body has at most {most} bytes", most=most))
+    """Return the response to a body of more than ``most`` bytes."""
+    return plain(413, tr("the body exceeds the limit of {most} bytes", most=most))
 
 
-# --- small things ------------------------------------------------------------------------------------------------------
+# --- helpers -----------------------------------------------------------------------------------------------------------
 
 
-def _is_unpacked(headers: Headers) -> bool:
+def _is_uncompressed(headers: Headers) -> bool:
     return headers.get(b"content-encoding", b"identity").lower() == b"identity"
 
 
 def _remember(known: set[bytes], given: bytes) -> None:
-    if len(known) < _REMEMBERED:
+    if len(known) < _CACHED:
         known.add(given)
 
 
-def _host_and_port(place: str, usual: str) -> tuple[str, str]:
-    """Cut ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
-    host, bracket, rest = place.rpartition("]")
-    name, colon, port = (rest if bracket else place).partition(":")
+def _host_and_port(netloc: str, default: str) -> tuple[str, str]:
+    """Split ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
+    host, bracket, rest = netloc.rpartition("]")
+    name, colon, port = (rest if bracket else netloc).partition(":")
     if bracket and name:  # something between the bracket and the port
-        return place, ""
-    return (host + bracket if bracket else name), (port if colon else usual)
+        return netloc, ""
+    return (host + bracket if bracket else name), (port if colon else default)
 
 
 def _is_address(host: str) -> bool:

@@ -1,7 +1,7 @@
-"""The ASGI application behind e-CAP: who is let in, what a request asks for, and its answer.
+"""The ASGI application for e-CAP: checks a request, calls the function, and sends the response.
 
-Every answer of a function has status 200 and a return code in its body. Other statuses say that the request never got as
-far as a function.
+The reply of a function always has status 200 and a return code in its body. Any other status means that no function was
+called.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ logger = logging.getLogger("orinkit.server")
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
-_STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # however much is at work
+_STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # permitted even if the client is busy
 _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
 _NO_TOKEN: Final = 401
-_HELD: Final = 32  # answers to wrong tokens that are held back for an address
+_HELD: Final = 32  # limit on the delayed replies to wrong tokens of one address
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
-_NOTHING: Final = -1  # bytes of a body that are waited for
+_DO_NOT_READ: Final = -1  # limit on the body to be read before a refusal: do not read it
 _LONGEST_DETAIL: Final = 500  # characters
-_PIECE: Final = 1024 * 1024  # bytes of an answer that are sent at a time
+_PIECE: Final = 1024 * 1024  # bytes of a response per send
 _BEATS: Final = range(80, 60_001)  # ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
 _TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
@@ -52,40 +52,40 @@ _BEATING: Final = b"orinkit-executing"
 
 
 class _Gone(Exception):
-    """The client has closed its connection."""
+    """Raised when the client has closed its connection."""
 
 
 class App:
     """The application of one listener.
 
     Args:
-        shared: what all clients of the server share.
-        options: who is let in.
-        secure: it is https.
+        shared: the state shared by all clients of the server.
+        options: options for HTTP.
+        secure: whether the listener uses https.
     """
 
     def __init__(self, shared: ServerContext, options: HttpOptions, *, secure: bool) -> None:
         self._shared = shared
         self._sessions = HttpSessions(shared, options.idle)
-        self._door = AccessCheck(options, secure=secure)
+        self._access = AccessCheck(options, secure=secure)
         self._secure = secure
         self._cookie = b""
         self._takes_options = shared.host.dialect.takes_options
         self._codes = shared.host.dialect.codes
 
     def listens_at(self, port: int) -> None:
-        """Say which port it is; the cookies of servers on other ports of a host are others."""
+        """Set the port; it is part of the cookie's name, because a host's cookies do not depend on the port."""
         self._cookie = b"orinkit-%d" % port
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Process one request."""
         exchange = Exchange(scope, receive, send)
         CLIENT.set(exchange.connection.host)
         try:
             unclear = ambiguous(scope["headers"])
             if unclear is not None:
                 self._log(exchange, unclear.status_code)
-                await exchange.refuse(unclear, _NOTHING)
+                await exchange.refuse(unclear, _DO_NOT_READ)
                 return
             refusal = self._refusal(scope["method"], exchange)
             if refusal is None:
@@ -94,29 +94,29 @@ class App:
                 self._log(exchange, refusal.status_code)
                 if refusal.status_code == _NO_TOKEN:
                     await self._slow_down(exchange)
-                await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _NOTHING)
+                await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _DO_NOT_READ)
         except _Gone:
             pass
         except asyncio.CancelledError:
             if not exchange.connection.gone:
                 raise
-            # else the server is being closed, and nobody is there who could be told
+            # otherwise the server is closing and the client has disconnected
         except Exception:
-            logger.exception("%s: answering a request", exchange.connection.name)
+            logger.exception("%s: error while processing a request", exchange.connection.name)
             if not exchange.begun:
-                text = tr("the server made a mistake; its log says which")
+                text = tr("internal server error. Try: see the server's log")
                 await exchange.refuse(plain(500, text), 0)
 
     def _refusal(self, method: str, exchange: Exchange) -> PlainTextResponse | None:
-        """Return the answer to a request that is not let in; None if it is."""
+        """Return the response that refuses the request, or None if it is permitted."""
         if self._shared.closing:
             return closed()
         if self._shared.held[exchange.connection.network] >= _HELD and not self._session_of(exchange):
             return too_many_guesses()
-        return self._door.refusal(method, exchange.headers)
+        return self._access.refusal(method, exchange.headers)
 
     def _session_of(self, exchange: Exchange) -> HttpSession | None:
-        """Return the session that the request's cookie names."""
+        """Return the session of the request's cookie."""
         key = self._key(exchange.headers.get(b"cookie", b""))
         return self._sessions.by_key(key) if key else None
 
@@ -127,12 +127,12 @@ class App:
         logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
 
     async def _slow_down(self, exchange: Exchange) -> None:
-        """Hold the answer to a wrong token back if its address has sent several."""
+        """Delay the response to a wrong token if its address has sent several."""
         shared = self._shared
         network = exchange.connection.network
         failure = shared.guesses.failed(network, asyncio.get_running_loop().time())
         if failure.reported:
-            logger.warning("%s: %d requests over HTTP with a wrong token, or with none", network, failure.reported)
+            logger.warning("%s: %d HTTP requests with a wrong token or without one", network, failure.reported)
         if not failure.delay or shared.closing:
             return
         shared.held[network] += 1
@@ -144,7 +144,7 @@ class App:
                 del shared.held[network]
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
-        """Answer a request that may come in; returns what refuses it, because of its length."""
+        """Process a permitted request; return a response if it is refused because of its length."""
         key = self._key(exchange.headers.get(b"cookie", b""))
         session = self._sessions.by_key(key) if key else None
         if session is not None:
@@ -158,9 +158,9 @@ class App:
             except CallError as error:
                 await self._answer(exchange, CallReply(error.code, detail=error.detail))
                 return None
-            finally:  # what waits to be read counts too
+            finally:  # a body in the worker counts until it is decoded
                 exchange.give_room(self._shared.partial)
-            if session is None or session.ended:  # while its request was read
+            if session is None or session.ended:  # it may have ended while the body was read
                 session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
                 if session is not None:
                     self._enter(session, exchange)
@@ -178,10 +178,10 @@ class App:
         session.enter(connection)
         connection.carried.add(session)
 
-    # --- who it is ------------------------------------------------------------------------------------------------
+    # --- sessions ------------------------------------------------------------------------------------------------
 
     def _key(self, cookies: bytes) -> str:
-        """Return what the client's cookie says; ``""`` where it has none."""
+        """Return the value of the client's cookie, or ``""`` if there is none."""
         for cookie in cookies.split(b";"):
             name, mark, value = cookie.partition(b"=")
             if mark and name.strip() == self._cookie:
@@ -189,11 +189,11 @@ class App:
         return ""
 
     def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
-        """Return the client of a request that no cookie tells of; ``None`` where there is none and will be none."""
+        """Return the session of a request without a valid cookie, if necessary a new one; ``None`` if there is none."""
         address, port = exchange.scope["client"] or ("", 0)
-        if _BEATING in exchange.headers and function_id in _WITHOUT_HANDLE:  # as orinkit's own clients begin
+        if _BEATING in exchange.headers and function_id in _WITHOUT_HANDLE:  # a client of orinkit
             keeps_cookies = True
-        if function_id == _SERVICE_STOP:  # nobody comes only to leave
+        if function_id == _SERVICE_STOP:  # never opens a session
             return None if keeps_cookies else self._sessions.at(address)
         if keeps_cookies:
             session = self._sessions.newcomer(address, port)
@@ -228,7 +228,7 @@ class App:
                 session.end()
             return reply
         if session.busy and function_id not in _STOPPING:
-            detail = tr("{calls} calls of this client are at work", calls=CALLS)
+            detail = tr("{calls} calls of this client are in progress", calls=CALLS)
             return CallReply(hresult.E_BUSY_PROC, detail=detail)
         if function_id == _SERVICE_START:
             return self._start(session, request)
@@ -247,11 +247,11 @@ class App:
         return _immediately(session.session, request)
 
     async def _wait(self, exchange: Exchange, session: HttpSession, call: RunningCall) -> CallReply:
-        """Return the answer of a call that takes its time, and let the client know meanwhile that it is at work."""
+        """Wait for the reply of a long-running call; meanwhile send keep-alive bytes if the client has requested them."""
         seconds = session.invoke_timeout
-        timer = asyncio.get_running_loop().call_later(seconds, _be_late, call, seconds)
+        timer = asyncio.get_running_loop().call_later(seconds, _time_out, call, seconds)
         exchange.connection.when_gone = call.give_up
-        if exchange.connection.gone:  # while the request was read
+        if exchange.connection.gone:  # it was closed while the request was read
             call.give_up()
         try:
             if exchange.beat:
@@ -278,7 +278,7 @@ class App:
             else:
                 body = write_reply(code, result)
         except Exception:
-            logger.exception("a result cannot be sent")
+            logger.exception("cannot encode a result")
             code = hresult.E_FAIL
             body = write_reply(code, None)
         if len(body) > self._shared.limits.packet:
@@ -288,20 +288,20 @@ class App:
 
 
 class Exchange:
-    """One request and its answer.
+    """One request and its response.
 
     Args:
-        scope: of ASGI.
-        receive: of ASGI.
-        send: of ASGI.
+        scope: the ASGI scope.
+        receive: the ASGI receive callable.
+        send: the ASGI send callable.
 
     Attributes:
-        scope: of ASGI.
-        headers: of the request, by their names in lower case.
-        connection: that it has come on.
-        beat: milliseconds between signs that the server is at work; 0 where the client does not ask for them.
-        begun: the answer has begun.
-        has_room: there is room for its body.
+        scope: the ASGI scope.
+        headers: headers of the request; the names are in lower case.
+        connection: the connection of the request.
+        beat: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
+        begun: whether the response has begun.
+        has_room: whether there is room for the body of the request.
     """
 
     __slots__ = (
@@ -333,10 +333,10 @@ class Exchange:
         self._more: list[tuple[bytes, bytes]] = []
 
     def add(self, name: bytes, value: bytes) -> None:
-        """Have the answer tell something more in its header."""
+        """Add a header to the response."""
         self._more.append((name, value))
 
-    def _tell(self, name: bytes, text: str) -> None:
+    def _add_text(self, name: bytes, text: str) -> None:
         self.add(name, quote(text[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace").encode())
 
     async def _next(self) -> bytes:
@@ -351,41 +351,46 @@ class Exchange:
         return int(self.headers.get(b"content-length", b"0"))
 
     def give_room(self, partial: IncompleteRequests) -> None:
-        """Count the request's body no more."""
+        """Stop counting the body of the request."""
         partial.change(self._counted, 0)
         self._counted = 0
 
-    async def body(self, most: int, partial: IncompleteRequests) -> bytes | None:
-        """Return the request's body; ``None`` where it is longer than that, or there is no room for it (``has_room``).
+    async def body(self, limit: int, partial: IncompleteRequests) -> bytes | None:
+        """Return the body of the request, or ``None`` if it is too long or there is no room for it (``has_room``).
 
         Args:
-            most: bytes.
-            partial: counts its bytes, until :meth:`give_room`.
+            limit: limit on the length, bytes.
+            partial: counts the bytes, until :meth:`give_room`.
         """
-        if self._length() > most:
+        if self._length() > limit:
             return None
         pieces: list[bytes] = []
         count = 0
-        while not self._whole and count <= most:
+        while not self._whole and count <= limit:
             pieces.append(await self._next())
             count += len(pieces[-1])
             self.has_room = partial.change(self._counted, count)
             self._counted = count
             if not self.has_room:
                 return None
-        if count > most:
+        if count > limit:
             return None
         return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
-    async def refuse(self, refusal: PlainTextResponse, most: int) -> None:
-        """Answer without a return code.
+    async def refuse(self, refusal: PlainTextResponse, limit: int) -> None:
+        """Send a response without a return code.
 
-        Reads the body first, and throws it away: a client that is still sending would not see the answer. One that is too
-        long even so, or that is only sent if the server wants it, is not waited for; then the connection is closed.
+        The body of the request is read first and discarded, because a client that is still sending would not read the
+        response. If the body is longer than 2 * ``limit``, or if the client waits for ``100 Continue``, it is not read;
+        the connection is closed after the response.
+
+        Args:
+            refusal: the response.
+            limit: limit on the length of a body, bytes; negative to read no body.
         """
         count = 0
-        waited_for = b"expect" not in self.headers and self._length() <= 2 * most
-        while waited_for and not self._whole and count <= 2 * most:
+        waited_for = b"expect" not in self.headers and self._length() <= 2 * limit
+        while waited_for and not self._whole and count <= 2 * limit:
             count += len(await self._next())
         if not self._whole or self.scope["method"] == "CONNECT":
             refusal.headers["connection"] = "close"
@@ -393,7 +398,7 @@ class Exchange:
         await refusal(self.scope, self._receive, self._send)
 
     async def beats(self, reply: asyncio.Future[CallReply | None]) -> None:
-        """Send line feeds until the reply is there."""
+        """Send line feeds until the reply is available."""
         while True:
             await asyncio.wait((reply,), timeout=self.beat / 1000)
             if reply.done():
@@ -403,23 +408,25 @@ class Exchange:
             await self._send({"type": "http.response.body", "body": b"\n", "more_body": True})
 
     async def answer(self, body: bytes, code: int, detail: str) -> None:
-        """Answer with a return code.
+        """Send a response with a return code.
 
         Args:
-            body: with the code.
-            code: of the device.
-            detail: what went wrong, in words.
+            body: the body, including the return code.
+            code: the return code.
+            detail: description of the error.
         """
         if not self.begun:
-            if hresult.failed(code):  # what a person with curl would not know otherwise
-                self._tell(b"orinkit-error", str(error_for(code)))
+            if hresult.failed(code):  # for users of curl
+                self._add_text(b"orinkit-error", str(error_for(code)))
             if detail:
-                self._tell(b"orinkit-detail", detail)
+                self._add_text(b"orinkit-detail", detail)
             await self._begin([(b"content-length", b"%d" % len(body))])
-        elif detail and hresult.failed(code):  # the header is through: who asked for signs reads it behind the code
+        elif detail and hresult.failed(
+            code
+        ):  # the header has been sent; clients that requested keep-alives read the detail after the code
             body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
         at = 0
-        while len(body) - at > _PIECE:  # at once it would be copied several times in one go
+        while len(body) - at > _PIECE:  # in one piece it would be copied several times without a turn of the loop
             await self._send({"type": "http.response.body", "body": body[at : at + _PIECE], "more_body": True})
             await asyncio.sleep(0)
             at += _PIECE
@@ -435,11 +442,11 @@ class Exchange:
         await self._send(message)
 
 
-# --- small things ------------------------------------------------------------------------------------------------------
+# --- helpers -----------------------------------------------------------------------------------------------------------
 
 
-def _be_late(call: RunningCall, seconds: float) -> None:
-    detail = tr("not done within {seconds:g} s", seconds=seconds)
+def _time_out(call: RunningCall, seconds: float) -> None:
+    detail = tr("not completed within {seconds:g} s", seconds=seconds)
     call.give_up(CallReply(hresult.E_TIMEOUT, detail=detail))
 
 
@@ -448,7 +455,7 @@ def _too_many(clients: int) -> str:
 
 
 def _immediately(session: Session, request: EcapRequest) -> CallReply:
-    """Call a function of the session itself; none of them takes its time."""
+    """Call a function of the session itself, which always returns immediately."""
     outcome = session.invoke(request.function.id, request.arguments)
     assert isinstance(outcome, CallReply)
     return outcome

@@ -1,4 +1,4 @@
-"""When a connection of uvicorn is read, so that what waits behind a request is bounded."""
+"""Flow control for a connection of uvicorn that limits the data buffered behind a request."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Final
 from uvicorn.protocols.http.flow_control import FlowControl
 
 HELD: Final = 64 * 1024
-"""Bytes behind a request that is at work; where there are so many, no more are read until it has been answered."""
+"""Bytes buffered behind a request in progress; from this number on, reading pauses until the response is sent."""
 
 
 class BoundedFlowControl(FlowControl):
-    """Does not read on while enough is kept, whoever asks: uvicorn does with each request and with each answer.
+    """Flow control that does not resume reading while the buffer is full; uvicorn resumes with each request and response.
 
     Args:
-        transport: of the connection.
-        held: tells how many bytes are kept behind a request.
+        transport: transport of the connection.
+        held: returns the number of bytes buffered behind a request.
     """
 
     def __init__(self, transport: asyncio.Transport, held: Callable[[], int]) -> None:
@@ -26,17 +26,17 @@ class BoundedFlowControl(FlowControl):
         self._refused = False
 
     def pause_reading(self) -> None:
-        """Read no more."""
+        """Pause reading."""
         self._refused = False
         super().pause_reading()
 
     def resume_reading(self) -> None:
-        """Read on, as soon as there is room for what comes."""
+        """Resume reading, unless the buffer is full."""
         self._refused = self._held() >= HELD
         if not self._refused:
             super().resume_reading()
 
     def look(self) -> None:
-        """Read on if that was refused and there is room now."""
+        """Resume reading if that was refused before and there is room now."""
         if self._refused:
             self.resume_reading()

@@ -1,7 +1,7 @@
-"""uvicorn's HTTP/1.1 connection, with bounds on how many there are and how long a client may take for what it has to do.
+"""uvicorn's HTTP/1.1 protocol with limits on the number of connections and on the time that a client may take.
 
-uvicorn itself waits for ever for a request that has begun, and for a client to take its answer; and it does not see the end
-of a client that has sent something behind a request that is at work.
+uvicorn itself waits without limit for the rest of a request and for a client to read its response. It also does not detect
+the disconnection of a client that has sent data behind a request in progress.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from orinkit.transport.tcp_keepalive import prepare
 logger = logging.getLogger("orinkit.server")
 
 LONGEST_HEADER: Final = 32 * 1024
-"""Bytes of a request's line and headers."""
+"""Limit on the request line and the headers, bytes."""
 KEPT_ALIVE: Final = 75.0
-"""Seconds that a connection is kept on which nothing is asked."""
+"""Seconds after which a connection without a request is closed."""
 
 _LONG_HEADER: Final = 431
-_PIECE: Final = 64 * 1024  # bytes that are looked at together; uvloop reads up to 256 KiB
-_FEWEST: Final = 85  # connections that there may always be; 64 of one address
+_PIECE: Final = 64 * 1024  # bytes parsed at a time; uvloop reads up to 256 KiB
+_MIN_CONNECTIONS: Final = 85  # minimum of the limit on connections; 64 for one address
 _own = logging.getLogger("orinkit.server.uvicorn")
-_own.setLevel(logging.ERROR)  # its warnings are about requests, and say less than ours
+_own.setLevel(logging.ERROR)  # its warnings are about requests, and less specific than ours
 
 
 class Stage(Enum):
-    """What a connection waits for, and how many seconds its client has for that."""
+    """State of a connection: the event that it waits for, and the time limit, s."""
 
     NEW = "a request", 10.0
     HEADER = "the rest of a request's header", 10.0
     BODY = "the rest of a request's body", 30.0
-    WORK = "the answer to a request", math.inf
-    TAKING = "the client to take more of its answer", 30.0
+    WORK = "the response to a request", math.inf
+    TAKING = "the client to read more of its response", 30.0
     REST = "another request", KEPT_ALIVE
-    LEAVING = "the client to take its last answer", 30.0
+    LEAVING = "the client to read its last response", 30.0
 
     def __init__(self, awaited: str, seconds: float) -> None:
         self.awaited = awaited
@@ -61,88 +61,90 @@ class Stage(Enum):
 
 
 class LimitedConnection(Protocol):
-    """A connection that is counted."""
+    """A connection that the limiter counts."""
 
     @property
     def network(self) -> str:
-        """Where it is from; see :func:`~orinkit.transport.address.network_of`."""
+        """The network of the client's address; see :func:`~orinkit.transport.address.network_of`."""
 
     @property
     def at_work(self) -> bool:
-        """Whether a request has come whole and has not been answered."""
+        """Whether a complete request is in progress."""
 
     def abort(self) -> None:
-        """Close it at once."""
+        """Close the connection immediately."""
 
 
 class HttpClientState(Protocol):
-    """A client whose requests come on connections."""
+    """A client that is notified of closed connections."""
 
     def disconnected(self, connection: Hashable) -> None:
-        """One of them has ended."""
+        """Handle the end of a connection that has carried requests of the client."""
 
 
 class ConnectionLimiter:
-    """Counts the connections of a listener. Where there is one too many, one goes that has nothing at work.
+    """Counts the connections of a listener. When the limit is exceeded, an idle connection is evicted.
 
-    Where it is one too many of its address, one of that address goes. That is the oldest of those that have not been answered yet, so that many who only connect take each other's place and
-    not that of clients; if there is none, the one whose last answer is oldest.
+    If the limit of one address is exceeded, a connection of that address is evicted. The limiter evicts the oldest
+    connection without any response so far, so that peers that only connect displace each other and not clients. If there
+    is none, it evicts the connection with the oldest last response.
 
     Args:
-        shared: what all clients of the server share.
+        shared: the state shared by all clients of the server.
 
     Attributes:
-        shared: what all clients of the server share.
-        most: how many connections there may be: clients that keep none open between calls have several for a moment.
-        per_address: how many of one address.
+        shared: the state shared by all clients of the server.
+        most: limit on connections; above the limit on clients, because a client that opens a connection for each call
+            may have several at times.
+        per_address: limit on connections of one address.
     """
 
     def __init__(self, shared: ServerContext) -> None:
         self.shared = shared
-        self.most = max(_FEWEST, shared.clients + shared.clients // 2)
+        self.most = max(_MIN_CONNECTIONS, shared.clients + shared.clients // 2)
         self.per_address = max(most_of_an_address(self.most), shared.per_address)
-        self._strangers: dict[LimitedConnection, None] = {}  # the oldest first
-        self._known: dict[LimitedConnection, None] = {}  # the one whose last answer is oldest first
+        self._unproven: dict[LimitedConnection, None] = {}  # without a response so far; oldest first
+        self._proven: dict[LimitedConnection, None] = {}  # oldest last response first
 
     def __len__(self) -> int:
-        """Return how many connections there are."""
-        return len(self._strangers) + len(self._known)
+        """Return the number of connections."""
+        return len(self._unproven) + len(self._proven)
 
     def admit(self, connection: LimitedConnection) -> bool:
-        """Count a new connection; False where there are too many, all of them at work."""
-        of_address = [each for each in chain(self._strangers, self._known) if each.network == connection.network]
+        """Count a new connection; return False if the limit is reached and no connection is idle."""
+        of_address = [each for each in chain(self._unproven, self._proven) if each.network == connection.network]
         full = len(of_address) >= self.per_address
         if full or len(self) >= self.most:
-            places = of_address if full else chain(self._strangers, self._known)
+            places = of_address if full else chain(self._unproven, self._proven)
             oldest = next((each for each in places if not each.at_work), None)
             if oldest is None:
                 return False
             self.discard(oldest)
             oldest.abort()
-        self._strangers[connection] = None
+        self._unproven[connection] = None
         return True
 
     def answered(self, connection: LimitedConnection) -> None:
-        """A connection has proved its worth."""
-        if connection in self._strangers or connection in self._known:
+        """Mark a connection as having completed a request."""
+        if connection in self._unproven or connection in self._proven:
             self.discard(connection)
-            self._known[connection] = None
+            self._proven[connection] = None
 
     def discard(self, connection: LimitedConnection) -> None:
-        """Count a connection no more."""
-        self._strangers.pop(connection, None)
-        self._known.pop(connection, None)
+        """Stop counting a connection."""
+        self._unproven.pop(connection, None)
+        self._proven.pop(connection, None)
 
 
 class HeaderCoalescer(h11.Connection):
-    """Gives the header of an answer together with what follows, so that one packet is sent and not two."""
+    """Joins the header of a response with the data that follows, so that one packet is sent instead of two."""
 
     def __init__(self) -> None:
         super().__init__(h11.SERVER, LONGEST_HEADER)
         self._header: list[bytes] = []
 
     def send_with_data_passthrough(self, event: h11.Event) -> list[bytes] | None:
-        """Return the pieces of an event; those of a header later."""
+        """Return the data of an event; the data of a header is returned with the next event."""
         pieces = super().send_with_data_passthrough(event)
         if type(event) is h11.Response:
             self._header = pieces or []
@@ -154,18 +156,18 @@ class HeaderCoalescer(h11.Connection):
 
 
 class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
-    """One connection.
+    """An HTTP connection with limits.
 
-    A buffered protocol, because asyncio gives a plain one every piece of data in a new block of 256 KiB.
+    This is a BufferedProtocol because asyncio allocates a new block of 256 KiB for each chunk of data for a plain Protocol.
 
     Args:
-        guard: counts it.
-        config: of uvicorn, loaded.
-        state: of uvicorn's server.
+        guard: the connection limiter.
+        config: configuration of uvicorn, loaded.
+        state: server state of uvicorn.
 
     Attributes:
-        gone: the connection has been closed.
-        carried: the clients whose requests have come on it; each is told of its end.
+        gone: whether the connection has been closed.
+        carried: the clients with requests on this connection; they are notified when it ends.
     """
 
     def __init__(self, guard: ConnectionLimiter, config: Config, state: ServerState) -> None:
@@ -181,46 +183,46 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._unsent = 0
         self.gone = False
-        self._said_all = False  # the client has closed its side
+        self._half_closed = False  # the client has closed its side
         self.carried: set[HttpClientState] = set()
-        self._early: list[bytes] | None = []  # what has come before connection_made; with TLS something may
+        self._early: list[bytes] | None = []  # data received before connection_made, which TLS allows
 
     @property
     def name(self) -> str:
-        """Who it is, for the log."""
+        """The name of the connection in the log."""
         host, port = self.client or ("", 0)
         return f"{host}:{port}/http"
 
     @cached_property
     def network(self) -> str:
-        """Where it is from; see :func:`~orinkit.transport.address.network_of`."""
+        """The network of the client's address; see :func:`~orinkit.transport.address.network_of`."""
         return network_of(self.host)
 
     @property
     def host(self) -> str:
-        """Its address without the port."""
+        """The client's address without the port."""
         return self.client[0] if self.client else ""
 
     @property
     def at_work(self) -> bool:
-        """Whether a request has come whole and has not been answered."""
+        """Whether a complete request is in progress."""
         return self._stage is Stage.WORK
 
     @property
     def _exchange(self) -> RequestResponseCycle | None:
-        return self.cycle  # which uvicorn declares as if there always were one
+        return self.cycle  # uvicorn's annotation omits None
 
     @property
     def when_gone(self) -> Callable[[], None] | None:
-        """Is called when the connection is gone; for the call that is being answered, if it takes its time."""
+        """Callback invoked when the connection is closed during a long-running call; ``None`` if there is no such call."""
         return self._when_gone
 
     @when_gone.setter
-    def when_gone(self, tell: Callable[[], None] | None) -> None:
-        self._when_gone = tell
-        if tell is not None and not self.gone:
+    def when_gone(self, callback: Callable[[], None] | None) -> None:
+        self._when_gone = callback
+        if callback is not None and not self.gone:
             self.handle_events()
-            if self._said_all:  # who asks what takes its time, and cannot be told from one that has gone
+            if self._half_closed:  # cannot be distinguished from a client that has disconnected
                 self.transport.close()
 
     @property
@@ -231,7 +233,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
     # --- asyncio calls these --------------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client has connected."""
+        """Admit or refuse a client that has connected."""
         if self.gone:
             return
         super().connection_made(cast("asyncio.Transport", transport))
@@ -239,7 +241,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
         CLIENT.set(self.host)
         keep_from_children(self)
-        if self.scheme == "http":  # the entrance to TLS has been through this
+        if self.scheme == "http":  # TlsAcceptor has counted an https connection
             self._shared.opening -= 1
         early, self._early = self._early, None
         self._shared.all.add(self)
@@ -247,7 +249,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             self.transport.abort()
         elif not self._guard.admit(self):
             level = self._shared.refusal_level(self.loop.time())
-            logger.log(level, "%s refused: %d connections are at work", self.name, len(self._guard))
+            logger.log(level, "%s refused: %d connections are busy", self.name, len(self._guard))
             self.transport.abort()
         else:
             self._enter(Stage.NEW)
@@ -258,38 +260,38 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return len(self.conn.trailing_data[0])
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
-        """Where to put what comes next; all connections share it, for it is read at once."""
+        """Return the receive buffer; all connections share it, because the data is processed immediately."""
         return self._shared.view
 
     def buffer_updated(self, nbytes: int) -> None:
-        """The client has sent something."""
+        """Process received data."""
         self.data_received(bytes(self._shared.view[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
-        """The client has sent something; uvloop calls this one."""
+        """Process received data; called directly by uvloop."""
         CLIENT.set(self.host)
         if self._early is not None:
             self._early.append(data)
             return
         try:
             super().data_received(data[:_PIECE])
-            for place in range(_PIECE, len(data), _PIECE):  # a header is looked at in pieces, or its length is not seen
+            for place in range(_PIECE, len(data), _PIECE):  # in pieces, so that h11 checks the length of the header
                 if not self.transport.is_closing():
                     super().data_received(data[place : place + _PIECE])
         except Exception:
-            logger.exception("%s: reading a request", self.name)
+            logger.exception("%s: error while reading a request", self.name)
             self.transport.abort()
-        self._watch()
+        self._update_stage()
 
-    def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn never keeps a connection open
-        """The client will say no more; one that has asked something quick, without TLS, is answered before it is let go."""
-        self._said_all = self._early is None and self.scheme == "http" and self._whole and self._when_gone is None
-        return self._said_all
+    def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn always closes
+        """Handle the end of the client's data; without TLS, a short call in progress is completed before the close."""
+        self._half_closed = self._early is None and self.scheme == "http" and self._whole and self._when_gone is None
+        return self._half_closed
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client has gone."""
+        """Notify the clients of this connection."""
         self.gone = True
-        if self._early is not None:  # before it was there
+        if self._early is not None:  # closed before connection_made
             return
         self._guard.discard(self)
         if self._timer is not None:
@@ -304,55 +306,55 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._shared.discard(self)
 
     def pause_writing(self) -> None:
-        """The client does not take its answer."""
+        """Note that the client does not read its response."""
         super().pause_writing()
-        self._watch()
+        self._update_stage()
 
     def resume_writing(self) -> None:
-        """It has taken most of it."""
+        """Note that the client has read most of its response."""
         super().resume_writing()
-        self._watch()
+        self._update_stage()
 
     # --- uvicorn calls these --------------------------------------------------------------------------------------
 
     def handle_events(self) -> None:
-        """See what has come; behind a request that is at work it is only kept, up to a bound."""
+        """Process received data; behind a request in progress, only buffer it, up to a limit."""
         if not self._whole:
             super().handle_events()
         if not self._whole:
             self._flow.look()
         elif self._when_gone is not None and self._held() < HELD:
-            self.flow.resume_reading()  # its end is to be told, and is not seen without reading
+            self.flow.resume_reading()  # the end of the connection is detected only while reading
         elif self._held():
             self.flow.pause_reading()
 
     def on_response_complete(self) -> None:
-        """A request has been answered."""
+        """Continue after a complete response."""
         self._guard.answered(self)
         super().on_response_complete()
-        if self._said_all and not self._whole:
+        if self._half_closed and not self._whole:
             self.transport.close()
-        self._watch()
+        self._update_stage()
 
     def send_400_response(self, msg: str) -> None:
-        """What has come is no HTTP."""
-        error = sys.exception()  # what uvicorn has caught; it tells nobody of the status that goes with it
+        """Refuse data that is not HTTP."""
+        error = sys.exception()  # the exception that uvicorn has caught; uvicorn does not pass on its status
         too_long = isinstance(error, h11.RemoteProtocolError) and error.error_status_hint == _LONG_HEADER
         level = self._shared.refusal_level(self.loop.time())
         logger.log(level, "%s: closed: %s", self.name, "the header is too long" if too_long else msg)
         if too_long:
             text = tr("the header of the request is too long")
-            self._say("431 Request Header Fields Too Large", text)
+            self._respond("431 Request Header Fields Too Large", text)
         else:
-            self._say("400 Bad Request", tr("this is no HTTP/1.1 request"))
+            self._respond("400 Bad Request", tr("not an HTTP/1.1 request"))
 
     def _should_upgrade(self) -> bool:
-        return False  # whoever wants to speak something else is answered in HTTP/1.1
+        return False  # other protocols are not supported; the response is HTTP/1.1
 
     # --- time -----------------------------------------------------------------------------------------------------
 
-    def _watch(self) -> None:
-        """See what the connection waits for now."""
+    def _update_stage(self) -> None:
+        """Determine the stage of the connection."""
         cycle = self._exchange
         if self.transport.is_closing():
             stage = Stage.LEAVING
@@ -371,22 +373,22 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._stage = stage
         self._until = self.loop.time() + stage.seconds
         self._unsent = self.transport.get_write_buffer_size() if stage in (Stage.TAKING, Stage.LEAVING) else 0
-        if self._until < self._armed:  # a timer that is too early is cheaper than one for each request
+        if self._until < self._armed:  # an early timer is cheaper than a new one for each request
             self._arm()
 
     def _arm(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
         self._armed = self._until
-        self._timer = self.loop.call_at(self._until, self._time_is_up) if self._until < math.inf else None
+        self._timer = self.loop.call_at(self._until, self._on_timer) if self._until < math.inf else None
 
-    def _time_is_up(self) -> None:
+    def _on_timer(self) -> None:
         self._timer = None
         self._armed = math.inf
         if self.loop.time() < self._until:
             self._arm()
         elif self.transport.get_write_buffer_size() < self._unsent:
-            self._enter(self._stage)  # it is slow, but takes its answer
+            self._enter(self._stage)  # the client is slow, but reads its response
         else:
             self._give_up()
 
@@ -394,18 +396,18 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         level = logging.DEBUG if self._stage in (Stage.NEW, Stage.REST) else logging.INFO
         logger.log(level, "%s: closed: waited %g s for %s", self.name, self._stage.seconds, self._stage.awaited)
         if self._stage in (Stage.HEADER, Stage.BODY):
-            self._say("408 Request Timeout", tr("the request came too slowly"))
+            self._respond("408 Request Timeout", tr("the request was not received in time"))
         else:
             self.transport.abort()
 
-    # --- its end --------------------------------------------------------------------------------------------------
+    # --- closing --------------------------------------------------------------------------------------------------
 
-    def _say(self, status: str, text: str) -> None:
-        """Answer a request that has not come whole, and close."""
+    def _respond(self, status: str, text: str) -> None:
+        """Send a response to an incomplete request, and close the connection."""
         cycle = self._exchange
         if cycle is not None and not cycle.response_complete:
             begun = cycle.response_started
-            cycle.disconnected = True  # nobody else answers it
+            cycle.disconnected = True  # prevents a response from the application
             cycle.message_event.set()
         else:
             begun = False
@@ -414,27 +416,27 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             header = f"HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {len(body)}\r\n"
             self.transport.write(f"{header}Connection: close\r\n\r\n".encode() + body)
         self.transport.close()
-        self._watch()
+        self._update_stage()
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptor to replace in a forked child."""
         return (self.transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:
-        """Close it once its request has been answered: the server is closing."""
+        """Close the connection after the request in progress has completed: the server is closing."""
         if self._stage is Stage.WORK:
             self.cycle.keep_alive = False
         elif self._stage is Stage.BODY:
-            self._say("503 Service Unavailable", closing())
+            self._respond("503 Service Unavailable", closing())
         else:
             self.transport.close()
-            self._watch()
+            self._update_stage()
 
     def abort(self) -> None:
-        """Close it at once."""
+        """Close the connection immediately."""
         self.transport.abort()
 
 
 def closing() -> str:
-    """Return what a client is told while the server is being closed."""
+    """Return the message for clients while the server is closing."""
     return tr("the server is closing")

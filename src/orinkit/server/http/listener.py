@@ -1,6 +1,6 @@
-"""Taking clients of e-CAP at one address, over HTTP or HTTPS.
+"""Listener for e-CAP over HTTP or HTTPS.
 
-The packages that HTTP needs are imported when a listener is opened.
+The packages that HTTP requires are imported when a listener is opened.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 logger = logging.getLogger("orinkit.server")
 
 LEAST_TOKEN: Final = 16
-"""Characters of a token below which it is warned of."""
+"""Number of characters below which a token causes a warning."""
 
 
 class HttpListener:
-    """Takes clients at one address.
+    """Accepts HTTP clients at one address.
 
     Attributes:
-        url: with the real port.
+        url: the address, with the actual port.
     """
 
     def __init__(self, server: asyncio.Server, url: str) -> None:
@@ -48,13 +48,13 @@ class HttpListener:
 
     @classmethod
     async def open(cls, address: HttpAddress, shared: ServerContext, options: HttpOptions) -> Self:
-        """Listen.
+        """Open a listening socket.
 
         Raises:
-            OSError: the address cannot be used.
-            ValueError: the host is no host name.
-            ConnectFailed: there is no certificate for https, or none that can be used.
-            MissingExtra: uvicorn or starlette is missing.
+            OSError: If the address cannot be used.
+            ValueError: If the host is not a valid host name.
+            ConnectFailed: If the certificate for https is missing or cannot be used.
+            MissingExtra: If uvicorn or starlette is not installed.
         """
         optional_deps.require(tr("e-CAP over HTTP"), "http", "starlette", "uvicorn")
         from uvicorn.server import ServerState
@@ -94,18 +94,18 @@ class HttpListener:
         return cls(server, str(address._replace(port=port)))
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptors to replace in a forked child."""
         return [each.fileno() for each in self._server.sockets]
 
     async def close(self) -> None:
-        """Take no more clients."""
+        """Stop accepting clients."""
         await accepting.close(self._server)
 
 
 def _warn_of_token(address: HttpAddress, options: HttpOptions) -> None:
     if 0 < len(options.token) < LEAST_TOKEN:
         logger.warning(
-            tr("%s: the token has %d characters and can be guessed. Try: %d or more; openssl rand -hex 16 makes one"),
+            tr("%s: the token has only %d characters and can be guessed. Try: use %d or more (openssl rand -hex 16)"),
             address,
             len(options.token),
             LEAST_TOKEN,
@@ -113,7 +113,7 @@ def _warn_of_token(address: HttpAddress, options: HttpOptions) -> None:
 
 
 def _config(app: App) -> Config:
-    """Return uvicorn's configuration for its protocol; nothing else of uvicorn is used."""
+    """Return the configuration of uvicorn's protocol; nothing else of uvicorn is used."""
     from uvicorn.config import Config
 
     from orinkit.server.http.limits import KEPT_ALIVE, LONGEST_HEADER, LimitedProtocol
@@ -125,8 +125,8 @@ def _config(app: App) -> Config:
         ws="none",
         lifespan="off",
         interface="asgi3",
-        log_config=None,  # a program's logging is its own
-        proxy_headers=False,  # a client says with them that it is another one
+        log_config=None,  # do not change the program's logging
+        proxy_headers=False,  # a client could pretend to have another address
         server_header=False,
         date_header=False,
         workers=1,
@@ -138,48 +138,50 @@ def _config(app: App) -> Config:
 
 
 def _context(address: HttpAddress, options: HttpOptions) -> ssl.SSLContext:
-    """Return the server's side of TLS.
+    """Return the TLS context of the server.
 
     Raises:
-        ConnectFailed: there is no certificate, or none that can be used with its key.
+        ConnectFailed: If the certificate is missing, or cannot be used with its key.
     """
     if not options.cert:
-        raise _unusable(address, tr("https needs a certificate"))
+        raise _unusable(address, tr("https requires a certificate"))
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
-        context.load_cert_chain(options.cert, options.key or None, password=lambda: "")  # never asks on the terminal
+        context.load_cert_chain(
+            options.cert, options.key or None, password=lambda: ""
+        )  # prevents a prompt on the terminal
     except (OSError, ValueError) as error:
         raise _unusable(address, _reason(options, error)) from error
     return context
 
 
 def _reason(options: HttpOptions, error: Exception) -> str:
-    """Return why certificate and key cannot be used; OpenSSL itself says "PEM lib" of nearly everything."""
+    """Return why the certificate and the key cannot be used; OpenSSL itself reports "PEM lib" for nearly every reason."""
     cert, key = options.cert, options.key or options.cert
     if isinstance(error, ssl.SSLError) and error.reason == "KEY_VALUES_MISMATCH":
-        return tr("the key in {key} is not that of the certificate in {cert}", key=key, cert=cert)
+        return tr("the key in {key} does not match the certificate in {cert}", key=key, cert=cert)
     try:
         certificates, keys = (Path(name).read_bytes() for name in (cert, key))
     except (OSError, ValueError) as unreadable:
         return str(unreadable)
     if b"CERTIFICATE-----" not in certificates:
         if b"CERTIFICATE-----" in keys:
-            return tr("{cert} has no certificate in it, {key} has one: exchange them", cert=cert, key=key)
-        return tr("{cert} has no certificate in it", cert=cert)
+            return tr("{cert} contains no certificate, but {key} does; they may be swapped", cert=cert, key=key)
+        return tr("{cert} contains no certificate", cert=cert)
     if b"PRIVATE KEY-----" not in keys:
-        return tr("{key} has no private key in it", key=key)
+        return tr("{key} contains no private key", key=key)
     if b"ENCRYPTED" in keys:
-        return tr("the key in {key} has a password", key=key)
+        return tr("the key in {key} is protected by a password", key=key)
     return f"{', '.join(dict.fromkeys((cert, key)))}: {error}"
 
 
 def _unusable(address: HttpAddress, reason: str) -> ConnectFailed:
     return ConnectFailed(
         tr(
-            "cannot listen on {address}: {reason}. Try: PEM files of a certificate and of its key, "
-            "which has no password: cert= (--cert), and key= (--key) if the key is in a file of its "
-            "own",
+            "cannot listen on {address}: {reason}. Try: pass PEM files of a certificate and of its key without "
+            "a password: cert= (--cert), and key= (--key) if the key is in a separate "
+            "file",
             address=address,
             reason=reason,
         )

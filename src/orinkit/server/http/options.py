@@ -1,4 +1,4 @@
-"""Who is let in over HTTP, and how the server shows who it is."""
+"""Options for HTTP: access control, and the server's certificate."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _MOST_IDLE: Final = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class HttpOptions:
-    """How a server listens on ``http://`` and ``https://``.
+    """Options for ``http://`` and ``https://``.
 
     Attributes:
-        token: what a client has to show as ``Authorization: Bearer ...``; nothing where it is empty.
-        cert: PEM file of the server's certificate, for ``https://``.
-        key: PEM file of its key; in ``cert`` too where it is empty.
-        hosts: further names by which clients may call this server (its Host header); addresses, ``localhost`` and the
-            name of the machine are always taken.
-        idle: seconds of silence after which a client is forgotten and everything that it holds is released.
+        token: the token that clients must send as ``Authorization: Bearer ...``; if empty, no token is required.
+        cert: PEM file with the server's certificate, for ``https://``.
+        key: PEM file with its key; if empty, ``cert`` contains the key too.
+        hosts: further host names of this server, as clients send them in the Host header; addresses, ``localhost`` and the
+            name of the machine are always accepted.
+        idle: seconds of silence after which a client's session ends and its objects are released.
 
     Raises:
-        InvalidValue: a token that a header cannot carry, a host name that is none, or seconds that are none from 0.1 to
-            86,400.
+        InvalidValue: If the token contains characters that a header cannot carry, if a host name is invalid, or if ``idle``
+            is not from 0.1 to 86,400.
     """
 
     token: str = ""
@@ -40,12 +40,15 @@ class HttpOptions:
 
     def __post_init__(self) -> None:
         if any(not "!" <= sign <= "~" for sign in self.token):
-            raise InvalidValue(tr("a token has ASCII letters, digits and signs only, and no blanks"))
+            raise InvalidValue(tr("a token may contain only ASCII letters, digits and punctuation, no spaces"))
         given: object = self.hosts
         wrong = [given] if isinstance(given, str) else [name for name in self.hosts if not _HOST.fullmatch(name)]
         if wrong:
             raise InvalidValue(
-                tr('hosts are names without a port, as ("robot.example",), not {wrong!r:.80}', wrong=wrong[0])
+                tr(
+                    'hosts must be host names without a port, such as ("robot.example",), not {wrong!r:.80}',
+                    wrong=wrong[0],
+                )
             )
         if not (math.isfinite(self.idle) and _LEAST_IDLE <= self.idle <= _MOST_IDLE):
             raise InvalidValue(
@@ -59,4 +62,4 @@ class HttpOptions:
 
 
 DEFAULT_HTTP: Final = HttpOptions()
-"""Everybody who can reach the port is let in, and is forgotten after a minute of silence."""
+"""No access control; a session ends after one minute of silence."""

@@ -1,9 +1,9 @@
-"""Clients of e-CAP. They have no connection of their own: a cookie tells who it is, or the address that a request is from.
+"""Sessions of e-CAP clients. As HTTP has no lasting connection, a client is identified by its cookie or by its address.
 
-A client that keeps cookies is known by its cookie. Of those that keep none (``curl``, a PLC) there is one for each address:
-whoever sends no cookie from there is that client. Service_Start does not tell which kind it is of: its session can be
-reached either way, until it shows. One that has been used without its cookie cannot be reached by it any more, so that
-nobody's objects are ever mixed up with another's.
+A client that supports cookies is identified by its cookie. Clients that do not (``curl``, a PLC) are identified by their
+address: all requests from one address without a cookie belong to one session. Service_Start does not show which kind of
+client it is, so its session can be reached either way until a second request shows it. A session that has been used
+without its cookie can no longer be reached by the cookie, so that clients never share objects by accident.
 """
 
 from __future__ import annotations
@@ -29,26 +29,27 @@ from orinkit.transport.address import network_of
 logger = logging.getLogger("orinkit.server")
 
 CALLS: Final = 8
-"""How many calls of one client may be at work at a time."""
-_MOST_CALLS: Final = 8 * CALLS  # those that it waits for no more too
+"""Limit on the calls of one client in progress."""
+_MAX_CALLS: Final = 8 * CALLS  # including abandoned ones
 FORGOTTEN_AFTER: Final = 10.0
-"""Seconds of silence after which a client is forgotten whose connection broke while its call was at work, or whose cookie
-never came back."""
+"""Seconds of silence after which a session ends if its connection broke during a call, or if its cookie was never sent
+back."""
 
 _SERVICE_START: Final = 1
-_YOUNG: Final = 1.0  # s in which a client may show its cookie before another one takes its place
+_YOUNG: Final = 1.0  # s for a client to send its cookie before its session may be replaced
 
 
 class RunningCall:
-    """A call that takes its time.
+    """A long-running call.
 
     Args:
-        loop: the event loop that it lives in.
-        cancellable: whether its work can be cancelled.
+        loop: the event loop of the session.
+        cancellable: whether the call can be cancelled.
 
     Attributes:
-        reply: what its client is to be told; ``None`` where the client has gone.
-        task: does the work.
+        reply: future of the reply; its result is ``None`` if the client has disconnected.
+        task: the task that executes the call.
+        told: whether the client receives the result; False after a time-out or a disconnection.
     """
 
     __slots__ = ("cancellable", "reply", "task", "told")
@@ -61,38 +62,40 @@ class RunningCall:
         self.told = True
 
     def answer(self, reply: CallReply | None) -> None:
-        """Say what its client is to be told, unless that has been said."""
+        """Set the reply, unless it has been set already."""
         if not self.reply.done():
             self.reply.set_result(reply)
 
     def give_up(self, reply: CallReply | None = None) -> None:
-        """Wait for it no more. The work goes on, but its client will never hear what came of it.
+        """Stop waiting for the result. The call continues, but its result is not sent to the client.
 
         Args:
-            reply: what the client is told instead; ``None`` where it has gone.
+            reply: the reply to send instead; ``None`` if the client has disconnected.
         """
         self.told = False
         self.answer(reply)
 
 
 class HttpSession:
-    """One client.
+    """The session of one e-CAP client.
 
     Args:
-        sessions: where it is found.
-        key: value of its cookie.
+        sessions: the collection that contains this session.
+        key: value of the cookie.
         address: host address of the client.
-        port: that its first request came from.
+        port: source port of the client's first request.
 
     Attributes:
-        key: value of its cookie.
+        key: value of the cookie.
         address: host address of the client.
-        session: its objects.
-        invoke_timeout: seconds that its calls may take.
-        known: its cookie has come back.
-        plain: it has been used without a cookie.
-        ended: it is nobody's any more.
-        behind: the client of the same address whose Service_Start this may be as well.
+        session: the client's objects.
+        invoke_timeout: limit on the duration of a call, s.
+        known: whether the client has sent the cookie back.
+        plain: whether the session has been used without a cookie.
+        ended: whether the session has ended.
+        behind: the session of the client's address, to which the Service_Start of this session may also belong.
+        promise: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
+        heard: loop time of the last request, s.
     """
 
     def __init__(self, sessions: HttpSessions, key: str, address: str, port: int) -> None:
@@ -109,69 +112,71 @@ class HttpSession:
         self._loop = sessions.loop
         self._name = f"{address}:{port}/http"
         self._calls: set[RunningCall] = set()
-        self._waiting = 0  # requests that are being answered
+        self._waiting = 0  # requests in progress
         self._broken = False
         self._closing = False
         self.ended = False
         self.promise: float | None = None
         self.heard = self._heard = self._loop.time()
-        self._connections: dict[Hashable, bool] = {}  # that are open, and whether one has carried several requests
-        self._vigil = LivenessMonitor(self._loop, self)
+        self._connections: dict[
+            Hashable, bool
+        ] = {}  # open connections; the value: whether it has carried several requests
+        self._liveness = LivenessMonitor(self._loop, self)
         self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
         logger.info("%s connected", self._name)
 
     # --- requests -------------------------------------------------------------------------------------------------
 
     def enter(self, connection: Hashable = None) -> None:
-        """A request of it has come.
+        """Note the start of a request.
 
         Args:
-            connection: that it came on; :meth:`disconnected` is to be told of its end.
+            connection: the connection of the request; the caller calls :meth:`disconnected` when the connection ends.
         """
         self._waiting += 1
         self._broken = False
         self.heard = self._loop.time()
         if connection is not None:
             self._connections[connection] = connection in self._connections
-        self._vigil.attend()
+        self._liveness.attend()
 
     def disconnected(self, connection: Hashable) -> None:
-        """A connection has ended. With the last one that was kept for several requests its client has gone, if its arm moves."""
+        """End the session if its last persistent connection has been closed while its arm moves."""
         kept = self._connections.pop(connection, False)
-        if kept and not self.plain and not self._keeps_one and not self.ended and self.session.is_moving():
-            self.end("its last connection has ended while its arm moves")
+        if kept and not self.plain and not self._has_persistent and not self.ended and self.session.is_moving():
+            self.end("its last connection was closed while its arm moves")
 
     @property
-    def _keeps_one(self) -> bool:
+    def _has_persistent(self) -> bool:
         return any(self._connections.values())
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
     @property
     def answered(self) -> float:
-        """When it was last answered."""
+        """The time of the last response."""
         return self._heard
 
     @property
     def at_work(self) -> bool:
-        """Whether a request of it is being answered."""
+        """Whether a request is in progress."""
         return self._waiting > 0
 
     @property
     def patience(self) -> float | None:
-        """Seconds that it may be silent while its motions run; no limit as long as it keeps a connection."""
-        return None if self._keeps_one and not self.plain else self._shared.alive
+        """Limit on silence while the client's motions run, s; ``None`` while the client has a persistent connection."""
+        return None if self._has_persistent and not self.plain else self._shared.alive
 
     def give_up(self, reason: str) -> None:
-        """It is taken to have gone."""
+        """End the session: the client has become unreachable."""
         logger.warning("%s: %s", self._name, reason)
         self.end(reason)
 
     def leave(self, *, broken: bool = False) -> None:
-        """A request of it has been answered.
+        """Note the end of a request.
 
         Args:
-            broken: it could not, as the connection is gone.
+            broken: whether the connection was closed before the response was sent.
         """
         self._waiting -= 1
         self._heard = self._loop.time()
@@ -179,34 +184,34 @@ class HttpSession:
             self.end()
         elif broken and not self.ended:
             self._broken = True
-            self._be_watched()
+            self._restart_timer()
 
     @property
     def busy(self) -> bool:
-        """Whether as many of its calls are at work as may be; those that it has given up count less."""
+        """Whether the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
         waited_for = sum(call.told for call in self._calls)
-        return waited_for >= CALLS or len(self._calls) >= _MOST_CALLS
+        return waited_for >= CALLS or len(self._calls) >= _MAX_CALLS
 
     @property
     def network(self) -> str:
-        """Where it is from; see :class:`~orinkit.server.context.Client`."""
+        """The network of the client's address; see :class:`~orinkit.server.context.Client`."""
         return network_of(self.address)
 
     def idle_since(self) -> float | None:
-        """Return when it was last heard of; ``None`` where it has objects, or anything is at work for it."""
+        """Return the time of the last response; ``None`` if the client has objects or a request in progress."""
         return self._heard if self.idle else None
 
     def give_way(self) -> None:
-        """Be forgotten: another client has come, and this one holds nothing."""
-        self.end("idle, it has made way for another client")
+        """End the session, to make room for another client; called only if this client is idle."""
+        self.end("idle; disconnected to make room for another client")
 
     @property
     def idle(self) -> bool:
-        """Whether it has no objects and nothing is at work for it."""
+        """Whether the client has neither objects nor a request in progress."""
         return not (self._waiting or self._calls or len(self.session))
 
     def set_options(self, options: ServiceOptions) -> None:
-        """Take what it has asked for with Service_Start."""
+        """Apply the options of Service_Start."""
         default = self._shared.invoke_timeout
         self.promise = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
@@ -214,7 +219,7 @@ class HttpSession:
             self.behind.set_options(options)
 
     def begin(self, pending: Pending) -> RunningCall:
-        """Have work done whose result comes later. It goes on when the connection breaks, until the session ends."""
+        """Start a long-running call. It continues if the connection breaks, until the session ends."""
         call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
@@ -223,7 +228,7 @@ class HttpSession:
         def done(_: object) -> None:
             self._shared.tasks.discard(task)
             if iscoroutine(pending.work):
-                pending.work.close()  # one that was cancelled before it began would complain
+                pending.work.close()  # prevents a warning if it was cancelled before it began
 
         task.add_done_callback(done)
         return call
@@ -234,7 +239,7 @@ class HttpSession:
             result = await result_of(pending.work)
         except BaseException as error:
             if isinstance(error, asyncio.CancelledError) and self.ended:
-                raise  # it is the client that has gone
+                raise  # cancelled because the session has ended
             reply = self.session.fail(pending, error)
         else:
             reply = self.session.complete(pending, result, told=call.told)
@@ -242,18 +247,18 @@ class HttpSession:
             self._calls.discard(call)
         call.answer(reply)
 
-    # --- its end --------------------------------------------------------------------------------------------------
+    # --- end of the session --------------------------------------------------------------------------------------------------
 
     def replaced(self) -> None:
-        """It can be reached by its cookie only from now on."""
-        self._be_watched()
+        """Restart the idle timer: from now on the session can be reached only by its cookie."""
+        self._restart_timer()
 
     def _patience(self) -> float:
         idle = self._sessions.idle
         fleeting = self._broken or not (self.known or self._sessions.is_at_its_address(self))
         return min(idle, FORGOTTEN_AFTER) if fleeting else idle
 
-    def _be_watched(self) -> None:
+    def _restart_timer(self) -> None:
         self._timer.cancel()
         self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
 
@@ -262,25 +267,25 @@ class HttpSession:
         if self._waiting:
             self._heard = now
         if now < self._heard + self._patience():
-            self._be_watched()
+            self._restart_timer()
         else:
-            self.end("nothing heard")
+            self.end("nothing received")
 
     def seems_lost(self) -> bool:
-        """Whether it holds nothing and its cookie should have come back by now, if it ever does."""
+        """Return True if the client is idle and has not sent its cookie back in time."""
         fleeting = self.idle and not self.known and not self._sessions.is_at_its_address(self)
         return fleeting and self._loop.time() >= self._heard + _YOUNG
 
     def end(self, reason: object = None) -> None:
-        """Forget it: whatever it held is released, what it waits for is cancelled.
+        """End the session: release the client's objects and cancel its calls.
 
-        Work in a thread goes on, as a thread cannot be cancelled; an object that it makes is released then.
+        A blocking call continues, because a thread cannot be cancelled; an object that it creates is released afterwards.
         """
         if self.ended:
             return
         self.ended = True
         self._timer.cancel()
-        self._vigil.end()
+        self._liveness.end()
         self._sessions.forget(self)
         self._shared.open.discard(self)
         calls, self._calls = self._calls, set()
@@ -293,33 +298,33 @@ class HttpSession:
         self._shared.discard(self)
 
     def close(self) -> None:
-        """End it as soon as its calls have been answered: the server is closing."""
+        """End the session after the requests in progress have completed: the server is closing."""
         self._closing = True
         if not self._waiting:
             self.end()
 
     def abort(self) -> None:
-        """End it."""
+        """End the session immediately."""
         self.end()
 
 
 class HttpSessions:
-    """The clients at one address of a server.
+    """The sessions of one HTTP listener.
 
     Args:
-        shared: what all clients of the server share.
-        idle: seconds of silence after which one is forgotten.
+        shared: the state shared by all clients of the server.
+        idle: seconds of silence after which a session ends.
     """
 
     def __init__(self, shared: ServerContext, idle: float) -> None:
         self.shared = shared
         self.loop = asyncio.get_running_loop()
         self.idle = idle
-        self._by_key: dict[str, HttpSession] = {}  # the oldest first
+        self._by_key: dict[str, HttpSession] = {}  # oldest first
         self._by_address: dict[str, HttpSession] = {}
 
     def by_key(self, key: str) -> HttpSession | None:
-        """Return the client whose cookie this is: it keeps cookies, so it is not its address's any more."""
+        """Return the session of a cookie. As its client supports cookies, it is no longer the session of its address."""
         found = self._by_key.get(key)
         if found is not None and not found.known:
             found.known = True
@@ -329,15 +334,15 @@ class HttpSessions:
         return found
 
     def at(self, address: str) -> HttpSession | None:
-        """Return the client of an address: of those who keep no cookies."""
+        """Return the session of an address, for clients without cookies."""
         return self._by_address.get(address)
 
     def is_at_its_address(self, session: HttpSession) -> bool:
-        """Whether a client is found by its address."""
+        """Return True if a session can be reached by its address."""
         return self._by_address.get(session.address) is session
 
     def newcomer(self, address: str, port: int) -> HttpSession | None:
-        """Return a new client, found by its cookie only; ``None`` where there is no room."""
+        """Create a session that can be reached only by its cookie; return ``None`` if there is no room."""
         shared = self.shared
         if not shared.closing and len(shared.open) >= shared.clients:
             self._make_room()
@@ -352,15 +357,16 @@ class HttpSessions:
         return made
 
     def beginning(self, address: str, port: int) -> HttpSession | None:
-        """Return the client that a Service_Start without a cookie is from; ``None`` where there is no room for it.
+        """Return the session for a Service_Start without a cookie; ``None`` if there is no room.
 
-        It is a new one, for it may be one that keeps cookies and has none yet. It may also be the address's: its place is
-        taken, unless another one has shown that it is that; then both have begun.
+        The session is a new one, because the client may support cookies and have none yet. As the client may also be one
+        without cookies, the new session becomes that of its address, unless the present session of the address has
+        already been used without a cookie. In that case Service_Start applies to both sessions.
         """
         there = self._by_address.get(address)
         made = self.newcomer(address, port)
         if made is None:
-            return None if there is None else self._be_plain(there)
+            return None if there is None else self._mark_plain(there)
         if there is None or not there.plain:
             self._by_address[address] = made
             if there is not None:
@@ -372,16 +378,16 @@ class HttpSessions:
         return made
 
     def without_cookie(self, address: str, port: int) -> HttpSession | None:
-        """Return the client that any other request without a cookie is from; ``None`` where there is no room for it."""
+        """Return the session for any other request without a cookie; ``None`` if there is no room."""
         there = self._by_address.get(address)
         if there is None:
             there = self.newcomer(address, port)
             if there is None:
                 return None
             self._by_address[address] = there
-        return self._be_plain(there)
+        return self._mark_plain(there)
 
-    def _be_plain(self, session: HttpSession) -> HttpSession:
+    def _mark_plain(self, session: HttpSession) -> HttpSession:
         session.plain = True
         self._by_key.pop(session.key, None)
         return session
@@ -389,10 +395,10 @@ class HttpSessions:
     def _make_room(self) -> None:
         lost = next((each for each in self._by_key.values() if each.seems_lost()), None)
         if lost is not None:
-            lost.end("its cookie never came back")
+            lost.end("its cookie was never sent back")
 
     def forget(self, session: HttpSession) -> None:
-        """Find a client no more."""
+        """Remove a session."""
         self._by_key.pop(session.key, None)
         if self.is_at_its_address(session):
             del self._by_address[session.address]

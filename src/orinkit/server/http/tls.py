@@ -1,4 +1,4 @@
-"""A connection over HTTPS before it is one of TLS: bounded like all others, as a handshake may never end."""
+"""The TLS handshake of an HTTPS connection; the connection counts towards the limits, as the handshake may never end."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _SHUTDOWN_TIMEOUT: Final = 2.0  # s
 
 
 class TlsAcceptor(asyncio.Protocol):
-    """A connection that is yet to become one of TLS. Counted too, as the handshake may never end.
+    """A connection during the TLS handshake.
 
     Args:
-        guard: counts it.
-        context: with the certificate.
-        make: makes the protocol that follows.
+        guard: the connection limiter.
+        context: the TLS context, with the certificate.
+        make: factory of the protocol for the time after the handshake.
     """
 
     def __init__(self, guard: ConnectionLimiter, context: ssl.SSLContext, make: Callable[[], LimitedProtocol]) -> None:
@@ -38,12 +38,12 @@ class TlsAcceptor(asyncio.Protocol):
     at_work = False
 
     def data_received(self, data: bytes) -> None:
-        """The handshake has begun sooner than this side of it."""
+        """Buffer data received before the server's side of the handshake has begun."""
         self._early += data
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client has connected."""
-        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
+        """Start the handshake, or refuse the connection."""
+        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
         keep_from_children(self)
         self.network = network_of(str((transport.get_extra_info("peername") or ("",))[0]))
         shared = self._guard.shared
@@ -51,13 +51,13 @@ class TlsAcceptor(asyncio.Protocol):
         if shared.closing or not self._guard.admit(self):
             transport.abort()
             return
-        transport.pause_reading()  # uvloop begins to read behind this method, and passes over it
+        transport.pause_reading()  # has no effect with uvloop, which starts reading after this method
         shared.all.add(self)
-        self._task = asyncio.get_running_loop().create_task(self._shake_hands(transport))
+        self._task = asyncio.get_running_loop().create_task(self._handshake(transport))
         shared.tasks.add(self._task)
         self._task.add_done_callback(shared.tasks.discard)
 
-    async def _shake_hands(self, transport: asyncio.Transport) -> None:
+    async def _handshake(self, transport: asyncio.Transport) -> None:
         protocol = self._make()
         secured = None
         transport.pause_reading()
@@ -73,11 +73,11 @@ class TlsAcceptor(asyncio.Protocol):
             )
         )
         try:
-            await asyncio.sleep(0)  # start_tls has the loop introduce TLS to the connection and read on
-            await asyncio.sleep(0)  # that is done; nothing has been read yet
+            await asyncio.sleep(0)  # start_tls schedules connection_made of the TLS protocol, and resume_reading
+            await asyncio.sleep(0)  # both have run; nothing has been read yet
             self._hand_over(transport)
             secured = await securing
-        except OSError as error:  # TimeoutError and SSLError are some
+        except OSError as error:  # includes TimeoutError and SSLError
             logger.debug("TLS: %s", error)
         finally:
             securing.cancel()
@@ -89,11 +89,11 @@ class TlsAcceptor(asyncio.Protocol):
             self._guard.shared.discard(self)
 
     def left_behind(self) -> Iterable[int]:
-        """Be left to the server in a child that it forks."""
+        """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
     def _hand_over(self, transport: asyncio.Transport) -> None:
-        """Give TLS what came before it was there."""
+        """Pass data received early to the TLS protocol."""
         tls = cast("asyncio.BufferedProtocol", transport.get_protocol())
         early, self._early = memoryview(self._early), bytearray()
         while early and not transport.is_closing():
@@ -103,13 +103,13 @@ class TlsAcceptor(asyncio.Protocol):
             early = early[len(room) :]
 
     def close(self) -> None:
-        """Close it."""
+        """Close the connection."""
         self.abort()
 
     def abort(self) -> None:
-        """Close it at once."""
+        """Close the connection immediately."""
         self._task.cancel()
-        if self._transport is not None:  # a task that has not begun yet does nothing more, and would leave it open
+        if self._transport is not None:  # a task cancelled before it begins would leave it open
             self._transport.abort()
         self._guard.discard(self)
         self._guard.shared.discard(self)
