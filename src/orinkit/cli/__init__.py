@@ -1,6 +1,6 @@
-"""The command line, ``orinkit``: :mod:`~orinkit.cli.app` is the frame, beside it stands one module per command.
+"""The command line, ``orinkit``: :mod:`~orinkit.cli.app` is the entry point; each command has its own module.
 
-What a command needs beyond its own options is imported inside its function, so that ``orinkit --help`` stays quick.
-Results go to stdout (with ``--json`` as one JSON document), everything else to stderr. Exit codes: 0 done, 1 it failed, 2
-the command line cannot be used, 130 interrupted.
+A command imports inside its function everything that its options do not need, so that ``orinkit --help`` stays fast.
+Results go to stdout (with ``--json`` as one JSON document), everything else to stderr. Exit codes: 0 success, 1 failure,
+2 invalid command line, 130 interrupted.
 """

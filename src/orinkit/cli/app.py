@@ -1,4 +1,4 @@
-"""The frame of the command line: which commands there are, and what becomes of errors."""
+"""Entry point of the command line: registers the commands and turns errors into messages and exit codes."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ FAILED: Final = 1
 USAGE: Final = 2
 INTERRUPTED: Final = 130
 
-_UNUSABLE: Final = (InvalidAddress, InvalidValue, NotationError)
+_USAGE_ERRORS: Final = (InvalidAddress, InvalidValue, NotationError)
 
 
 def build() -> App:
-    """Return the command line in the language in force; a command's module is imported when it is used."""
+    """Return the command line in the current language; the module of a command is imported on first use."""
     app = App(
         name="orinkit",
         help=tr(
-            "Drive and serve DENSO robot controllers over b-CAP, and ABH3 motor drivers over CAN. "
-            "Begin with: orinkit demo\n"
-            "\nTexts are English or Japanese as LANG says; ORINKIT_LANG=en or ORINKIT_LANG=ja decides."
+            "Control and simulate DENSO robot controllers (b-CAP) and ABH3 motor drivers (CAN). "
+            "Start with: orinkit demo\n"
+            "\nThe language follows LANG; ORINKIT_LANG=en or ORINKIT_LANG=ja overrides it."
         ),
         version=orinkit.__version__,
         help_format="plaintext",
@@ -49,7 +49,7 @@ def build() -> App:
     )
     serve = App(
         name="serve",
-        help=tr("Serve a virtual controller, or a device of your own, on the network."),
+        help=tr("Serve a virtual controller or your own device on the network."),
         sort_key=2,
     )
     serve.command(
@@ -60,7 +60,7 @@ def build() -> App:
     serve.command(
         "orinkit.cli.commands.serve_ve026a:serve_ve026a",
         name="ve026a",
-        help=tr("Serve a virtual VE026A, the small arm with a serial line."),
+        help=tr("Serve a virtual VE026A, a small arm with a serial line."),
     )
     serve.command(
         "orinkit.cli.commands.serve_abh3:serve_abh3",
@@ -71,21 +71,21 @@ def build() -> App:
     serve.command(
         "orinkit.cli.commands.serve_device:serve_device",
         name="device",
-        help=tr("Serve devices of your own, written in Python."),
+        help=tr("Serve your own devices, written in Python."),
     )
-    app.command("orinkit.cli.demo.rc8:demo", name="demo", sort_key=1, help=tr("Watch a client and a virtual RC8, or VE026A, talk, every packet explained."))  # fmt: skip
+    app.command("orinkit.cli.demo.rc8:demo", name="demo", sort_key=1, help=tr("Run a client against a virtual RC8 or VE026A and explain every packet."))  # fmt: skip
     app.command(serve)
     app.command(_command_of("get"), name="get", sort_key=3, help=tr("Read a variable of a controller."))  # fmt: skip
     app.command(_command_of("put"), name="put", sort_key=4, help=tr("Write a variable of a controller."))  # fmt: skip
-    app.command(_command_of("call"), name="call", sort_key=5, help=tr("Call any of the 137 functions."))  # fmt: skip
-    app.command(_command_of("info"), name="info", sort_key=6, help=tr("Tell what a controller is and how it is."))  # fmt: skip
-    app.command(_command_of("decode"), name="decode", sort_key=7, help=tr("Explain b-CAP packets given in hex, field by field."))  # fmt: skip
-    app.command(_command_of("functions"), name="functions", sort_key=8, help=tr("List the 137 functions."))  # fmt: skip
-    app.command(_command_of("pendant"), name="pendant", sort_key=9, help=tr("Press the buttons of a virtual RC8."))  # fmt: skip
+    app.command(_command_of("call"), name="call", sort_key=5, help=tr("Call any of the 137 CAO functions."))  # fmt: skip
+    app.command(_command_of("info"), name="info", sort_key=6, help=tr("Show information about a controller and its state."))  # fmt: skip
+    app.command(_command_of("decode"), name="decode", sort_key=7, help=tr("Explain b-CAP packets in hex, field by field."))  # fmt: skip
+    app.command(_command_of("functions"), name="functions", sort_key=8, help=tr("List the 137 CAO functions."))  # fmt: skip
+    app.command(_command_of("pendant"), name="pendant", sort_key=9, help=tr("Operate the pendant of a virtual RC8."))  # fmt: skip
     app.command(_command_of("move"), name="move", sort_key=10, help=tr("Move a robot to a pose."))  # fmt: skip
-    app.command(_command_of("stream"), name="stream", sort_key=11, help=tr("Carry out a trajectory in slave mode."))  # fmt: skip
+    app.command(_command_of("stream"), name="stream", sort_key=11, help=tr("Execute a trajectory in slave mode."))  # fmt: skip
     app.command(_command_of("plot"), name="plot", sort_key=12, help=tr("Plot a recorded motion."))  # fmt: skip
-    app.command(_command_of("gateway"), name="gateway", sort_key=13, help=tr("Pass calls on to other controllers, over any protocol."))  # fmt: skip
+    app.command(_command_of("gateway"), name="gateway", sort_key=13, help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
     abh3 = _abh3()
     app.command(abh3)
     for each in (app, serve, abh3):
@@ -94,11 +94,11 @@ def build() -> App:
 
 
 def _abh3() -> App:
-    app = App(name="abh3", sort_key=14, help=tr("ABH3 motor drivers on a CAN bus: listen, decode logs, turn motors, make a DBC file."))  # fmt: skip
-    app.command("orinkit.cli.abh3.commands:monitor", name="monitor", sort_key=1, usage="orinkit abh3 monitor [URL] [OPTIONS]", help=tr("Show the frames on a bus and what they say."))  # fmt: skip
-    app.command("orinkit.cli.abh3.commands:decode", name="decode", sort_key=2, help=tr("Tell what the frames of a log say."))  # fmt: skip
+    app = App(name="abh3", sort_key=14, help=tr("ABH3 motor drivers on a CAN bus: monitor, decode logs, run motors, generate a DBC file."))  # fmt: skip
+    app.command("orinkit.cli.abh3.commands:monitor", name="monitor", sort_key=1, usage="orinkit abh3 monitor [URL] [OPTIONS]", help=tr("Show and decode the frames on a bus."))  # fmt: skip
+    app.command("orinkit.cli.abh3.commands:decode", name="decode", sort_key=2, help=tr("Decode the frames of a log."))  # fmt: skip
     app.command("orinkit.cli.abh3.commands:dbc", name="dbc", sort_key=3, help=tr("Print a DBC file of all frames: orinkit abh3 dbc > abh3.dbc"))  # fmt: skip
-    app.command("orinkit.cli.abh3.drive:drive", name="drive", sort_key=4, usage="orinkit abh3 drive [URL] --seconds S [--ay N] [--bx N] [OPTIONS]", help=tr("Turn the motors of a driver for some seconds."))  # fmt: skip
+    app.command("orinkit.cli.abh3.drive:drive", name="drive", sort_key=4, usage="orinkit abh3 drive [URL] --seconds S [--ay N] [--bx N] [OPTIONS]", help=tr("Run the motors of a driver for some seconds."))  # fmt: skip
     return app
 
 
@@ -115,74 +115,74 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 
     Args:
-        argv: the arguments without the program's name; those of the process by default.
+        argv: Arguments without the program name; by default those of the process.
     """
-    _show_what_cannot_be_encoded()
+    _escape_unencodable()
     with screened():
         return _guarded(lambda: build()(list(sys.argv[1:] if argv is None else argv)))
 
 
 def _guarded(run: Callable[[], int | None]) -> int:
-    """Run a command; whatever goes wrong becomes one line on stderr and an exit code."""
+    """Run a command; an error becomes one line on stderr and an exit code."""
     try:
         code = run() or DONE
-        if sys.stdout is not None:  # it is where a shell was told to close it
+        if sys.stdout is not None:  # None if the shell has closed it (>&-)
             sys.stdout.flush()
     except CycloptsError as error:
-        return _say(usage_text(error), USAGE)
+        return _report(usage_text(error), USAGE)
     except CommandError as error:
-        return _say(str(error), error.code)
-    except _UNUSABLE as error:
-        return _say(str(error), USAGE)
+        return _report(str(error), error.code)
+    except _USAGE_ERRORS as error:
+        return _report(str(error), USAGE)
     except OrinError as error:
-        return _say(str(error), FAILED)
+        return _report(str(error), FAILED)
     except KeyboardInterrupt:
-        return _say(tr("interrupted"), INTERRUPTED)
-    except BrokenPipeError:  # the reader has seen enough, as in "orinkit functions | head"
-        _leave_stdout()
+        return _report(tr("interrupted"), INTERRUPTED)
+    except BrokenPipeError:  # the reader has closed the pipe, as in "orinkit functions | head"
+        _discard_stdout()
         return FAILED
     except Exception as error:
         if os.environ.get("ORINKIT_TRACEBACK"):
             raise
-        if isinstance(error.__cause__, MissingExtra):  # the module of a command could not be imported
-            return _say(str(error.__cause__), FAILED)
+        if isinstance(error.__cause__, MissingExtra):  # the import of a command's module failed
+            return _report(str(error.__cause__), FAILED)
         if isinstance(error, OSError):
-            _leave_stdout()  # what is left in its buffer would be tried again at the end, and complained about
-            return _say(_refused(error), FAILED)
+            _discard_stdout()  # at exit, Python would write the rest of its buffer and report the same error again
+            return _report(_os_error_text(error), FAILED)
         kind, hint = type(error).__name__, "ORINKIT_TRACEBACK=1"
-        text = tr("unexpected {kind}: {error} ({hint} shows where)", kind=kind, error=error, hint=hint)
-        return _say(text, FAILED)
+        text = tr("unexpected {kind}: {error}. Try: {hint} for a traceback", kind=kind, error=error, hint=hint)
+        return _report(text, FAILED)
     return code
 
 
-def _say(text: str, code: int) -> int:
-    if sys.stderr is not None:  # print would take stdout for it
+def _report(text: str, code: int) -> int:
+    if sys.stderr is not None:  # with file=None, print would write to stdout
         with suppress(OSError):
             print(f"orinkit: {' '.join(text.split())}", file=sys.stderr)
     return code
 
 
-def _refused(error: OSError) -> str:
-    """Return what the system says, and of which file: a full disk, no permission."""
+def _os_error_text(error: OSError) -> str:
+    """Return the system's error message with the file name, if there is one."""
     reason = error.strerror or str(error) or type(error).__name__
     what = reason if error.filename is None else f"{error.filename}: {reason}"
     return tr("reading or writing failed: {what}", what=what)
 
 
-def _leave_stdout() -> None:
-    """Write no more to stdout if it takes nothing more."""
+def _discard_stdout() -> None:
+    """Redirect stdout to the null device if it cannot be written to."""
     if sys.stdout is None:
         return
     try:
         sys.stdout.flush()
-    except (OSError, ValueError):  # ValueError: somebody has closed it
-        with suppress(OSError, ValueError):  # it may be no file at all
+    except (OSError, ValueError):  # ValueError: stdout is closed
+        with suppress(OSError, ValueError):  # it may not have a file descriptor
             number = sys.stdout.fileno()
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 
 
-def _show_what_cannot_be_encoded() -> None:
-    """Let a terminal that has no Japanese show escapes instead of failing."""
+def _escape_unencodable() -> None:
+    """Print characters that the terminal's encoding lacks (Japanese) as escapes instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

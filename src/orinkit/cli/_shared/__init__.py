@@ -1,1 +1,1 @@
-"""Helpers that several commands use."""
+"""Helpers shared by several commands."""

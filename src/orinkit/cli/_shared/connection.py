@@ -1,4 +1,4 @@
-"""How a command reaches a controller and the object on it that it works on."""
+"""Options that select a controller, the connection to it, and an object on it."""
 
 from __future__ import annotations
 
@@ -27,76 +27,77 @@ Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.E
 
 LOCALHOST: Final = "localhost"
 _OF_DENSO: Final = ("caoprov.denso.", "ve026a")
-_ASKING: Final = 1.0  # s
-_MOST_WORDS: Final = 1000  # characters
+_DESCRIPTION_TIMEOUT: Final = 1.0  # s
+_MAX_DESCRIPTION: Final = 1000  # characters
 CONNECTION = Group(tr("Connection"), sort_key=8)
 OBJECT = Group(tr("Object"), sort_key=7)
 
 Url: TypeAlias = Annotated[
     str,
-    Parameter(help=tr("Controller: {examples}. A host alone is connected with TCP.", examples=examples())),
+    Parameter(help=tr("Address of the controller: {examples}. A host name alone means TCP.", examples=examples())),
 ]
-Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document; bytes in hex, dates in ISO 8601."))]  # fmt: skip
+Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document, with bytes in hex and dates in ISO 8601."))]  # fmt: skip
 
 
 @Parameter(name="*", group=CONNECTION)
 @dataclass(frozen=True)
 class ConnectionOptions:
-    """How to connect."""
+    """Options of the connection."""
 
     provider: Annotated[
         str,
-        Parameter(help=tr("Provider name; RC9 and COBOTTA PRO want CaoProv.DENSO.VRC9.")),
+        Parameter(help=tr("Provider name; CaoProv.DENSO.VRC9 for RC9 and COBOTTA PRO.")),
     ] = RC8
     timeout: Annotated[
         float | None,
         Parameter(
             help=tr(
-                "Seconds for connecting and for each call (3 by default); with UDP and serial lines for each try (0.5)."
+                "Time-out in seconds for connecting and for each call (3 by default); over UDP and serial "
+                "lines for each attempt (0.5)."
             )
         ),
     ] = None
-    trace: Annotated[bool, Parameter(help=tr("Show every packet on stderr."))] = False
+    trace: Annotated[bool, Parameter(help=tr("Print every packet to stderr."))] = False
     tries: Annotated[
         int,
-        Parameter(help=tr("How often a request is sent with UDP and serial lines while no answer comes, 1 to 7.")),
+        Parameter(help=tr("How many times to send a request over UDP and serial lines if no reply arrives, 1 to 7.")),
     ] = DEFAULT_TRIES
 
     dialect: Annotated[
         str | None,
-        Parameter(help=tr("rc8 or ve026a; by default as provider and version tell.")),
+        Parameter(help=tr("rc8 or ve026a; by default determined from the provider and the version.")),
     ] = None
 
     token_file: Annotated[
         str | None,
-        Parameter(help=tr("File with the token that an HTTP server wants to be shown.")),
+        Parameter(help=tr("File with the token for an HTTP server.")),
     ] = None
     cafile: Annotated[
         str | None,
-        Parameter(help=tr("PEM file of certificates that an https server's is to be signed by.")),
+        Parameter(help=tr("PEM file with the CA certificates that verify an https server.")),
     ] = None
 
     machine: Annotated[
         str,
-        Parameter(help=tr("Machine name of Controller_Connect; behind a gateway it says which controller.")),
+        Parameter(help=tr("Machine name for Controller_Connect; behind a gateway it selects the controller.")),
     ] = LOCALHOST
     option: Annotated[
         str | None,
         Parameter(
             help=tr(
-                'Option of Controller_Connect, as the provider wants it: "Interface=socketcan, '
-                'Channel=can0, Address=1" with CaoProv.Waco.ABH3.'
+                "Option string for Controller_Connect; depends on the provider, for example "
+                '"Interface=socketcan, Channel=can0, Address=1" with CaoProv.Waco.ABH3.'
             ),
         ),
     ] = None
 
     @property
     def known_dialect(self) -> Dialect:
-        """Dialect of the controller as far as it can be known before the controller is asked."""
+        """The dialect of the controller, as far as the options determine it; RC8 otherwise."""
         return dialect_of(self.dialect, self.provider) or RC8_DIALECT
 
     def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
-        """Connect to the controller; ``alive`` as :func:`orinkit.connect` has it."""
+        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`."""
         return orinkit.connect(
             url,
             provider=self.provider,
@@ -113,23 +114,23 @@ class ConnectionOptions:
 
     @contextmanager
     def opened(self, url: str) -> Iterator[orinkit.Controller]:
-        """Connect to the controller for a ``with`` statement; an error of it is told in its own words, where it has any."""
+        """Connect for the duration of a ``with`` statement; errors of a call get the controller's own description."""
         with self.open(url) as controller:
             try:
                 yield controller
             except CallError as error:
                 if not error.detail and not self._denso:
-                    error.detail = _words(controller, error)
+                    error.detail = _description(controller, error)
                 raise
 
     @property
     def _denso(self) -> bool:
-        """Whether the provider is one of DENSO's, whose codes are known here."""
+        """True if the provider is one of DENSO's, whose return codes orinkit knows."""
         provider = self.provider.strip().casefold()
         return not provider or any(name in provider for name in _OF_DENSO)
 
     def open_client(self, url: str) -> orinkit.Client:
-        """Open the connection only."""
+        """Open the connection without calling Controller_Connect."""
         return orinkit.open_client(
             url,
             timeout=self.timeout,
@@ -146,17 +147,18 @@ class ConnectionOptions:
         return Transcript(_to_stderr) if self.trace else None
 
 
-def _words(controller: orinkit.Controller, error: CallError) -> str:
-    """Return what a controller says of an error when it is asked for it; ``""`` where it says no more than the code does."""
+def _description(controller: orinkit.Controller, error: CallError) -> str:
+    """Return the controller's description of an error; ``""`` if it adds nothing to the text of the return code."""
     client = controller.client
-    client.timeout, client.tries = min(client.timeout, _ASKING), 1  # for what is left, too: the error is to be told now
+    # also for the calls that disconnect: the error must be reported soon
+    client.timeout, client.tries = min(client.timeout, _DESCRIPTION_TIMEOUT), 1
     try:
         words = controller.execute("GetErrorDescription", signed(error.code))
-    except (OrinError, KeyboardInterrupt):  # the error is more than its words
+    except (OrinError, KeyboardInterrupt):  # the original error matters more than its description
         return ""
     if not isinstance(words, str) or words.strip() in ("", error.info.en, error.info.ja):
         return ""
-    return printable(" ".join(words.split()), _MOST_WORDS)
+    return printable(" ".join(words.split()), _MAX_DESCRIPTION)
 
 
 def _to_stderr(packet: TracedPacket) -> None:
@@ -167,15 +169,15 @@ def _to_stderr(packet: TracedPacket) -> None:
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
 class OwnerOptions:
-    """Whose variable it is; the controller's if nothing is named."""
+    """The object that owns a variable; the controller by default."""
 
-    robot: Annotated[str | None, Parameter(help=tr("A robot, by name."))] = None
-    task: Annotated[str | None, Parameter(help=tr("A task, by name."))] = None
-    extension: Annotated[str | None, Parameter(help=tr("An extension board, by name."))] = None
-    file: Annotated[str | None, Parameter(help=tr("A file, by name."))] = None
+    robot: Annotated[str | None, Parameter(help=tr("Name of a robot."))] = None
+    task: Annotated[str | None, Parameter(help=tr("Name of a task."))] = None
+    extension: Annotated[str | None, Parameter(help=tr("Name of an extension board."))] = None
+    file: Annotated[str | None, Parameter(help=tr("Name of a file."))] = None
 
     def of(self, controller: orinkit.Controller) -> Owner:
-        """Return the object that is named, the controller if none is."""
+        """Return the named object, or the controller if none is named."""
         named = [name for name in ("robot", "task", "extension", "file") if getattr(self, name) is not None]
         if len(named) > 1:
             options = " ".join(f"--{name}" for name in named)

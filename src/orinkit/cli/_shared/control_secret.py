@@ -1,7 +1,7 @@
-"""How the secret of a control port gets from ``orinkit serve rc8`` to ``orinkit pendant``: in a file that only its owner can read.
+"""Pass the secret of a control port from ``orinkit serve rc8`` to ``orinkit pendant`` in a file that only its owner can read.
 
-By default it is named after the port and lies in the account's runtime directory, so that commands of the same account
-find it by themselves.
+By default the file is named after the port and is in the runtime directory of the account, where commands of the same
+account look for it.
 """
 
 from __future__ import annotations
@@ -23,19 +23,23 @@ from orinkit.core.i18n import tr
 from orinkit.transport.address import Address
 
 OPTION: Final = "--control-secret-file"
-_LONGEST: Final = 4096  # bytes of a file
+_LONGEST: Final = 4096  # bytes of a secret file
 
 
 def read_secret(path: str) -> str:
-    """Return the secret that a file holds.
+    """Return the secret from a file.
 
     Raises:
-        Failure: the file cannot be read, is not that of this account alone, or holds no secret.
+        CommandError: If the file cannot be read, other accounts have access to it, or it does not contain a secret.
     """
     text = read(OPTION, path)[:_LONGEST].decode("utf-8", "replace").strip()
     if not is_private(path):
         raise CommandError(
-            tr("{option} {path}: others can read or change the file. Try: chmod 600 {path}", option=OPTION, path=path),
+            tr(
+                "{option} {path}: other accounts can read or change the file. Try: chmod 600 {path}",
+                option=OPTION,
+                path=path,
+            ),
             2,
         )
     try:
@@ -45,9 +49,9 @@ def read_secret(path: str) -> str:
 
 
 def find_secret(address: Address) -> str:
-    """Return the secret that a server of this account has left for a control port; ``""`` where there is none.
+    """Return the secret that a server of this account has stored for a control port; ``""`` if there is none.
 
-    It is not for other machines, so nothing is found for their addresses.
+    Secrets are only stored for servers on this machine.
     """
     for directory in _candidates():
         path = directory / _name(address.port)
@@ -59,15 +63,15 @@ def find_secret(address: Address) -> str:
 
 @contextmanager
 def left_for(secret: str, port: int, path: str | None = None) -> Iterator[None]:
-    """Leave a secret for commands of this account; the file is removed at the end.
+    """Store a secret for commands of this account; the file is removed when the ``with`` statement ends.
 
     Args:
-        secret: of the control port.
-        port: of the control port, which tells the file's name.
-        path: of another file, that must not be there yet.
+        secret: The secret of the control port.
+        port: The port, which determines the default name of the file.
+        path: Of the file to write instead; it must not exist yet.
 
     Raises:
-        Failure: the file cannot be written.
+        CommandError: If the file cannot be written.
     """
     file = _runtime_directory() / _name(port) if path is None else Path(path)
     try:
@@ -81,7 +85,7 @@ def left_for(secret: str, port: int, path: str | None = None) -> Iterator[None]:
         yield
     finally:
         with suppress(OSError, ValueError):
-            if file.read_text(encoding="ascii").strip() == secret:  # another server may have left its own meanwhile
+            if file.read_text(encoding="ascii").strip() == secret:  # a newer server may have replaced it
                 file.unlink()
 
 
@@ -90,7 +94,7 @@ def _name(port: int) -> str:
 
 
 def _candidates() -> list[Path]:
-    """Return the directories in which a secret may lie, the one to be preferred first."""
+    """Return the directories in which a secret may be stored, the preferred one first."""
     given = os.environ.get("XDG_RUNTIME_DIR", "")
     account = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
     own = Path(tempfile.gettempdir()) / f"orinkit-{account}"
@@ -99,10 +103,10 @@ def _candidates() -> list[Path]:
 
 
 def _runtime_directory() -> Path:
-    """Return a directory that nobody else can look into.
+    """Return a directory that only this account can access; create it if needed.
 
     Raises:
-        Failure: there is none, and none can be made.
+        CommandError: If it cannot be created, or other accounts can access it.
     """
     directory = _candidates()[0]
     try:
@@ -112,7 +116,7 @@ def _runtime_directory() -> Path:
     if not _is_ours(directory):
         raise _cannot(
             str(directory),
-            tr("it is not a directory of this account alone (mode 0700)"),
+            tr("it is not a directory that only this account can access (mode 0700)"),
         )
     return directory
 
@@ -120,8 +124,8 @@ def _runtime_directory() -> Path:
 def _cannot(path: str, reason: str) -> CommandError:
     return CommandError(
         tr(
-            "the secret of the control port cannot be kept in {path}: {reason}. Try: {option} FILE, "
-            "in a directory of yours",
+            "cannot store the secret of the control port in {path}: {reason}. Try: {option} FILE "
+            "in a directory of your own",
             path=path,
             reason=reason,
             option=OPTION,
@@ -130,7 +134,7 @@ def _cannot(path: str, reason: str) -> CommandError:
 
 
 def _is_ours(directory: Path) -> bool:
-    """Whether it is a directory, not a link to one, that only this account can look into."""
+    """Return True if it is a directory, not a link to one, that only this account can access."""
     try:
         found = directory.lstat()
     except OSError:
@@ -139,7 +143,7 @@ def _is_ours(directory: Path) -> bool:
 
 
 def _replace(file: Path, secret: str) -> None:
-    """Write a file in the place of one that a server has left that is gone: the port is this server's now."""
+    """Write a file atomically, replacing one that a former server on the same port may have left."""
     beside = file.with_name(f".{file.name}-{secrets.token_hex(8)}")
     try:
         _write(beside, secret)

@@ -1,4 +1,4 @@
-"""What can be wrong with a command line, in the current language."""
+"""Errors of commands and of the command line, in the current language."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class CommandError(Exception):
     """Ends a command with a line on stderr.
 
     Args:
-        text: the line.
-        code: exit code; 2 for a command line that cannot be used.
+        text: The line.
+        code: Exit code; 2 for an invalid command line.
     """
 
     def __init__(self, text: str, code: int = 1) -> None:
@@ -24,12 +24,12 @@ class CommandError(Exception):
 
 
 def unusable(text: str) -> CommandError:
-    """Return the exception for a command line that cannot be used; the text is in the current language."""
+    """Return the exception for an invalid command line; the text is in the current language."""
     return CommandError(text, 2)
 
 
 def usage_text(error: cyclopts.CycloptsError) -> str:
-    """Return what is wrong with a command line, and where to read more."""
+    """Return what is wrong with a command line, with a reference to the help page."""
     command = " ".join(("orinkit", *(error.command_chain or ())))
     return _reason(error) + tr(" (see {command} --help)", command=command)
 
@@ -37,11 +37,11 @@ def usage_text(error: cyclopts.CycloptsError) -> str:
 def _unknown_command(word: str, error: cyclopts.CycloptsError) -> str:
     known = [name for name in (error.app or ()) if not name.startswith("-")]
     names = ", ".join(get_close_matches(word, known, n=2) or known)
-    return tr("there is no command {word}; did you mean {names}?", word=word, names=names)
+    return tr("unknown command {word}; did you mean {names}?", word=word, names=names)
 
 
 def whole_number(_kind: object, tokens: Sequence[cyclopts.Token]) -> int:
-    """Read a whole number: cyclopts by itself would round 10.7."""
+    """Parse a whole number; cyclopts' own conversion would round 10.7."""
     return int(tokens[0].value, 10)
 
 
@@ -55,10 +55,10 @@ def _reason(error: cyclopts.CycloptsError) -> str:
             return tr("{argument} is missing", argument=shown)
         case cyclopts.CoercionError(token=token):
             value = token.value if token is not None else ""
-            return tr("{value!r} is no value for {argument}", value=value, argument=shown)
+            return tr("{value!r} is not a valid value for {argument}", value=value, argument=shown)
         case cyclopts.UnknownOptionError(token=token):
             option = token.keyword or token.value
-            return tr("there is no option {option}", option=option)
+            return tr("unknown option {option}", option=option)
         case cyclopts.UnknownCommandError():
             return _unknown_command((error.unused_tokens or [""])[0], error)
         case cyclopts.UnusedCliTokensError():
@@ -66,4 +66,4 @@ def _reason(error: cyclopts.CycloptsError) -> str:
         case cyclopts.RepeatArgumentError(token=token):
             return tr("{option} is given twice", option=token.keyword)
         case _:
-            return tr("the command line is not valid: {error}", error=error)
+            return tr("invalid command line: {error}", error=error)

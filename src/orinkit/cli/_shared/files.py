@@ -1,4 +1,4 @@
-"""Files that options name."""
+"""Read files named by options."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Final
 from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.i18n import tr
 
-_LONGEST: Final = 65536  # bytes of a token's file
+_LONGEST: Final = 65536  # bytes of a token file
 
 
 def read(option: str, path: str) -> bytes:
     """Return the content of a file.
 
     Raises:
-        Failure: it cannot be read; the message names the option.
+        CommandError: If it cannot be read; the message names the option.
     """
     try:
         return Path(path).read_bytes()
@@ -25,7 +25,7 @@ def read(option: str, path: str) -> bytes:
 
 
 def is_private(path: str | Path) -> bool:
-    """Whether a file or directory is this account's, and closed to all others; always where the system has no such modes."""
+    """Return True if only this account can access a file or directory; always on systems without file modes."""
     if not hasattr(os, "getuid"):
         return True
     found = Path(path).stat()
@@ -33,7 +33,7 @@ def is_private(path: str | Path) -> bool:
 
 
 def is_open_to_others(path: str) -> bool:
-    """Whether other accounts can read or change a file, as far as its mode tells."""
+    """Return True if the mode of a file lets other accounts read or change it."""
     try:
         return hasattr(os, "getuid") and bool(Path(path).stat().st_mode & 0o077)
     except OSError:
@@ -41,12 +41,12 @@ def is_open_to_others(path: str) -> bool:
 
 
 def read_token(path: str) -> str:
-    """Return the token that a file holds, without what is blank around it.
+    """Return the token from a file, without surrounding white space.
 
     Raises:
-        Failure: the file cannot be read, or has none.
+        CommandError: If the file cannot be read, or is empty.
     """
     token = read("--token-file", path)[:_LONGEST].decode("utf-8", "replace").strip()
     if not token:
-        raise unusable(tr("--token-file {path}: the file has no token in it", path=path))
+        raise unusable(tr("--token-file {path}: the file does not contain a token", path=path))
     return token

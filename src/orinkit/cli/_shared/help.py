@@ -1,4 +1,4 @@
-"""Help pages in both languages: cyclopts writes them, this translates its few own words."""
+"""Help pages in both languages: cyclopts formats them, this module translates the few words that cyclopts adds."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from cyclopts.help.formatters import DefaultFormatter
     from rich.console import Console, ConsoleOptions
 
-_NO_DEFAULT: Final = ("False", "()")  # a flag that is not set, a list of nothing: no need to say so
+_NO_DEFAULT: Final = ("False", "()")  # an unset flag and an empty list are not worth showing
 
 
 class HelpFormatter:
-    """cyclopts' own formatter, with its words in the current language; it is imported when a page is shown."""
+    """The formatter of cyclopts in the current language; cyclopts' formatter is imported when a page is shown."""
 
     show_metavar = False
 
@@ -27,7 +27,7 @@ class HelpFormatter:
         _formatter()(console, options, panel.copy(entries=entries))
 
     def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
-        """Show how the command is called."""
+        """Show the usage line of the command."""
         if current() == "ja":
             console.print(
                 tr("Usage: {usage}", usage=str(usage).strip()) + "\n", style="bold", markup=False, highlight=False
@@ -36,7 +36,7 @@ class HelpFormatter:
             _formatter().render_usage(console, options, usage)
 
     def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:
-        """Show what the command does."""
+        """Show the description of the command."""
         _formatter().render_description(console, options, description)
 
 
@@ -47,7 +47,7 @@ def _formatter() -> DefaultFormatter:
 
 
 def _translated(entry: HelpEntry) -> HelpEntry:
-    """Write "required" and "default" behind the description: cyclopts has them in English only."""
+    """Append "required" or "default" to the description: cyclopts has them in English only."""
     if entry.required:
         note = tr("[required]")
     elif entry.default:

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and the end of the terminal, for commands that have to bring something to rest before they end."""
+"""Ctrl-C, SIGTERM and SIGHUP, for commands that must bring a motion to standstill before they end."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from types import FrameType
 from typing import Any, Final, Self
 
 _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
-_LOOK: Final = 0.02  # s
+_POLL: Final = 0.02  # s
 
 
 def ending() -> list[signal.Signals]:
-    """Return the signals that end a program; what nohup has switched off stays so."""
+    """Return the signals that end a program, except those that nohup makes it ignore."""
     known = [getattr(signal.Signals, name) for name in _NAMES if hasattr(signal, name)]
     return [each for each in known if each == signal.SIGINT or signal.getsignal(each) != signal.SIG_IGN]
 
 
 class Interrupts:
-    """Signals that end a program are noted instead of breaking off a call; the second one breaks it off.
+    """Records the first signal that would end the program; the second one raises KeyboardInterrupt at once.
 
-    What nohup has switched off stays so.
+    Signals that nohup makes the program ignore stay ignored.
 
     Attributes:
-        resting: something is being brought to rest: nothing breaks that off, it takes a few seconds at most.
+        resting: Motors are being brought to standstill, for a few seconds at most: no signal interrupts that.
     """
 
     def __init__(self) -> None:
@@ -41,15 +41,15 @@ class Interrupts:
             signal.signal(number, handler)
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if there was one."""
+        """Raise KeyboardInterrupt if a signal has arrived."""
         if self._noted:
             raise KeyboardInterrupt
 
     def wait(self, until: float) -> None:
-        """Wait until a time of the clock; raises KeyboardInterrupt as soon as there was a signal."""
+        """Wait until a time of the monotonic clock; raise KeyboardInterrupt as soon as a signal has arrived."""
         self.check()
         while (left := until - monotonic()) > 0:
-            sleep(min(left, _LOOK))
+            sleep(min(left, _POLL))
             self.check()
 
     def _note(self, _number: int, _frame: FrameType | None) -> None:

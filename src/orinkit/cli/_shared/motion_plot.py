@@ -1,4 +1,4 @@
-"""A recorded motion as a picture: joints, velocities and accelerations over time."""
+"""Plots of a recorded motion: joints, velocities and accelerations over time."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def draw(recording: MotionRecording, figure: Figure, label: Translate = tr) -> None:
-    """Draw a recording: three diagrams below each other, a line for each joint, dashed in ever other ways from the second.
+    """Draw a recording: three diagrams, one above the other, with a line for each joint; all but the first are dashed.
 
     Args:
-        recording: the motion.
-        figure: an empty figure.
-        label: translates a label.
+        recording: The motion.
+        figure: An empty figure.
+        label: Translates a label.
     """
     import numpy as np
     from matplotlib.lines import Line2D
@@ -46,8 +46,8 @@ def draw(recording: MotionRecording, figure: Figure, label: Translate = tr) -> N
         each.grid(visible=True, alpha=0.3)
     if recording.encoder:
         for place, joint in enumerate(recording.joints):
-            late = [row[place] for row in recording.encoder]
-            axes[0].plot(times, late, linewidth=0.8, linestyle=":", color=f"C{joint - 1}")
+            encoder = [row[place] for row in recording.encoder]
+            axes[0].plot(times, encoder, linewidth=0.8, linestyle=":", color=f"C{joint - 1}")
     axes[-1].set_xlabel(label(N_("time [s]")))
     figure.suptitle(_title(recording, label))
     handles = axes[0].get_lines()[: len(recording.joints)]

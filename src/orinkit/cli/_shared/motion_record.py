@@ -1,6 +1,6 @@
-"""What an arm did, cycle by cycle: from the controller's control log, and as a CSV file.
+"""Recorded motions: read from the control log of the controller, written to and read from CSV files.
 
-The file has a row for each 8 ms: ``time_s``, then ``J1_command``, ``J2_command`` ... and ``J1_encoder`` ... in degrees (mm
+The file has a row for every 8 ms: ``time_s``, then ``J1_command``, ``J2_command`` ... and ``J1_encoder`` ... in degrees (mm
 for linear joints).
 """
 
@@ -23,7 +23,7 @@ PERIOD: Final = 0.008
 """Seconds between two records (RC8 4.1)."""
 
 _AXES: Final = 8
-_ALWAYS: Final = 6  # joints that are written even if they stay at 0
+_ALWAYS: Final = 6  # joints that are recorded even if they stay at 0
 _COLUMNS: Final = 4  # of a joint in a record: command, encoder, current, load
 
 
@@ -32,10 +32,10 @@ class MotionRecording:
     """Joints over time.
 
     Attributes:
-        times: seconds, rising.
-        joints: numbers of the joints, from 1.
-        command: for each time, the command of each joint, degrees or mm.
-        encoder: the same of the encoders; empty where there are none.
+        times: Times in seconds, increasing.
+        joints: Numbers of the joints, from 1.
+        command: For each time, the command of each joint in degrees or mm.
+        encoder: For each time, the encoder value of each joint in degrees or mm; empty if there are none.
     """
 
     times: Sequence[float]
@@ -45,18 +45,18 @@ class MotionRecording:
 
 
 class MotionRecorder:
-    """Has the controller record a motion, and writes it to a file when the block ends, however it ends.
+    """Records a motion on the controller, and writes it to a file when the block ends, even with an error.
 
     Args:
-        robot: whose motion.
-        path: of the file.
-        tell: is told how many records have been read, and how many there are.
+        robot: The robot that moves.
+        path: Of the file.
+        progress: Called with the number of records read and the total number.
     """
 
-    def __init__(self, robot: orinkit.Robot, path: Path, tell: Callable[[int, int], None]) -> None:
+    def __init__(self, robot: orinkit.Robot, path: Path, progress: Callable[[int, int], None]) -> None:
         self._robot = robot
         self._path = path
-        self._tell = tell
+        self._progress = progress
         self._running = False
         self._started = False
 
@@ -75,13 +75,13 @@ class MotionRecorder:
                 raise
 
     def start(self) -> None:
-        """Forget what was recorded before, and begin."""
+        """Clear the log and start recording."""
         self._robot.execute("ClearLog")
         self._robot.execute("StartLog")
         self._running = self._started = True
 
     def stop(self) -> None:
-        """End recording; nothing happens the second time."""
+        """Stop recording; the second call has no effect."""
         if self._running:
             self._running = False
             self._robot.execute("StopLog")
@@ -91,22 +91,22 @@ class MotionRecorder:
         records = []
         for index in range(count):
             records.append(joints_of(self._robot.execute("GetLogRecord", index)))
-            self._tell(index + 1, count)
+            self._progress(index + 1, count)
         return recording_of(records)
 
 
 def check_directory(path: Path) -> None:
-    """Make sure, before anything moves, that there is a place for a file.
+    """Check, before anything moves, that the directory of a file exists.
 
     Raises:
-        Failure: its directory is not there.
+        CommandError: If it does not exist.
     """
     if not path.parent.is_dir():
-        raise unusable(tr("there is no directory {path}", path=path.parent))
+        raise unusable(tr("the directory {path} does not exist", path=path.parent))
 
 
 def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> MotionRecording:
-    """Return records of command and encoder, 8 joints each, as a recording; joints 7 and 8 only if they are used."""
+    """Return a recording made of pairs of command and encoder, 8 joints each; joints 7 and 8 only if they are used."""
     used = [
         axis
         for axis in range(_AXES)
@@ -124,7 +124,7 @@ def write_csv(path: Path, recording: MotionRecording) -> None:
     """Write a recording.
 
     Raises:
-        Failure: the file cannot be written.
+        CommandError: If the file cannot be written.
     """
     names = [f"J{joint}" for joint in recording.joints]
     try:
@@ -141,7 +141,7 @@ def read_csv(path: Path) -> MotionRecording:
     """Read a recording.
 
     Raises:
-        Failure: the file cannot be read, or is none.
+        CommandError: If the file cannot be read, or is not a recording.
     """
     try:
         return _read(path)
@@ -156,12 +156,12 @@ def _read(path: Path) -> MotionRecording:
     commands, encoders = _columns(names, COMMAND), _columns(names, ENCODER)
     if TIME not in names or not commands or len(set(names)) < len(names):
         columns = f"{TIME}, J1{COMMAND}, J2{COMMAND}, ..."
-        raise wrong(path, header.line, tr("the columns {columns} are wanted", columns=columns))
+        raise wrong(path, header.line, tr("the columns {columns} are required", columns=columns))
     if encoders and encoders.keys() != commands.keys():
         raise wrong(
             path,
             header.line,
-            tr("_command and _encoder are not of the same joints"),
+            tr("the _command and _encoder columns have different joints"),
         )
     wanted_columns = [names.index(TIME), *commands.values(), *encoders.values()]
     values = [numbers(path, row, len(names), wanted_columns) for row in rows]
@@ -170,10 +170,10 @@ def _read(path: Path) -> MotionRecording:
         raise wrong(
             path,
             0,
-            tr("{count} rows of two or more that are wanted: the arm did not move", count=len(times)),
+            tr("{count} rows; at least 2 are required: the arm did not move", count=len(times)),
         )
     if any(after <= before for before, after in pairwise(times)):
-        raise wrong(path, 0, tr("rising times are wanted"))
+        raise wrong(path, 0, tr("the times must be increasing"))
     joints = list(commands)
     return MotionRecording(
         times,
@@ -192,15 +192,15 @@ def joints_of(record: Any) -> tuple[list[float], list[float]]:
     """Return command and encoder of a record of the control log (reference: RC8 provider, GetLogRecord)."""
     values = record[: _AXES * _COLUMNS] if isinstance(record, list) else []
     if len(values) < _AXES * _COLUMNS or not all(isinstance(value, int | float) for value in values):
-        raise _not_understood("GetLogRecord", record)
+        raise _unexpected_reply("GetLogRecord", record)
     return values[0::_COLUMNS], values[1::_COLUMNS]
 
 
 def _whole(answer: Any) -> int:
     if not isinstance(answer, int):
-        raise _not_understood("GetLogCount", answer)
+        raise _unexpected_reply("GetLogCount", answer)
     return answer
 
 
-def _not_understood(command: str, answer: Any) -> CommandError:
-    return CommandError(tr("{command} was answered with {answer!r:.80}", command=command, answer=answer))
+def _unexpected_reply(command: str, answer: Any) -> CommandError:
+    return CommandError(tr("unexpected reply to {command}: {answer!r:.80}", command=command, answer=answer))

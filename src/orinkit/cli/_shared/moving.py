@@ -1,4 +1,4 @@
-"""What commands that move an arm have in common: a bar, and what is said where it goes wrong."""
+"""Helpers for commands that move an arm: a progress bar, and details in error messages."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from orinkit.core.i18n import tr
 from orinkit.transport.runner import Deadline, pause
 from orinkit.values.poses import J, P
 
-_SETTLING: Final = 2.0  # s that the encoders may be behind the command
+_SETTLING: Final = 2.0  # s that the encoders may lag behind the command
 
 
 def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: ProgressBar) -> None:
-    """DrainInput on until a motion is over and the arm stands.
+    """Show the progress of a motion until it has ended and the arm is at standstill.
 
     Args:
-        robot: that moves.
-        motion: its motion.
-        interrupts: tells whether somebody wants an end.
-        bar: shows the joints.
+        robot: The robot that moves.
+        motion: Its motion.
+        interrupts: Checked for signals meanwhile.
+        bar: Shows the joints.
 
     Raises:
-        KeyboardInterrupt: somebody does.
-        CallError: the motion was stopped.
+        KeyboardInterrupt: If a signal has arrived.
+        CallError: If the motion was stopped.
     """
     for fraction in motion:
         interrupts.check()
@@ -43,29 +43,29 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
 
 @contextmanager
 def errors_told(controller: orinkit.Controller, url: str) -> Iterator[None]:
-    """Say in an error which one the controller reports, and how it is cleared."""
+    """Add to a failed call the error that the controller reports, and how to clear it."""
     try:
         yield
     except CallError as error:
         try:
             errors = controller.errors()
-        except OrinError:  # it is only a hint
+        except OrinError:  # the details are only a hint
             errors = []
         if errors:
             first = str(errors[-1])
-            told = (
+            reported = (
                 ""
                 if first in error.detail or errors[-1].code == error.code
                 else tr("the controller reports {error}", error=first)
             )
             clear = tr("to clear it: orinkit call {url} Controller_Execute ClearError", url=url)
-            error.detail = "; ".join(filter(None, (error.detail, told, clear)))
+            error.detail = "; ".join(filter(None, (error.detail, reported, clear)))
         raise
 
 
 @contextmanager
 def notes_shown() -> Iterator[None]:
-    """Show what else went wrong while everything was given back."""
+    """Print the notes of an exception to stderr: errors while arm and motor were released."""
     try:
         yield
     except BaseException as error:
@@ -75,13 +75,13 @@ def notes_shown() -> Iterator[None]:
 
 
 class ProgressBar:
-    """A bar for each thing that takes its time; nothing where nobody sees it.
+    """Progress bars for operations that take a while; nothing is shown if the output is not a terminal.
 
     Args:
-        on_stderr: where it is; on stdout otherwise.
+        on_stderr: Show them on stderr instead of stdout.
 
     Attributes:
-        seen: whether a person sees it, at a terminal.
+        seen: The output is a terminal.
     """
 
     def __init__(self, *, on_stderr: bool = True) -> None:
@@ -108,12 +108,12 @@ class ProgressBar:
         self._progress.stop()
 
     def show(self, what: str, fraction: float, beside: str = "") -> None:
-        """Show how far something is.
+        """Show the progress of an operation.
 
         Args:
-            what: the thing; each has a bar of its own.
-            fraction: 0 to 1.
-            beside: what stands beside the bar.
+            what: Name of the operation; each has its own bar.
+            fraction: Completed fraction, 0 to 1.
+            beside: Text next to the bar.
         """
         if what not in self._tasks:
             self._tasks[what] = self._progress.add_task(what, total=1.0, beside="")
@@ -121,15 +121,15 @@ class ProgressBar:
 
 
 def reading(bar: ProgressBar) -> Callable[[int, int], None]:
-    """Return what shows how much of a record has been read."""
+    """Return a callback that shows how many of the records have been read."""
     return lambda count, of: bar.show(tr("reading the record"), count / of)
 
 
 def shown(joints: J) -> J:
-    """Leave out joints 7 and 8 where there are none."""
+    """Return the joints without joints 7 and 8 if these are 0."""
     return joints if any(joints[6:]) else J.of(joints[:6])
 
 
 def rounded(pose: J | P, digits: int = 3) -> J | P:
-    """Return a pose for people."""
+    """Return a pose with rounded values, for people."""
     return pose.of(round(value, digits) + 0.0 for value in pose)

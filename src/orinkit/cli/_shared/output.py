@@ -1,4 +1,4 @@
-"""How values are shown: as text for people, as JSON for programs."""
+"""Output of values: as text for people, as JSON for programs."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _FLAGS: Final = {False: "false", True: "true"}
 
 
 def text(value: Variant) -> str:
-    """Return a value for people: a string as it is, an array of strings one to a line, the others in notation.
+    """Return a value for people: a string unchanged, an array of strings one per line, other values in notation.
 
-    What is shown can be given to ``orinkit put`` again where it is one value.
+    ``orinkit put`` accepts the text of a single value.
     """
     vt, content = value.type, value.value
     if vt == VarType.BSTR:
@@ -36,12 +36,12 @@ def text(value: Variant) -> str:
 
 
 def typed(value: Variant) -> dict[str, Any]:
-    """Return a value for JSON, with its type and its notation."""
+    """Return a value for JSON, with its type and its VARIANT notation."""
     return {"type": type_name(value.type), "value": plain(value.plain), "notation": format_variant(value)}
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it.
+    """Convert a value to types that JSON supports.
 
     ``bytes`` become a string of hex digits, ``datetime`` ISO 8601 local time, ``Decimal`` a string of its digits; a
     number that is not finite becomes ``"NaN"``, ``"Infinity"`` or ``"-Infinity"``.
@@ -62,7 +62,7 @@ def plain(value: Any) -> Any:
 
 
 def print_json(document: object) -> None:
-    """Print one JSON document; characters that are no text on their own (lone surrogates) are escaped."""
+    """Print one JSON document; lone surrogates, which cannot be encoded, are escaped."""
     written = json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)
     try:
         written.encode()
@@ -72,19 +72,19 @@ def print_json(document: object) -> None:
 
 
 def width(line: str) -> int:
-    """Return how many columns a line takes: a full-width sign takes two."""
+    """Return the number of columns of a line; a full-width character takes two."""
     from unicodedata import east_asian_width
 
-    return sum(2 if east_asian_width(sign) in "WF" else 1 for sign in line)
+    return sum(2 if east_asian_width(character) in "WF" else 1 for character in line)
 
 
 def padded(line: str, columns: int) -> str:
-    """Return a line filled with blanks to a width."""
+    """Return a line padded with spaces to a width."""
     return line + " " * (columns - width(line))
 
 
 def table(rows: Sequence[tuple[str, str]]) -> list[str]:
-    """Return labels and what belongs to them, side by side; a value may have several lines."""
+    """Return labels and their values as lines of two columns; a value may have several lines."""
     widest = max(width(label) for label, _ in rows)
     result = []
     for label, value in rows:

@@ -1,6 +1,6 @@
-"""Pictures as files and in a window: what all of them have in common.
+"""Save pictures to files and show them in a window.
 
-The labels are English unless there is a font that has Japanese.
+Labels are in the current language; in English if no installed font has Japanese.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ Drawing: TypeAlias = "Callable[[Figure, Translate], None]"
 """Draws on an empty figure."""
 
 FORMATS: Final = ("png", "svg", "pdf")
-"""What a picture can be, by the end of its name."""
+"""File name extensions of the supported picture formats."""
 
 DASHES: Final[tuple[Any, ...]] = (
     "-", (0, (6, 2)), (0, (4, 2)), (0, (6, 2, 1, 2)), (0, (3, 2)), (0, (4, 2, 1, 2, 1, 2)), (0, (8, 3)), (0, (2, 2)),
 )  # fmt: skip
-"""How lines are drawn: one that lies on another leaves parts of it to be seen."""
+"""Line styles: of two lines that coincide, the dashed one leaves parts of the other visible."""
 
 _SIZE: Final = (9.0, 9.0)  # inch
 _DPI: Final = 120
@@ -45,25 +45,25 @@ _JAPANESE_FONTS: Final = (
 
 
 def check_format(path: Path) -> None:
-    """Refuse a name that does not say what the picture is to be.
+    """Refuse a file name without the extension of a picture format.
 
     Raises:
-        Failure: it does not end in one of :data:`FORMATS`.
+        CommandError: If it does not end in one of :data:`FORMATS`.
     """
     if path.suffix.lower().removeprefix(".") not in FORMATS:
         formats = ", ".join(f".{name}" for name in FORMATS)
-        raise unusable(tr("{path}: a picture's name ends in {formats}", path=path, formats=formats))
+        raise unusable(tr("{path}: unknown picture format. Try: {formats}", path=path, formats=formats))
 
 
 def save(drawing: Drawing, path: Path) -> None:
     """Write a picture.
 
     Args:
-        drawing: what is on it.
-        path: of the picture; its end says of which kind it is.
+        drawing: Draws its content.
+        path: Of the picture; the extension selects the format.
 
     Raises:
-        Failure: there is no matplotlib, or the file cannot be written.
+        CommandError: If matplotlib is not installed, or the file cannot be written.
     """
     check_format(path)
     _library()
@@ -83,21 +83,21 @@ def show(drawing: Drawing) -> None:
     """Show the picture in a window, and wait until it is closed.
 
     Raises:
-        Failure: there is no matplotlib, or no screen.
+        CommandError: If matplotlib is not installed, or there is no screen.
     """
     _library()
     import matplotlib as mpl
     from matplotlib import pyplot as plt
 
     if mpl.get_backend().lower() in ("agg", "pdf", "svg", "ps", "cairo", "template"):
-        raise CommandError(tr("there is no screen to show a picture on; leave --show out to write a file"))
+        raise CommandError(tr("no screen is available to show a picture. Try: omit --show to write a file"))
     figure = plt.figure(figsize=_SIZE, layout="constrained")
     _with_font(lambda label: drawing(figure, label))
     plt.show()
 
 
 def _with_font(paint: Callable[[Translate], None]) -> None:
-    """Paint in the current language; in English where no font has Japanese."""
+    """Paint in the current language; in English if no font has Japanese."""
     import matplotlib as mpl
     from matplotlib.font_manager import fontManager
 
@@ -115,6 +115,6 @@ def _with_font(paint: Callable[[Translate], None]) -> None:
 
 def _library() -> None:
     try:
-        import matplotlib as mpl  # noqa: F401 - is it there?
+        import matplotlib as mpl  # noqa: F401 - only checks that it is installed
     except ImportError:
-        raise CommandError(tr("plotting needs matplotlib: pip install 'orinkit[plot]'")) from None
+        raise CommandError(tr("plotting requires matplotlib. Try: pip install 'orinkit[plot]'")) from None

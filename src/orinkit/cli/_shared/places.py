@@ -1,4 +1,4 @@
-"""Where a server listens: an option for each transport of the registry."""
+"""Options for the addresses that a server listens on: one for each transport of the registry."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ LISTENING: Final = Group(tr("Network"), sort_key=8)
 
 
 class ListenTransport(NamedTuple):
-    """A transport that a server can listen with.
+    """A transport that a server can listen on.
 
     Attributes:
-        scheme: of its addresses, and the name of its option.
-        help: in the current language.
-        option: of its row.
-        http: clients may show a token, servers a certificate.
+        scheme: URL scheme of its addresses, and the name of its option.
+        help: Help text of the option, in the current language.
+        option: The option as declared in the registry.
+        http: It is HTTP: clients may send a token, and servers may have a certificate.
     """
 
     scheme: str
@@ -35,19 +35,19 @@ class ListenTransport(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of its field."""
+        """The name of its field in :class:`ListenAddresses`."""
         return self.scheme.replace("-", "_")
 
     def url(self, place: str, *, secure: bool) -> str:
-        """Return the URL of a place.
+        """Return the URL for a value of the option.
 
         Args:
-            place: what the option was given.
-            secure: the server has a certificate.
+            place: The value of the option.
+            secure: The server has a certificate.
 
         Raises:
-            Failure: the address is one of another transport.
-            InvalidAddress: it is none.
+            CommandError: If it is an address of another transport.
+            InvalidAddress: If it is not a valid address.
         """
         scheme = self.option.secure if secure and self.option.secure else self.scheme
         begins = tuple(f"{each}:" for each in (scheme, *aliases()))
@@ -59,7 +59,7 @@ class ListenTransport(NamedTuple):
         if found != scheme:
             raise unusable(
                 tr(
-                    "--{option} {address}: that is an address of {scheme}",
+                    "--{option} {address}: this address belongs to {scheme}",
                     option=self.scheme,
                     address=place,
                     scheme=found,
@@ -75,8 +75,8 @@ def _offers() -> Iterator[ListenTransport]:
     taken = {row.scheme for row in rows()}
     for scheme, entry in entries().items():
         if scheme not in taken and scheme.replace("-", "_").isidentifier():
-            text = tr("Address to listen on with {scheme}, of {place}; may be given again.", scheme=scheme, place=entry.value)  # fmt: skip
-            yield ListenTransport(scheme, text, ServeOption(text))  # its package is imported when it is used
+            text = tr("Address to listen on over {scheme} (from {place}); may be repeated.", scheme=scheme, place=entry.value)  # fmt: skip
+            yield ListenTransport(scheme, text, ServeOption(text))  # its package is imported on first use
 
 
 OFFERS: Final = tuple(_offers())
@@ -84,17 +84,17 @@ OFFERS: Final = tuple(_offers())
 
 @dataclass(frozen=True)
 class ListenAddresses:
-    """What the options were given; each has a field, which :func:`places_class` adds."""
+    """The values of the options; :func:`places_class` adds a field for each."""
 
     def of(self, offer: ListenTransport) -> tuple[str, ...]:
-        """Return what an option was given; for a flag that is set one place without a name."""
+        """Return the values of an option; ``("",)`` for a flag that is set."""
         given: tuple[str, ...] | bool = getattr(self, offer.name)
         if isinstance(given, bool):
             return ("",) if given else ()
         return given
 
     def given(self) -> Iterator[tuple[ListenTransport, str]]:
-        """Yield each place, and the transport that it was given for."""
+        """Yield each value with its transport."""
         for offer in OFFERS:
             for place in self.of(offer):
                 yield offer, place
@@ -104,7 +104,7 @@ def places_class(first_help: str | None = None) -> type[ListenAddresses]:
     """Return the class with a field for each transport.
 
     Args:
-        first_help: instead of the usual help of the option that has a default; then it has none.
+        first_help: Replaces the help of the option that has a default; the option then has no default.
     """
     fields: list[Any] = []
     for offer in OFFERS:
@@ -118,7 +118,7 @@ def places_class(first_help: str | None = None) -> type[ListenAddresses]:
         kind: Any = bool if offer.option.flag else tuple[str, ...]
         default: Any = False if offer.option.flag else ()
         fields.append((offer.name, Annotated[kind, parameter], field(default=default)))
-    # Python 3.11 gives the class the module "types", and cyclopts looks at no class of the interpreter's own
+    # Python 3.11 sets the module of the class to "types", and cyclopts ignores classes of the standard library
     namespace = {"__module__": __name__}
     made = make_dataclass("PlacesHere", fields, bases=(ListenAddresses,), frozen=True, namespace=namespace)
     return Parameter(name="*", group=LISTENING)(made)

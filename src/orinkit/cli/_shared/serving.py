@@ -1,4 +1,4 @@
-"""What every ``orinkit serve`` command does with its device: listen, say so, and stop when told to."""
+"""Serve devices: the options, the listeners, the ``ready`` lines and the stop on a signal."""
 
 from __future__ import annotations
 
@@ -44,44 +44,46 @@ _WEB: Final = HttpServerOptions()
 @Parameter(name="*", group=LISTENING)
 @dataclass(frozen=True)
 class ServerOptions:
-    """Where to listen, and how much to take."""
+    """Addresses to listen on, and limits for clients."""
 
     at: PlacesHere = _NOWHERE
     web: HttpServerOptions = _WEB
-    clients: Annotated[int, Parameter(converter=whole_number, help=tr("Most clients at a time."))] = DEFAULT_CLIENTS
+    clients: Annotated[int, Parameter(converter=whole_number, help=tr("Maximum number of clients at a time."))] = (
+        DEFAULT_CLIENTS
+    )
     clients_per_address: Annotated[
         int | None,
         Parameter(
             converter=whole_number,
-            help=tr("Most clients of one address; three quarters of --clients by default."),
+            help=tr("Maximum number of clients from one IP address; three quarters of --clients by default."),
         ),
     ] = None
     objects: Annotated[
         int,
-        Parameter(converter=whole_number, help=tr("Most objects of one client.")),
+        Parameter(converter=whole_number, help=tr("Maximum number of objects of one client.")),
     ] = 1000
     dead_after: Annotated[
         float,
-        Parameter(help=tr("Seconds after which a TCP client is given up whose machine does not answer any more.")),
+        Parameter(help=tr("Seconds after which the connection to an unreachable TCP client is closed.")),
     ] = DEAD_AFTER
     alive: Annotated[
         float,
         Parameter(
             help=tr(
-                "Seconds that a client on UDP, a serial line or HTTP without a kept connection may be "
-                "silent while its arm moves."
+                "Seconds without a sign of life after which a client over UDP, a serial line or HTTP "
+                "without a persistent connection is disconnected while its arm moves."
             )
         ),
     ] = ALIVE
-    verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=tr("Log more."))] = False
+    verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=tr("Log at debug level."))] = False
 
 
 def check(listening: ServerOptions) -> None:
-    """Refuse numbers and addresses that cannot be, before anything is opened.
+    """Check numbers and addresses before anything is opened.
 
     Raises:
-        Failure: a number is out of its range, or an address is of another kind than its option.
-        InvalidAddress: one is no address.
+        CommandError: If a number is out of its range, or an address belongs to another transport than its option.
+        InvalidAddress: If an address is not valid.
     """
     numbers = {
         "--clients": listening.clients,
@@ -105,9 +107,10 @@ class PendantListener:
     """A second listener, for this machine only.
 
     Attributes:
-        provider: what is served there.
-        url: where; :func:`check_control` has seen it.
-        offered: leaves its secret for commands of the same account while it is served at a port; returns what is said of it.
+        provider: The provider to serve.
+        url: Its address, checked by :func:`check_control`.
+        offered: Given the port, makes its secret available to commands of the same account during a ``with`` statement,
+            which receives the lines to print about it.
     """
 
     provider: Provider
@@ -116,25 +119,25 @@ class PendantListener:
 
 
 def check_control(url: str) -> None:
-    """Refuse a control port that other machines could reach: whoever reaches it can press every button.
+    """Refuse a control port that other machines could reach: it allows to press every button.
 
     Raises:
-        Failure: its host is not this machine's loopback address.
-        InvalidAddress: it is none.
+        CommandError: If its host is not a loopback address.
+        InvalidAddress: If it is not a valid address.
     """
     address = parse_address(url)
     if not isinstance(address, Address) or address.scheme != "tcp" or not is_loopback(address.host):
         raise unusable(
             tr(
-                "--control {url}: only an address of this machine itself is allowed, as 127.0.0.1:5008 or [::1]:5008",
+                "--control {url}: only loopback addresses are allowed. Try: 127.0.0.1:5008 or [::1]:5008",
                 url=url,
             ),
         )
 
 
 def begin_log(listening: ServerOptions) -> None:
-    """Have the log written to stderr; :func:`run` does so too, this is for commands that log something before."""
-    if not listening.verbose:  # it tells of every request that a gateway makes
+    """Send the log to stderr; :func:`run` does so too, so only commands that log before need this."""
+    if not listening.verbose:  # it logs every request of a gateway
         logging.getLogger("httpx2").setLevel(logging.WARNING)
     logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)
 
@@ -146,10 +149,10 @@ def run(
     *,
     before: Sequence[str] = (),
 ) -> int:
-    """Serve devices until SIGINT, SIGTERM or SIGHUP; says ``ready URL`` on stdout, a line for each listener.
+    """Serve devices until SIGINT, SIGTERM or SIGHUP.
 
-    With a control port it says ``ready control URL`` after these, then what is said of its secret, and ``before`` ahead of
-    them, when all are ready.
+    When all listeners are ready, print to stdout: the lines of ``before``, ``ready URL`` for each listener, and with a
+    control port ``ready control URL`` and the lines about its secret.
     """
     begin_log(listening)
     for warning in _warnings(listening):
@@ -189,7 +192,7 @@ async def _serve(
                 said = servers.enter_context(control.offered(_port(second.url)))
                 ready += [f"ready control {second.url}", *said]
             gc.collect()
-            gc.freeze()  # a full collection takes 40 ms if it looks at all modules again, and holds the motion cycle up
+            gc.freeze()  # a full collection over all modules takes 40 ms, which would delay the motion cycle
             for line in ready:
                 print(line, flush=True)
             await stop.wait()
@@ -204,7 +207,7 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
         signal.signal(number, signal.SIG_DFL)
         loop.call_soon_threadsafe(stop.set)
 
-    # signal.signal, not loop.add_signal_handler: Windows has no such thing
+    # signal.signal because Windows does not support loop.add_signal_handler
     before = {number: signal.signal(number, handle) for number in ending()}
     try:
         yield
@@ -214,11 +217,11 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
 
 
 def _urls(listening: ServerOptions) -> list[str]:
-    """Return where to listen.
+    """Return the URLs to listen on.
 
     Raises:
-        Failure: an address is of another kind than its option.
-        InvalidAddress: one is no address.
+        CommandError: If an address belongs to another transport than its option.
+        InvalidAddress: If an address is not valid.
     """
     secure = listening.web.secure
     return [offer.url(place, secure=secure) for offer, place in listening.at.given()] or [DEFAULT_URL]
@@ -234,22 +237,22 @@ def _port(url: str) -> int:
 
 
 def _warnings(listening: ServerOptions) -> Iterator[str]:
-    """Yield what should be known of who can use the device."""
+    """Yield a warning for each way in which unauthorized clients could use the device."""
     web = listening.web
     for offer, place in listening.at.given():
         host = getattr(parse_address(offer.url(place, secure=web.secure)), "host", "")
         if host and not is_loopback(host) and not (offer.http and web.token_file is not None):
-            yield _warning(place, tr("there is no --token-file") if offer.http else tr("b-CAP knows no passwords"))
+            yield _warning(place, tr("--token-file is not set") if offer.http else tr("b-CAP has no authentication"))
     if web.token_file is not None and is_open_to_others(web.token_file):
         yield tr(
-            "orinkit: warning: --token-file {path} can be read or changed by other accounts. Try: chmod 600 {path}",
+            "orinkit: warning: --token-file {path}: other accounts can read or change the file. Try: chmod 600 {path}",
             path=web.token_file,
         )
     beside = dict.fromkeys(f"--{offer.scheme}" for offer, _ in listening.at.given() if not offer.http)
     if web.token_file is not None and beside:
         options = ", ".join(beside)
         yield tr(
-            "orinkit: warning: --token-file is for --http only; b-CAP knows no token: whoever "
+            "orinkit: warning: --token-file protects --http only; b-CAP has no token: any client that "
             "reaches {options} can use the device",
             options=options,
         )
@@ -257,7 +260,7 @@ def _warnings(listening: ServerOptions) -> Iterator[str]:
 
 def _warning(url: str, reason: str) -> str:
     return tr(
-        "orinkit: warning: {url} can be reached from other machines, and {reason}: whoever "
+        "orinkit: warning: {url} is reachable from other machines, and {reason}: any client that "
         "reaches it can use the device",
         url=url,
         reason=reason,

@@ -1,4 +1,4 @@
-"""A function of the table in one line, as the command line writes it."""
+"""The signature of a CAO function in one line."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def signature(function: Function[..., Any]) -> str:
 
 
 def result(function: Function[..., Any]) -> str:
-    """Return what a function answers with; ``""`` for nothing."""
+    """Return the type of a function's result; ``""`` if it has none."""
     if function.result is None:
         return ""
     return f"{function.creates} handle" if function.creates else type_text(function.result)
 
 
 def type_text(vt: VarType) -> str:
-    """Return a type of the table; any type is ``VARIANT``."""
+    """Return the name of a type; ``VARIANT`` stands for any type."""
     return "VARIANT" if vt is VarType.VARIANT else type_name(vt)
 
 

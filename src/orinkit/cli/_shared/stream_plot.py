@@ -1,4 +1,4 @@
-"""A stream as a picture: command against what the arm did, for each value that changes."""
+"""Plots of a stream: command and feedback of each value that changes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _MARGIN: Final = 1.2  # inch, above and below them
 
 
 def draw(trace: StreamTrace, figure: Figure, label: Translate = tr) -> None:
-    """Draw a stream: a diagram for each value that changes, and one of how far the arm was off.
+    """Draw a stream: a diagram for each value that changes, and one of the deviations.
 
     Args:
-        trace: command and feedback.
-        figure: an empty figure; it gets the height that it needs.
-        label: translates a label.
+        trace: Command and feedback.
+        figure: An empty figure; its height is adapted to the number of diagrams.
+        label: Translates a label.
     """
     places = trace.moving()
     drawn = places or range(len(trace.names))

@@ -1,4 +1,4 @@
-"""What is told of a stream when it is over: for people, and as JSON."""
+"""The report about a finished stream, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _WIDTH: Final = 0.001  # s of a class of the histogram
 
 @dataclass(frozen=True, slots=True)
 class StreamReport:
-    """What became of a stream.
+    """Result of a stream.
 
     Attributes:
-        result: set-points, underflows, gaps.
-        real_time: what the system granted.
-        trace: command and feedback.
-        record: file that was written, if any.
+        result: Number of set-points, underflows, gaps.
+        real_time: Real-time scheduling and memory locking as granted by the operating system.
+        trace: Command and feedback.
+        record: File that was written, if any.
     """
 
     result: StreamResult
@@ -33,12 +33,12 @@ class StreamReport:
 
     @property
     def seconds(self) -> float:
-        """From the first set-point to the last one, as they were sent."""
+        """Time between sending the first and the last set-point, in s."""
         samples = self.result.samples
         return samples[-1].sent - samples[0].sent if samples else 0.0
 
     def lines(self) -> list[str]:
-        """Return it for people."""
+        """Return the report for people."""
         from orinkit.cli._shared.output import table
 
         result, timing = self.result, self.result.timing
@@ -50,7 +50,7 @@ class StreamReport:
             (tr("real time"), str(self.real_time)),
             (tr("largest deviation"), self._deviations()),
         ]
-        if result.late.count:  # a real controller does not tell
+        if result.late.count:  # reported by virtual controllers only
             real = tr("a real controller would have stopped the arm")
             rows.insert(3, (tr("late"), f"{result.late}\n({real})"))
         if self.record is not None:
@@ -58,7 +58,7 @@ class StreamReport:
         return table(rows)
 
     def document(self) -> dict[str, Any]:
-        """Return it for JSON; seconds, degrees and mm."""
+        """Return the report for JSON, in seconds, degrees and mm."""
         result, timing, trace = self.result, self.result.timing, self.trace
         return {
             "set_points": result.sent,
@@ -82,16 +82,16 @@ class StreamReport:
     def _deviations(self) -> str:
         trace = self.trace
         if not trace.actual:
-            return tr("nothing came back")
+            return tr("no feedback")
         parts = [
             f"{name} {trace.largest(place):.3f}{_unit(trace.unit(place))}" for place, name in enumerate(trace.names)
         ]
-        late = tr("what comes back is some cycles behind the command")
+        late = tr("the feedback lags the command by some cycles")
         return "  ".join(parts) + f"\n({late})"
 
 
 def histogram(timing: Timing) -> list[str]:
-    """Return the gaps as lines of text, one for each millisecond in which there are any; those beyond are one line."""
+    """Return the gaps as at most 12 lines of text, one for each millisecond with any, the last one for all the rest."""
     counts = timing.histogram(_WIDTH)
     places = sorted(counts)
     bars = [(f"{place}-{place + 1} ms", counts[place]) for place in places[:_BARS]]

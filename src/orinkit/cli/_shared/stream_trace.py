@@ -1,4 +1,4 @@
-"""Command and feedback of a stream, value by value over time: what reports and pictures are made of."""
+"""Command and feedback of a stream over time, value by value, for reports and pictures."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 
 _ROBOT_AXES: Final = 6
 _TURN: Final = 360.0
-_STILL: Final = 1e-3  # less is no motion: deg, mm
+_STILL: Final = 1e-3  # deg or mm; a smaller change is not a motion
 _ROTATIONS: Final = ("RX", "RY", "RZ")
 _FIGURE: Final = "Fig"
 _FEEDBACK: Final[dict[PoseKind, str]] = {"J": "joints", "P": "position", "T": "trans"}
-_KINDS: Final[dict[str, PoseKind]] = {"J": "J", "P": "P", "T": "T"}
-_SENT: Final = "sent_s"  # a column that only a stream's recording has
+_POSE_TYPES: Final[dict[str, PoseKind]] = {"J": "J", "P": "P", "T": "T"}
+_SENT: Final = "sent_s"  # a column that only recordings of streams have
 _LONGEST_HEADER: Final = 10_000  # characters
 _LARGEST_RECORD: Final = 1 << 26  # bytes
-_MOST_ROWS: Final = 1_000_000
+_MAX_ROWS: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class StreamTrace:
-    """What was commanded and what the arm did.
+    """Commanded and actual values of a stream.
 
     Attributes:
-        times: seconds since the first set-point, as the controller takes one each period.
-        names: of the values: ``J1`` ..., or ``X``, ``Y``, ``Z``, ``RX`` ...; no figure.
-        command: for each time, what was commanded: deg, or mm.
-        actual: the same of what came back; empty where nothing did.
+        times: Seconds since the first set-point; the controller takes one set-point each period.
+        names: Names of the values: ``J1`` ..., or ``X``, ``Y``, ``Z``, ``RX`` ...; no figure.
+        command: For each time, the commanded values in deg or mm.
+        actual: For each time, the values of the feedback in deg or mm; empty if there is no feedback.
     """
 
     times: Sequence[float]
@@ -49,52 +49,52 @@ class StreamTrace:
     actual: Sequence[Sequence[float]]
 
     def unit(self, place: int) -> str:
-        """Return the unit of a value; of joints 7 and 8 it is not known."""
+        """Return the unit of a value; ``""`` for joints 7 and 8, whose unit is unknown."""
         name = self.names[place]
         if name in _ROTATIONS or (name[0] == "J" and int(name[1:]) <= _ROBOT_AXES):
             return "deg"
         return "mm" if name in ("X", "Y", "Z") else ""
 
     def deviations(self, place: int) -> list[float]:
-        """Return by how much the arm was off the command, for each time; of angles that turn round, the shorter way."""
+        """Return actual minus command for each time; for rotations the smaller of the two possible angles."""
         off = [actual[place] - command[place] for command, actual in zip(self.command, self.actual, strict=True)]
         if self.names[place] in _ROTATIONS:
             return [(value + _TURN / 2) % _TURN - _TURN / 2 for value in off]
         return off
 
     def largest(self, place: int) -> float:
-        """Return the largest deviation of a value; 0 where nothing came back."""
+        """Return the largest deviation of a value; 0 if there is no feedback."""
         return max(map(abs, self.deviations(place)), default=0.0) if self.actual else 0.0
 
     def moving(self) -> list[int]:
-        """Return the places of the values that change."""
+        """Return the indices of the values that change."""
         columns = list(zip(*self.command, strict=True))
         return [place for place, column in enumerate(columns) if max(column) - min(column) > _STILL]
 
 
-def trace_of(samples: Iterable[Sample], kind: PoseKind, period: float) -> StreamTrace:
-    """Return the trace of what a stream answered with.
+def trace_of(samples: Iterable[Sample], pose_type: PoseKind, period: float) -> StreamTrace:
+    """Return the trace of the samples of a stream.
 
     Args:
-        samples: in their order.
-        kind: of the set-points.
-        period: seconds between two of them.
+        samples: The samples, in order.
+        pose_type: Pose type of the set-points.
+        period: Seconds between two set-points.
     """
-    name = _FEEDBACK[kind]
+    name = _FEEDBACK[pose_type]
     rows = [_TraceRow(sample.number, sample.command, getattr(sample, name)) for sample in samples]
-    return _trace_of(rows, kind, period)
+    return _trace_of(rows, pose_type, period)
 
 
 class _TraceRow(NamedTuple):
-    """A set-point, its number, and what came back."""
+    """A set-point, its number, and its feedback."""
 
     number: int
     command: Sequence[float]
     actual: Sequence[float] | None
 
 
-def _trace_of(rows: Sequence[_TraceRow], kind: PoseKind, period: float) -> StreamTrace:
-    names = [name.upper() for name in FIELDS[kind] if name != _FIGURE.lower()]
+def _trace_of(rows: Sequence[_TraceRow], pose_type: PoseKind, period: float) -> StreamTrace:
+    names = [name.upper() for name in FIELDS[pose_type] if name != _FIGURE.lower()]
     size = min([len(names), *(len(row.command) for row in rows)])
     actual = [tuple(row.actual)[:size] for row in rows if row.actual is not None and len(row.actual) >= size]
     return StreamTrace(
@@ -109,7 +109,7 @@ def _trace_of(rows: Sequence[_TraceRow], kind: PoseKind, period: float) -> Strea
 
 
 def is_recording(path: Path) -> bool:
-    """Tell whether a file is what a stream has recorded; one that cannot be read is none."""
+    """Return True if a file is the recording of a stream; False if it cannot be read."""
     if path.suffix.lower() == ".mcap":
         return True
     try:
@@ -120,17 +120,17 @@ def is_recording(path: Path) -> bool:
 
 
 def read_trace(path: Path) -> StreamTrace:
-    """Read what a stream has recorded.
+    """Read the recording of a stream.
 
     Raises:
-        InvalidValue: the file cannot be used.
-        MissingExtra: for MCAP, the package ``mcap`` is not installed.
+        InvalidValue: If the file is not a valid recording.
+        MissingExtra: If it is an MCAP file and the package ``mcap`` is not installed.
     """
     from orinkit.streaming.trajectory.csv_file import wrong
 
     trace = _from_mcap(path) if path.suffix.lower() == ".mcap" else _from_csv(path)
     if len(trace.times) < 2:
-        raise wrong(path, 0, tr("{count} set-points of two or more that are wanted", count=len(trace.times)))  # fmt: skip
+        raise wrong(path, 0, tr("{count} set-points; at least 2 are required", count=len(trace.times)))  # fmt: skip
     return trace
 
 
@@ -142,7 +142,7 @@ def _from_csv(path: Path) -> StreamTrace:
     names = [name.removesuffix(COMMAND) for name in header if name.endswith(COMMAND) and name != _FIGURE + COMMAND]
     if not names or TIME not in header:
         columns = f"{TIME}, J1{COMMAND}, ..."
-        raise wrong(path, 1, tr("the columns {columns} are wanted", columns=columns))
+        raise wrong(path, 1, tr("the columns {columns} are required", columns=columns))
     suffix = ENCODER if names[0].startswith("J") else ""
     returned = [header.index(f"{name}{suffix}") for name in names if f"{name}{suffix}" in header]
     wanted = [header.index(TIME), *(header.index(f"{name}{COMMAND}") for name in names), *returned]
@@ -165,31 +165,31 @@ def _from_mcap(path: Path) -> StreamTrace:
         raise wrong(path, 0, tr("cannot be read: {reason}", reason=error.strerror)) from None
     except MissingExtra:
         raise
-    except Exception as error:  # noqa: BLE001 - whatever a broken file does to the reader
-        raise wrong(path, 0, tr("it is no recording of a stream ({error})", error=error)) from None
+    except Exception as error:  # noqa: BLE001 - the reader may raise anything for a damaged file
+        raise wrong(path, 0, tr("not a recording of a stream ({error})", error=error)) from None
 
 
 def _messages(file: IO[bytes]) -> tuple[list[_TraceRow], PoseKind, float]:
     from orinkit.streaming.recording.recorder import INFO_TOPIC
 
-    kind: PoseKind | None = None
+    pose_type: PoseKind | None = None
     period = 0.0
     rows: list[_TraceRow] = []
     for topic, data in _until_cut(file):
         found = json.loads(data)
         if topic == INFO_TOPIC:
-            kind, period = _KINDS[found["kind"]], float(found["period"])
-        elif kind is not None and len(rows) < _MOST_ROWS:
-            actual = found.get(_FEEDBACK[kind])
+            pose_type, period = _POSE_TYPES[found["kind"]], float(found["period"])
+        elif pose_type is not None and len(rows) < _MAX_ROWS:
+            actual = found.get(_FEEDBACK[pose_type])
             command = _finite(found["command"])
             rows.append(_TraceRow(int(found["number"]), command, None if actual is None else _finite(actual)))
-    if kind is None:
+    if pose_type is None:
         raise ValueError(INFO_TOPIC)
-    return rows, kind, period
+    return rows, pose_type, period
 
 
 def _until_cut(file: IO[bytes]) -> Iterator[tuple[str, bytes]]:
-    """Yield topic and content of the messages of an MCAP file, up to where it was cut off, if whoever wrote it was killed."""
+    """Yield topic and content of the messages of an MCAP file; a truncated file (its writer was killed) ends early."""
     require(tr("reading MCAP"), "log", "mcap")
     from mcap.exceptions import EndOfFile
     from mcap.reader import NonSeekingReader

@@ -1,7 +1,7 @@
-"""A terminal is steered by this program alone: what a controller says is shown with visible escapes.
+"""Protects the terminal from control characters in texts of a controller: they are shown as visible escapes.
 
-Where stdout or stderr is a terminal, :func:`screened` puts a :class:`Screen` in its place, through which everything goes that
-commands print. Pipes and files get every character as it is.
+If stdout or stderr is a terminal, :func:`screened` replaces it by a :class:`Screen`, through which commands print. Pipes
+and files receive every character unchanged.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Final, TextIO, cast
 
 from orinkit.core.i18n import visible
 
-_LAID_OUT: Final = "\n\t"  # characters that stay as they are
-_KEY: Final = secrets.token_hex(8)  # nobody else can write these two
+_LAID_OUT: Final = "\n\t"  # control characters that keep their effect
+_KEY: Final = secrets.token_hex(8)  # random, so that no received text can contain the markers below
 _BOLD: Final = f"<{_KEY}"
 _PLAIN: Final = f"{_KEY}>"
 
@@ -26,10 +26,10 @@ class Screen(io.TextIOBase):
     """A terminal that shows control characters as escapes.
 
     Args:
-        terminal: what is written goes there.
+        terminal: The stream to write to.
 
     Attributes:
-        rich_proxied_file: the terminal itself, which the package rich writes to: it moves the cursor.
+        rich_proxied_file: The terminal itself; the package rich writes to it directly, because it moves the cursor.
     """
 
     def __init__(self, terminal: TextIO) -> None:
@@ -37,32 +37,32 @@ class Screen(io.TextIOBase):
 
     @property
     def encoding(self) -> str:  # type: ignore[override]  # a plain attribute in the stubs
-        """That of the terminal."""
+        """The encoding of the terminal."""
         return self.rich_proxied_file.encoding
 
     @property
     def errors(self) -> str | None:  # type: ignore[override]  # likewise
-        """What becomes of a character that the terminal does not have."""
+        """The error handler of the terminal for characters that its encoding lacks."""
         return self.rich_proxied_file.errors
 
     def writable(self) -> bool:
-        """Say that it can be written to."""
+        """Return True: it can be written to."""
         return True
 
     def isatty(self) -> bool:
-        """Say that it is a terminal."""
+        """Return True: it is a terminal."""
         return True
 
     def fileno(self) -> int:
-        """Return the terminal's descriptor."""
+        """Return the file descriptor of the terminal."""
         return self.rich_proxied_file.fileno()
 
     def flush(self) -> None:
-        """Write what has been kept."""
+        """Flush the terminal."""
         self.rich_proxied_file.flush()
 
     def write(self, text: str) -> int:
-        """Write a text; only line ends and tabs have their effect."""
+        """Write a text; all control characters but line ends and tabs are shown as escapes."""
         shown = visible(text, _LAID_OUT)
         if _KEY in shown:
             shown = shown.replace(_BOLD, "\x1b[1m").replace(_PLAIN, "\x1b[0m")
@@ -72,7 +72,7 @@ class Screen(io.TextIOBase):
 
 @contextmanager
 def screened() -> Iterator[None]:
-    """Have all that is printed to a terminal go through a :class:`Screen`."""
+    """Print to terminals through a :class:`Screen` while the ``with`` statement lasts."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = map(_screen, before)
     try:
@@ -82,24 +82,24 @@ def screened() -> Iterator[None]:
 
 
 def _screen(stream: TextIO) -> TextIO:
-    given: TextIO | None = stream  # None where a shell was told to close it
+    given: TextIO | None = stream  # None if the shell has closed it (>&-)
     if given is None or isinstance(stream, Screen) or not stream.isatty():
         return stream
     return cast("TextIO", Screen(stream))
 
 
 def bold(line: str) -> str:
-    """Return a line in bold where a person sees it on a terminal."""
+    """Return a line in bold if stdout is a terminal; unchanged otherwise."""
     import os
 
     return f"{_BOLD}{line}{_PLAIN}" if isinstance(sys.stdout, Screen) and not os.environ.get("NO_COLOR") else line
 
 
 def one_line(text: str) -> str:
-    """Return a text for a place where a line end would begin what looks like another answer; as it is, unless on a terminal."""
+    """Return a text with its line ends escaped, so that it cannot look like two results; unchanged if not on a terminal."""
     return visible(text, "\t") if isinstance(sys.stdout, Screen) else text
 
 
 def json_text(written: str) -> str:
-    """Return a JSON document for stdout: on a terminal with JSON's own escapes, which mean the same."""
+    """Return a JSON document for stdout; on a terminal, control characters are written as JSON escapes."""
     return visible(written, _LAID_OUT, json.dumps) if isinstance(sys.stdout, Screen) else written

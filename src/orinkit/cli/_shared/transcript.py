@@ -1,4 +1,4 @@
-"""Packets as they come and go, with their meaning."""
+"""Transcripts of packets, with their meaning."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _WIDEST_TEXT: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class TracedPacket:
-    """One packet of a conversation, or one body of e-CAP.
+    """A packet of b-CAP, or an HTTP body of e-CAP.
 
     Attributes:
         direction: ``">"`` to the controller, ``"<"`` from it.
-        data: its bytes.
-        meaning: what it says, in one line.
-        request: for a reply the packet that it answers.
+        data: The bytes.
+        meaning: The explanation in one line.
+        request: For a reply, the request that it answers.
     """
 
     direction: str
@@ -34,7 +34,7 @@ class TracedPacket:
     request: bytes | None = None
 
     def lines(self, *, fields: bool = False) -> list[str]:
-        """Return it for people: the meaning, then the bytes, plain or field by field."""
+        """Return the packet for people: the meaning, then the bytes in hex or field by field."""
         head = f"{_INDENT}{_ARROWS[self.direction]} {self.meaning}"
         if not _is_binary(self.data):
             text = self.data.decode("utf-8", "backslashreplace")
@@ -45,7 +45,7 @@ class TracedPacket:
         return [head, *(f"{_INDENT}  {line}" for line in hex_lines(self.data))]
 
     def document(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the packet for JSON."""
         return {
             "direction": "request" if self.direction == ">" else "reply",
             "meaning": self.meaning,
@@ -54,20 +54,20 @@ class TracedPacket:
 
 
 def _is_binary(data: bytes) -> bool:
-    """Whether it is a packet of b-CAP; a body of e-CAP is text."""
+    """Return True for a packet of b-CAP, False for a body of e-CAP, which is text."""
     return data[:1] == b"\x01"
 
 
 def _meaning(direction: str, data: bytes, request: bytes | None) -> str:
     if _is_binary(data):
         return one_line(data, None if direction == ">" else request)
-    from orinkit.ecap.message import explain_reply, explain_request  # few programs speak e-CAP
+    from orinkit.ecap.message import explain_reply, explain_request  # rarely needed
 
     return explain_request(data) if direction == ">" else explain_reply(data)
 
 
 class Transcript:
-    """Is told every packet (``trace=`` of a client), keeps them, and hands each to ``show``."""
+    """Collects the packets of a client (as its ``trace=`` callback) and passes each to ``show``."""
 
     def __init__(self, show: Callable[[TracedPacket], None] | None = None) -> None:
         self.packets: list[TracedPacket] = []
@@ -75,23 +75,23 @@ class Transcript:
         self._request: bytes | None = None
 
     def __call__(self, direction: str, data: bytes) -> None:
-        """Take a packet."""
+        """Record a packet."""
         if direction == ">":
             self._request = data
-        answered = self._request if direction == "<" else None
-        packet = TracedPacket(direction, data, _meaning(direction, data, answered), answered)
+        request = self._request if direction == "<" else None
+        packet = TracedPacket(direction, data, _meaning(direction, data, request), request)
         self.packets.append(packet)
         if self._show is not None:
             self._show(packet)
 
 
 def hex_lines(data: bytes, per_line: int = _PER_LINE) -> list[str]:
-    """Return bytes in hex, so many to a line."""
+    """Return bytes in hex, ``per_line`` bytes on each line."""
     return [data[at : at + per_line].hex(" ") for at in range(0, len(data), per_line)]
 
 
 def field_lines(fields: list[PacketField]) -> list[str]:
-    """Return an explanation as a table; an error is marked with an exclamation mark."""
+    """Return explained fields as the lines of a table; errors are marked with an exclamation mark."""
     names = ["  " * field.level + field.name for field in fields]
     widest = max(map(width, names), default=0)
     lines = []

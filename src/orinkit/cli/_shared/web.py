@@ -1,4 +1,4 @@
-"""Options of serving e-CAP over HTTP."""
+"""Options for serving e-CAP over HTTP."""
 
 from __future__ import annotations
 
@@ -19,51 +19,53 @@ HTTP: Final = Group(tr("HTTP"), sort_key=9)
 @Parameter(name="*", group=HTTP)
 @dataclass(frozen=True)
 class HttpServerOptions:
-    """Who is let in over HTTP, and the server's certificate."""
+    """Access over HTTP, and the server's certificate."""
 
     token_file: Annotated[
         str | None,
-        Parameter(help=tr('File with a token that clients have to show ("Authorization: Bearer ...").')),
+        Parameter(help=tr('File with the token that clients must send ("Authorization: Bearer ...").')),
     ] = None
     cert: Annotated[
         str | None,
-        Parameter(help=tr("PEM file with the server's certificate, for https.")),
+        Parameter(help=tr("PEM file with the server's certificate; enables https.")),
     ] = None
     key: Annotated[
         str | None,
-        Parameter(help=tr("PEM file with its key, if it is not in --cert.")),
+        Parameter(help=tr("PEM file with the private key, if it is not in --cert.")),
     ] = None
     http_host: Annotated[
         tuple[str, ...],
         Parameter(
             help=tr(
-                "Further name by which clients call this server; addresses, localhost and the machine's "
-                "name are taken anyway."
+                "Additional host name that clients may use for this server; IP addresses, localhost and "
+                "the machine's name are always accepted."
             )
         ),
     ] = ()
     http_idle: Annotated[
         float,
         Parameter(
-            help=tr("Seconds of silence after which an HTTP client is forgotten and all that it holds is released.")
+            help=tr(
+                "Seconds without a request after which the session of an HTTP client ends and its objects are released."
+            )
         ),
     ] = DEFAULT_HTTP.idle
 
     @property
     def secure(self) -> bool:
-        """Whether the server has a certificate."""
+        """True if the server has a certificate."""
         return self.cert is not None
 
     def options(self, *, served: bool) -> HttpOptions:
-        """Return what the server is told.
+        """Return the options of the HTTP server.
 
         Args:
-            served: there is an address for HTTP.
+            served: The server has an address for HTTP.
 
         Raises:
-            Failure: a file cannot be read, or an option makes no sense.
+            CommandError: If a file cannot be read, or an option has no effect.
         """
-        self._refuse_what_does_nothing(served=served)
+        self._refuse_unused(served=served)
         for option, path in (("--cert", self.cert), ("--key", self.key)):
             if path is not None:
                 read(option, path)
@@ -73,9 +75,9 @@ class HttpServerOptions:
         except InvalidValue as error:
             raise CommandError(str(error), 2) from None
 
-    def _refuse_what_does_nothing(self, *, served: bool) -> None:
+    def _refuse_unused(self, *, served: bool) -> None:
         if self.key is not None and self.cert is None:
-            raise unusable(tr("--key needs --cert"))
+            raise unusable(tr("--key requires --cert"))
         given = {
             "--token-file": self.token_file is not None,
             "--cert": self.cert is not None,
@@ -86,7 +88,7 @@ class HttpServerOptions:
         if options and not served:
             raise unusable(
                 tr(
-                    "{options} needs --http HOST:PORT: it is for e-CAP over HTTP, b-CAP has no such thing",
+                    "{options} requires --http HOST:PORT: it applies to e-CAP over HTTP only, not to b-CAP",
                     options=options,
                 ),
             )

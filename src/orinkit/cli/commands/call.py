@@ -1,8 +1,8 @@
 """``orinkit call``: call any function.
 
-The connection, Service_Start and Controller_Connect are made first, so ARGS never begin with a handle: it is that of the
-controller, or of the object that an option names. Handles hold for one connection only, so there is no other to give;
-``--handle`` sends one all the same, to see what a controller says.
+The command first connects and calls Service_Start and Controller_Connect, so ARGS never begin with a handle: the command
+inserts that of the controller, or of the object named by an option. Handles are valid for one connection only, so the
+user cannot have another one; ``--handle`` sends one nevertheless, to test the reaction of a controller.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from orinkit.values.variant import Variant, VarType
 
 _CONNECTION: Final = ConnectionOptions()
 _OWNING: Final = OwnerOptions()
-_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # a return code, as everyone writes them; VT_I4 below zero
+_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # a return code in its usual spelling; a negative VT_I4
 
 
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
 class ObjectOptions:
-    """The object that a function works on, where it is none that has variables."""
+    """The object that a function applies to, in addition to those that own variables."""
 
     variable: Annotated[
         str | None,
-        Parameter(help=tr("A variable, by name; of the object above if one is named.")),
+        Parameter(help=tr("Name of a variable, of the controller or of the object named above.")),
     ] = None  # fmt: skip
-    command: Annotated[str | None, Parameter(help=tr("A command, by name."))] = None
+    command: Annotated[str | None, Parameter(help=tr("Name of a command."))] = None
     handle: Annotated[
         int | None,
-        Parameter(converter=whole_number, help=tr("Send this handle, whatever it is.")),
+        Parameter(converter=whole_number, help=tr("Handle to send instead, without any check.")),
     ] = None
 
 
@@ -55,12 +55,12 @@ def call(
     url: Url,
     function: Annotated[
         str,
-        Parameter(help=tr("Id, name or Python name: 17, Controller_Execute, controller_execute.")),
+        Parameter(help=tr("Id, name or Python name of the function: 17, Controller_Execute, controller_execute.")),
     ],
     /,
     *args: Annotated[
         str,
-        Parameter(help=tr("Arguments behind the handle: text, 100, 1.5, true, or VARIANT notation 8197,1.5,2.5.")),
+        Parameter(help=tr("Arguments after the handle: text, 100, 1.5, true, or VARIANT notation 8197,1.5,2.5.")),
     ],
     owning: OwnerOptions = _OWNING,
     other: ObjectOptions = _OTHER,
@@ -77,7 +77,7 @@ def call(
     else:
         sent = read_arguments(entry, entry.arguments[1:], args)
         with connection.opened(url) as controller:
-            # the object is kept: one that is dropped is released
+            # keep a reference: an object that is garbage-collected releases its handle
             target = controller if other.handle is not None else _target(entry, controller, owning, other)
             arguments = (target.handle if other.handle is None else other.handle, *sent)
             reply = _request(controller, entry, arguments)
@@ -97,14 +97,14 @@ _APPLY: Final[dict[str, tuple[str, ...]]] = {
 
 
 def _check_options(entry: Function[..., Any], owning: OwnerOptions, other: ObjectOptions) -> None:
-    """Refuse an option that names an object which the function does not work on: it would be passed over unsaid."""
+    """Refuse an option for an object that the function does not apply to, instead of ignoring it silently."""
     apply = _APPLY.get(entry.interface, ())
     for options in (owning, other):
         for option, value in vars(options).items():
             if value is not None and option != "handle" and option not in apply:
                 raise unusable(
                     tr(
-                        "--{option} is of no use with {name}, which works on the {interface}",
+                        "--{option} does not apply to {name}, a function of the interface {interface}",
                         option=option,
                         name=entry.name,
                         interface=entry.interface,
@@ -122,7 +122,7 @@ def _request(controller: orinkit.Controller, entry: Function[..., Any], argument
 
 
 def _no_message() -> CommandError:
-    return CommandError(tr("no message waits on the controller"))
+    return CommandError(tr("the controller has no message"))
 
 
 def _find(name: str) -> Function[..., Any]:
@@ -150,7 +150,7 @@ def _call_service(
 def _target(
     entry: Function[..., Any], controller: orinkit.Controller, owning: OwnerOptions, other: ObjectOptions
 ) -> ObjectBase:
-    """Return the object that the function works on."""
+    """Return the object that the function applies to."""
     match entry.interface:
         case "Controller":
             return controller
@@ -175,7 +175,7 @@ def _target(
 def _named(entry: Function[..., Any], kind: str, name: str | None) -> str:
     if name is None:
         raise unusable(
-            tr("{name} needs to know which {kind}: name it with --{kind} NAME", name=entry.name, kind=kind),
+            tr("{name} requires a {kind}. Try: --{kind} NAME", name=entry.name, kind=kind),
         )
     return name
 
@@ -186,13 +186,13 @@ def read_arguments(
     """Return the arguments of a call from words of the command line.
 
     Args:
-        entry: the function.
-        arguments: its arguments, or those behind the handle.
-        texts: the words.
+        entry: The function.
+        arguments: Its arguments, or those after the handle.
+        texts: The words.
 
     Raises:
-        Failure: too many, too few, or one that is not of the argument's type.
-        NotationError: a word begins as notation and is not.
+        CommandError: If there are too many or too few words, or one does not have the type of its argument.
+        NotationError: If a word is invalid VARIANT notation.
     """
     required = sum(not argument.optional for argument in arguments)
     if not required <= len(texts) <= len(arguments):
@@ -200,7 +200,7 @@ def read_arguments(
         several = len(texts) > len(arguments) > 0 and arguments[-1].vt is VarType.VARIANT
         raise unusable(
             tr(
-                "{count} given, {wanted} wanted for {function}; the handle is filled in",
+                "{count} arguments given, {wanted} expected for {function}; the handle is added automatically",
                 count=len(texts),
                 wanted=takes,
                 function=signature(entry),
@@ -210,7 +210,7 @@ def read_arguments(
     return tuple(_read(argument, text) for argument, text in zip(arguments, texts, strict=False))
 
 
-_SEVERAL: Final = N_('. Try: several values are one argument, as 8197,10,50 or "8204,(5,1),(11,1)"')
+_SEVERAL: Final = N_('. Try: pass several values as one argument, for example 8197,10,50 or "8204,(5,1),(11,1)"')
 
 
 def _read(argument: Argument, text: str) -> Any:
@@ -223,12 +223,12 @@ def _read(argument: Argument, text: str) -> Any:
     fits = isinstance(number, int if argument.vt is VarType.I4 else int | float) and not isinstance(number, bool)
     if not fits:
         name = f"{argument.name} ({type_text(argument.vt)})"
-        raise unusable(tr("{text!r} is no number for the argument {name}", text=text, name=name))
+        raise unusable(tr("{text!r} is not a valid number for the argument {name}", text=text, name=name))
     return number
 
 
 def _read_text(text: str) -> str:
-    """Take a word as it is, unless it says in notation that it is a text: ``8,100``."""
+    """Return a word unchanged, unless it is a text in VARIANT notation: ``8,100``."""
     try:
         value = parse_lenient(text)
     except NotationError:

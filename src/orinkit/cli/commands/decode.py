@@ -12,7 +12,7 @@ from orinkit.cli._shared.connection import Json
 from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.i18n import tr
 
-# What tools print around the bytes: an offset before them (xxd, hexdump -C, Wireshark), the same bytes as text behind.
+# Hex dumps (xxd, hexdump -C, Wireshark) have an offset before the bytes, and the same bytes as text after them.
 _OFFSET: Final = re.compile(r"[ \t]*([0-9A-Fa-f]{4,8})(?::[ \t]|[ \t]{2,})[ \t]*(?=[0-9A-Fa-f]{2})")
 _TEXT_COLUMN: Final = re.compile(r"\|.*$|(?<=[0-9A-Fa-f]{2})[ \t]{3,}\S.*$")  # hexdump -C; Wireshark
 _TEXT_COLUMN_XXD: Final = re.compile(r"[ \t]{2,}\S.*$")
@@ -27,21 +27,18 @@ def decode(
             name="HEX",
             required=True,
             allow_leading_hyphen=True,
-            help=tr(
-                "Packets in hex, in any spelling (01 10 00, 0x01,0x10, a dump); several may follow one "
-                "another; - reads stdin."
-            ),
+            help=tr("One or more packets in hex, in any notation (01 10 00, 0x01,0x10, a hex dump); - reads stdin."),
         ),
     ],
     json: Json = False,
 ) -> int:
-    """Explain b-CAP packets field by field; exit code 1 if one of them is wrong."""
+    """Explain b-CAP packets field by field; exit with code 1 if one of them is malformed."""
     from orinkit.bcap.dissect import first_error, split
     from orinkit.cli._shared.output import print_json
 
     data = read_hex(sys.stdin.read() if hex_bytes == ("-",) else "\n".join(hex_bytes))
     if not data:
-        raise unusable(tr("give the bytes of a packet in hex, or - for stdin"))
+        raise unusable(tr("no packet given. Try: the bytes of a packet in hex, or - for stdin"))
     found = [_explained(piece, before) for piece, before in _with_requests(split(data))]
     if json:
         print_json({"packets": [packet["document"] for packet in found]})
@@ -53,7 +50,7 @@ def decode(
         assert first is not None
         raise CommandError(
             tr(
-                "{wrong} of {count} packets wrong; at offset {offset}: {meaning}",
+                "{wrong} of {count} packets malformed; first error at offset {offset}: {meaning}",
                 wrong=len(wrong),
                 count=len(found),
                 offset=first.offset,
@@ -64,10 +61,10 @@ def decode(
 
 
 def read_hex(text: str) -> bytes:
-    """Return the bytes that a text in hex stands for, whatever is between them.
+    """Return the bytes of a text in hex, with any of the usual separators.
 
     Raises:
-        Failure: something in it is not hex, or half a byte is left over.
+        CommandError: If a part is not hex, or has an odd number of digits.
     """
     result = bytearray()
     for line in text.splitlines():
@@ -77,7 +74,7 @@ def read_hex(text: str) -> bytes:
 
 
 def _without_dump(line: str, count: int) -> str:
-    """Return a dump's line without its offset, which is how many bytes came before, and without its column of text."""
+    """Return a line of a hex dump without its offset, which must equal the bytes so far, and without its text column."""
     offset = _OFFSET.match(line)
     if offset is None or int(offset[1], 16) != count:
         return line
@@ -96,13 +93,13 @@ def _not_hex(word: str) -> CommandError:
     shown = f"{word[:20]}..." if len(word) > 20 else word
     if re.fullmatch("[0-9A-Fa-f]+", word):
         return unusable(
-            tr("{text!r} has {count} hex digits, half a byte is left over", text=shown, count=len(word)),
+            tr("{text!r} has an odd number of hex digits ({count})", text=shown, count=len(word)),
         )
     return unusable(tr("{text!r} is not hex", text=shown))
 
 
 def _with_requests(pieces: list[bytes]) -> list[tuple[bytes, bytes | None]]:
-    """Give each reply the request with its serial that came before it, if there was one."""
+    """Pair each reply with the preceding request of the same serial number, if there is one."""
     from orinkit.bcap import packet
     from orinkit.bcap.dissect import kind_of
 

@@ -1,4 +1,4 @@
-"""``orinkit functions``: the table of the 137 functions."""
+"""``orinkit functions``: list the 137 functions of CAO."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from orinkit.core.i18n import tr
 
 
 def functions(
-    filter: Annotated[  # noqa: A002 - what it is called on the help page
+    filter: Annotated[  # noqa: A002 - shown as FILTER on the help page
         str | None,
         Parameter(
-            help=tr("An id or a name for everything about one function; any other text for those that contain it.")
+            help=tr("Id or name of a function to show its details; any other text lists the functions that contain it.")
         ),
     ] = None,
     /,
     *,
     json: Json = False,
 ) -> None:
-    """List the functions of b-CAP and e-CAP, with arguments, results and the section of the document."""
+    """List the functions of b-CAP and e-CAP, or show one with its arguments, result and section of the document."""
     from orinkit.cli._shared.output import print_json
 
     exact = _exact(filter)
@@ -57,7 +57,7 @@ def _contains(entry: Function[..., Any], text: str) -> bool:
 
 
 def card(entry: Function[..., Any]) -> list[str]:
-    """Return everything about one function."""
+    """Return the details of a function as lines of text."""
     from orinkit.cli._shared.output import padded, width
     from orinkit.cli._shared.signature import signature
     from orinkit.cli._shared.terminal import bold

@@ -12,7 +12,7 @@ from orinkit.core.i18n import tr
 _CONNECTION: Final = ConnectionOptions()
 _OWNING: Final = OwnerOptions()
 
-Name = Annotated[str, Parameter(help=tr("Variable: I1, IO150, P10, @MODE."))]
+Name = Annotated[str, Parameter(help=tr("Name of the variable: I1, IO150, P10, @MODE."))]
 
 
 def get(

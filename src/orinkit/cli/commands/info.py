@@ -1,4 +1,4 @@
-"""``orinkit info``: what a controller is and how it is."""
+"""``orinkit info``: show information about a controller and its state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SHOWN_NAMES: Final = 12
 
 
 def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json = False) -> None:
-    """Print type, version, mode, errors, counts and names; what a controller does not tell is left out."""
+    """Print type, version, mode, errors, counts and names; omit what a controller does not report."""
     from orinkit.cli._shared.output import plain, print_json
 
     with connection.opened(url) as controller:
@@ -33,7 +33,7 @@ def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json
 
 
 def plain_facts(facts: Any, plain: Callable[[Any], Any]) -> Any:
-    """Return the facts as JSON can hold them."""
+    """Convert the facts to types that JSON supports."""
     if isinstance(facts, dict):
         return {key: plain_facts(value, plain) for key, value in facts.items()}
     return plain(facts)
@@ -72,10 +72,10 @@ _NAMES: Final[dict[str, Callable[[orinkit.Controller], Any]]] = {
 
 
 def _ask(question: Callable[[orinkit.Controller], Any], controller: orinkit.Controller) -> Any:
-    """Return the answer, ``None`` where the controller has none to give."""
+    """Return the answer; ``None`` if the controller has none."""
     try:
         return question(controller)
-    except (CallError, ProtocolError):  # it refuses, or answers with something else than it was asked for
+    except (CallError, ProtocolError):  # it refuses, or the reply has an unexpected form
         return None
 
 

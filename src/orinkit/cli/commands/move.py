@@ -27,11 +27,11 @@ def move(
     url: Url,
     pose: Annotated[
         str,
-        Parameter(help=tr("Where to: \"J(45,30,120,0,-60,0)\", \"P(400,0,300,180,0,180,5)\", P1.")),
+        Parameter(help=tr("Target pose: \"J(45,30,120,0,-60,0)\", \"P(400,0,300,180,0,180,5)\" or P1.")),
     ],
     /,
     *,
-    line: Annotated[bool, Parameter(help=tr("Move the tool along a line."))] = False,
+    line: Annotated[bool, Parameter(help=tr("Move the tool along a straight line (default: point to point)."))] = False,
     speed: Annotated[
         float | None, Parameter(help=tr("Speed in percent; 100 by default."))
     ] = None,
@@ -40,30 +40,30 @@ def move(
     ] = None,
     record: Annotated[
         str | None,
-        Parameter(help=tr("Record the motion in this CSV file, a row for each 8 ms; see orinkit plot.")),
+        Parameter(help=tr("Record the motion in this CSV file, one row every 8 ms; see orinkit plot.")),
     ] = None,
     no_motor: Annotated[
-        bool, Parameter(help=tr("Do not switch the motor on; it has to be."))
+        bool, Parameter(help=tr("Do not switch the motor on; it must be on already."))
     ] = False,
     alive: Annotated[
         float,
         Parameter(help=tr(
 "Seconds without a sign of life of this command after which the server stops the arm; 0 "
-"does not ask for it: controllers of other makers may refuse Alive in Service_Start.")),
+"omits the option Alive of Service_Start, which controllers of other makers may refuse.")),
     ] = 1.0,
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Take the arm, switch the motor on if it is off, move, and give everything back.
+    """Take the arm, switch the motor on if it is off, move, and finally restore motor and arm.
 
-    Ctrl-C halts the arm, then gives everything back as well. Prints where the arm is at the end.
+    Print the final joint position and pose. Ctrl-C halts the arm, then restores motor and arm too.
     """
     from orinkit.cli._shared.motion_record import MotionRecorder
 
     options: MoveOptions = {"wait": False}
     if speed is not None:
         options["speed"] = speed
-    option_text(options)  # what cannot be is said before anything moves
+    option_text(options)  # reports invalid options before anything moves
     mark = mark or ""
     parse_target(to_text(pose, mark))
     with (
@@ -89,10 +89,10 @@ def move(
 
 
 def _require_motions(robot: orinkit.Robot) -> None:
-    """Refuse an arm that has no motions of its own before anything is done."""
+    """Refuse an arm that supports slave mode only, before anything is done."""
     if robot.client.dialect.takes_arm:
         return
-    raise CommandError(tr("a VE026A moves in slave mode only. Try: orinkit stream with --move"))
+    raise CommandError(tr("a VE026A moves in slave mode only. Try: orinkit stream --move"))
 
 
 def _move(

@@ -1,4 +1,4 @@
-"""``orinkit pendant``: press the buttons of a virtual RC8 through its control port."""
+"""``orinkit pendant``: operate the pendant of a virtual RC8 through its control port."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ def read_mode(word: str) -> int:
     """Return the number of a mode from its name.
 
     Raises:
-        Failure: it is none.
+        CommandError: If it is not the name of a mode.
     """
     mode = MODES.get(word.strip().lower())
     if mode is None:
         raise unusable(
-            tr("{word!r:.40} is no mode; manual, teach or auto", word=word),
+            tr("{word!r:.40} is not a mode. Try: manual, teach or auto", word=word),
         )
     return mode
 
 
 @dataclass(frozen=True, slots=True)
 class PendantAction:
-    """What the command line can have done.
+    """An action of the command.
 
     Attributes:
-        command: of the control port.
-        values: what is written behind it, for people.
-        read: returns the command's parameter from these words and whether to wait; raises Failure.
-        shows: what of the status is shown when it is done; all of it where this is empty.
-        waits: whether it can wait for its end.
+        command: Command of the control port.
+        values: The arguments of the action, for people.
+        read: Returns the parameter of the command from the arguments; raises CommandError.
+        shows: Items of the status that are shown afterwards; all if empty.
+        waits: The action supports ``--wait``.
     """
 
     command: str
@@ -57,12 +57,12 @@ class PendantAction:
 
 @dataclass(frozen=True, slots=True)
 class PendantArguments:
-    """The words behind an action.
+    """The arguments of an action.
 
     Attributes:
-        given: the words.
-        wait: whether the end is to be waited for.
-        usage: how the action is written, for the error messages.
+        given: The words.
+        wait: Wait until the action has ended.
+        usage: Usage of the action, for error messages.
     """
 
     given: tuple[str, ...]
@@ -70,36 +70,36 @@ class PendantArguments:
     usage: str
 
     def none(self) -> None:
-        """No words."""
+        """Check that there are no words."""
         self.count(0)
 
     def one(self) -> str:
-        """One word."""
+        """Return the only word."""
         return self.count(1)[0]
 
     def flag(self) -> bool:
-        """``on`` or ``off``."""
+        """Return True for ``on`` and False for ``off``."""
         word = self.one().lower()
         if word not in ("on", "off"):
             raise self.wrong()
         return word == "on"
 
     def number(self, index: int) -> float:
-        """The word at a place as a number."""
+        """Return the word at an index as a number."""
         try:
             return float(self.given[index])
         except ValueError:
             raise self.wrong() from None
 
     def count(self, least: int, most: int | None = None) -> tuple[str, ...]:
-        """The words, that many of them."""
+        """Return the words after checking their number."""
         if not least <= len(self.given) <= (least if most is None else most):
             raise self.wrong()
         return self.given
 
     def wrong(self) -> CommandError:
-        """Return the exception for words that cannot be."""
-        return unusable(tr("the form is: {usage}", usage=self.usage))
+        """Return the exception for invalid arguments."""
+        return unusable(tr("usage: {usage}", usage=self.usage))
 
 
 def _jog(words: PendantArguments) -> list[float]:
@@ -147,22 +147,20 @@ ACTIONS: Final[dict[str, PendantAction]] = {
 def pendant(
     url: Annotated[
         str,
-        Parameter(help=tr("Control port, as orinkit serve rc8 --control says it: tcp://127.0.0.1:5008.")),
+        Parameter(help=tr("Control port, as printed by orinkit serve rc8 --control: tcp://127.0.0.1:5008.")),
     ],
     action: Annotated[
         str,
         Parameter(
-            help=tr("What to do: ")
-            + ", ".join(f"{name} {each.values}".rstrip() for name, each in ACTIONS.items())
-            + "."
+            help=tr("One of: ") + ", ".join(f"{name} {each.values}".rstrip() for name, each in ACTIONS.items()) + "."
         ),
     ],
     /,
     *value: Annotated[
         str,
-        Parameter(help=tr("What the action wants, as above; DISTANCE is in degrees, WIDTH in mm.")),
+        Parameter(help=tr("Arguments of the action, as above; DISTANCE in deg, WIDTH in mm.")),
     ],
-    wait: Annotated[bool, Parameter(help=tr("Wait for the end of jog or motor."))] = False,
+    wait: Annotated[bool, Parameter(help=tr("Wait until jog or motor has ended."))] = False,
     json: Annotated[
         bool,
         Parameter(help=tr("Print the whole status as one JSON document.")),
@@ -172,7 +170,7 @@ def pendant(
         Parameter(
             group=CONNECTION,
             help=tr(
-                "File with the secret of the control port; by default the one that a server of this account has left."
+                "File with the secret of the control port; by default the one stored by a server of the same account."
             ),
         ),
     ] = None,
@@ -180,19 +178,19 @@ def pendant(
         float,
         Parameter(
             group=CONNECTION,
-            help=tr("Seconds for connecting and for each call."),
+            help=tr("Time-out in seconds for connecting and for each call."),
         ),
     ] = DEFAULT_TIMEOUT,
-    trace: Annotated[bool, Parameter(group=CONNECTION, help=tr("Show every packet on stderr."))] = False,
+    trace: Annotated[bool, Parameter(group=CONNECTION, help=tr("Print every packet to stderr."))] = False,
 ) -> None:
-    """Press a button of a virtual RC8 and print how things stand then."""
+    """Press a button of a virtual RC8 and print the resulting state."""
     from orinkit.cli._shared.output import print_json
     from orinkit.cli._shared.terminal import one_line
 
     wanted = _find(action)
     usage = f"{action} {wanted.values}".rstrip() + (" [--wait]" if wanted.waits else "")
     if wait and not wanted.waits:
-        raise unusable(tr("--wait is of no use with {action}", action=action))
+        raise unusable(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
     connection = ConnectionOptions(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
     status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
@@ -206,18 +204,16 @@ def pendant(
 def _find(name: str) -> PendantAction:
     found = ACTIONS.get(name.lower())
     if found is None:
-        raise unusable(
-            tr("there is no action {name!r:.40}; there are {actions}", name=name, actions=", ".join(ACTIONS))
-        )
+        raise unusable(tr("unknown action {name!r:.40}. Try: {actions}", name=name, actions=", ".join(ACTIONS)))
     return found
 
 
 def _secret(url: str, path: str | None) -> str:
-    """Return the secret of a control port; ``""`` where nothing is known of it.
+    """Return the secret of a control port; ``""`` if it is unknown.
 
     Raises:
-        Failure: the file cannot be used.
-        InvalidAddress: the URL is none.
+        CommandError: If the file cannot be used.
+        InvalidAddress: If the URL is not a valid address.
     """
     from orinkit.cli._shared.control_secret import find_secret, read_secret
 
@@ -231,21 +227,21 @@ def _denied(url: str, *, known: bool) -> CommandError:
     if known:
         return CommandError(
             tr(
-                "{url} refuses the secret. Try: --control-secret-file FILE with the one that its server has printed",
+                "{url} refuses the secret. Try: --control-secret-file FILE with the secret that its server has printed",
                 url=url,
             )
         )
     return CommandError(
         tr(
-            "{url} needs its secret, and no server of this account has left one for this port. Try: "
-            "--control-secret-file FILE with the one that its server has printed",
+            "{url} requires its secret, and no server of this account has stored one for this port. Try: "
+            "--control-secret-file FILE with the secret that its server has printed",
             url=url,
         )
     )
 
 
 def _press(url: str, connection: ConnectionOptions, action: PendantAction, words: PendantArguments) -> dict[str, Any]:
-    """Press a button; returns the status behind it."""
+    """Press a button and return the resulting status."""
     parameter = action.read(words)
     try:
         controller = connection.open(url)
@@ -255,13 +251,13 @@ def _press(url: str, connection: ConnectionOptions, action: PendantAction, words
         if error.code != E_CAO_PROV_INVALID:
             raise
         raise CommandError(
-            tr("{url} is no control port; orinkit serve rc8 --control 127.0.0.1:5008 opens one", url=url)
+            tr("{url} is not a control port. Try: orinkit serve rc8 --control 127.0.0.1:5008", url=url)
         ) from None
     with controller:
         if action.command != "Status":
             try:
                 controller.execute(action.command, parameter)
-            except InvalidArgument as error:  # only the code comes over the wire, not what is wrong
+            except InvalidArgument as error:  # the reply contains the return code only, not the reason
                 raise CommandError(f"{error} {words.wrong()}") from None
         return _status(controller.execute("Status"))
 
@@ -273,7 +269,7 @@ def _status(answer: object) -> dict[str, Any]:
         status = None
     if isinstance(status, dict):
         return status
-    raise ProtocolError(tr("Status was answered with {answer!r:.80}", answer=answer))
+    raise ProtocolError(tr("unexpected reply to Status: {answer!r:.80}", answer=answer))
 
 
 # --- for people -------------------------------------------------------------------------------------------------------
@@ -293,7 +289,7 @@ _LABELS: Final = {
 
 
 def lines(status: Mapping[str, Any], shows: tuple[str, ...] = ()) -> list[str]:
-    """Return the status for people: a line for each thing, of all or of those that are named."""
+    """Return the status for people: a line for each item, or for those in ``shows``."""
     from orinkit.cli._shared.output import padded, width
 
     rows = [

@@ -1,4 +1,4 @@
-"""``orinkit plot``: a recorded motion as a picture."""
+"""``orinkit plot``: plot a recorded motion."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 def plot(
     file: Annotated[
         str,
-        Parameter(help=tr("What orinkit move --record or orinkit stream --record has written.")),
+        Parameter(help=tr("Recording written by orinkit move --record or orinkit stream --record.")),
     ],
     /,
     *,
     out: Annotated[
         str | None,
-        Parameter(help=tr("The picture: .png, .svg or .pdf; by default FILE with .png.")),
+        Parameter(help=tr("File for the picture: .png, .svg or .pdf; by default FILE with the extension .png.")),
     ] = None,
-    show: Annotated[bool, Parameter(help=tr("Show it in a window instead."))] = False,
+    show: Annotated[bool, Parameter(help=tr("Show the picture in a window instead of writing a file."))] = False,
 ) -> None:  # fmt: skip
-    """Plot joints, velocities and accelerations of a recorded motion over time; command and feedback of a stream."""
+    """Plot joints, velocities and accelerations of a recorded motion, or command and feedback of a stream."""
     from orinkit.cli._shared import picture
 
     source = Path(file)

@@ -25,8 +25,8 @@ Text = Annotated[
     Parameter(
         required=True,
         help=tr(
-            "100, 1.5, true, text; several numbers make an array; 2,100 or 8200,a,b name the type "
-            "(VARIANT notation), 8,100 is the text 100. Behind -- for a text that begins with -."
+            "100, 1.5, true or text; several numbers form an array; 2,100 or 8200,a,b specify the type "
+            "(VARIANT notation), for example 8,100 for the text 100. Put -- before a text that begins with -."
         ),
     ),
 ]
@@ -35,7 +35,7 @@ Text = Annotated[
 def put(
     url: Url, name: Name, /, *value: Text, owning: OwnerOptions = _OWNING, connection: ConnectionOptions = _CONNECTION, json: Json = False
 ) -> None:  # fmt: skip
-    """Write a variable; the controller converts the value to the variable's type where it can."""
+    """Write a variable; the controller converts the value to the type of the variable if possible."""
     from orinkit import functions
     from orinkit.cli._shared.output import print_json, text, typed
     from orinkit.cli._shared.terminal import one_line
@@ -50,7 +50,7 @@ def put(
     except InvalidArgument as error:
         if error.code != DISP_E_TYPEMISMATCH or error.function != functions.variable_put_value.name:
             raise
-        raise CommandError(f"{error} {_cure()}") from None
+        raise CommandError(f"{error} {_type_hint()}") from None
     if json:
         print_json({"name": name, **typed(new)})
     else:
@@ -60,19 +60,19 @@ def put(
 _DECIMAL_COMMA: Final = re.compile(r"\s*\d+,\d+\s*")
 
 
-def _cure() -> str:
+def _type_hint() -> str:
     return tr(
-        "On the command line: several numbers make an array (put URL P1 400 0 300 180 0 180 5), "
-        "8,100 is the text 100, and a text with blanks wants quotes."
+        "On the command line: several numbers form an array (put URL P1 400 0 300 180 0 180 5), "
+        "8,100 is the text 100, and a text with spaces must be quoted."
     )
 
 
 def read_values(texts: tuple[str, ...]) -> Variant:
-    """Return the value of one or several words: numbers become a VT_R8 array, texts a VT_BSTR array.
+    """Return the value of one or several words: several numbers become a VT_R8 array, several texts a VT_BSTR array.
 
     Raises:
-        NotationError: a word begins as notation and is not.
-        InvalidValue: no array can hold them together.
+        CommandError: If a word is invalid VARIANT notation.
+        InvalidValue: If the words cannot be combined in one array.
     """
     values = [_read(number, text) for number, text in enumerate(texts, 1)]
     if len(values) == 1:

@@ -1,4 +1,4 @@
-"""``orinkit serve device``: devices of one's own on the network."""
+"""``orinkit serve device``: serve the user's own devices on the network."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def serve_device(
             required=True,
             help=tr(
 "file.py:Class, module:Class, or the name of an installed provider; the class may be "
-"left out where there is one."),
+"omitted if there is only one."),
         ),
     ],
     listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve devices of your own; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
+    """Serve your own devices; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
     check(listening)
     begin_log(listening)
     providers = load_targets(target)
@@ -38,10 +38,10 @@ def serve_device(
 
 
 def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list[Provider]:
-    """Return the providers that a command line names, behind those that are there.
+    """Return the providers in ``first`` followed by those named on a command line.
 
     Raises:
-        Failure: one cannot be loaded, or not be served beside the others.
+        CommandError: If a provider cannot be loaded, or cannot be served together with the others.
     """
     providers = list(first)
     for target in targets:
@@ -52,17 +52,17 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
                 providers.append(provider)
         except LoadFailed as error:
             raise CommandError(str(error), 2) from error
-        except ValueError as error:  # it speaks another dialect
+        except ValueError as error:  # it has another dialect
             raise CommandError(f"{target}: {error}", 2) from error
     return providers
 
 
 def announce(providers: Sequence[Provider], *but: Provider) -> None:
-    """Settle who has which name, and tell the log what is served and which names two claim.
+    """Assign the provider names, and log the served providers and conflicting names.
 
     Args:
-        providers: in the order in which they are served.
-        but: those of which nothing is told.
+        providers: The providers, in the order in which they are served.
+        but: Providers that are not logged.
     """
     settle_names(providers)
     warn_of_clashes(providers)

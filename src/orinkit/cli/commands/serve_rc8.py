@@ -1,4 +1,4 @@
-"""``orinkit serve rc8``: the virtual RC8 on the network."""
+"""``orinkit serve rc8``: serve a virtual RC8 on the network."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
 
 _CONTROLLER: Final = Group(tr("Controller"), sort_key=7)
 _ROBOT: Final = Group(tr("Robot"), sort_key=7)
-_PROVIDERS: Final = Group(tr("Devices beside it"), sort_key=7)
+_PROVIDERS: Final = Group(tr("Additional devices"), sort_key=7)
 _LISTENING: Final = ServerOptions()
 
 
@@ -37,14 +37,14 @@ def serve_rc8(
         str | None,
         Parameter(
             group=_CONTROLLER,
-            help=tr("Directory that keeps the variables; forgotten at the end without it."),
+            help=tr("Directory to save the variables in; without it they are lost at the end."),
         ),
     ] = None,
     permission: Annotated[
         str,
         Parameter(
             group=_CONTROLLER,
-            help=tr("Who may read (r) and write (rw): \"192.168.0.7=r,10.0.0.0/8=none,*=rw\"."),
+            help=tr("Clients that may read (r) or read and write (rw): \"192.168.0.7=r,10.0.0.0/8=none,*=rw\"."),
         ),
     ] = "*=rw",
     count: Annotated[
@@ -52,39 +52,39 @@ def serve_rc8(
         Parameter(
             group=_CONTROLLER,
             help=tr(
-"How many variables of a class I F D V P J T S: I=200; may be given again. 100 by "
-"default."),
+"Number of variables of a class (I F D V P J T S), for example I=200; 100 by default; "
+"may be repeated."),
         ),
     ] = (),
     io_points: Annotated[
-        int, Parameter(group=_CONTROLLER, converter=whole_number, help=tr("How many I/O points."))
+        int, Parameter(group=_CONTROLLER, converter=whole_number, help=tr("Number of I/O points."))
     ] = DEFAULT_IO_POINTS,
     accept_pc_provider: Annotated[
         bool,
         Parameter(
             group=_CONTROLLER,
-            help=tr("Answer to CaoProv.DENSO.RC8 too, which real controllers refuse but some clients send."),
+            help=tr("Also accept the provider name CaoProv.DENSO.RC8, which some clients send but real controllers refuse."),
         ),
     ] = False,
     model: Annotated[
         str,
         Parameter(
             group=_ROBOT,
-            help=tr("Its arm: {models}, or a TOML file of your own.", models=", ".join(MODEL_NAMES)),
+            help=tr("Model of the arm: {models}, or your own TOML file.", models=", ".join(MODEL_NAMES)),
         ),
     ] = "VS-050",
     mode: Annotated[
-        str, Parameter(group=_ROBOT, help=tr("Mode switch: manual, teach or auto."))
+        str, Parameter(group=_ROBOT, help=tr("Initial position of the mode switch: manual, teach or auto."))
     ] = "auto",
     token: Annotated[
         str,
         Parameter(
             group=_ROBOT,
-            help=tr("Executable token: any, tp, io, ethernet or ethernet:ADDRESS."),
+            help=tr("Executable token (who may start motions): any, tp, io, ethernet or ethernet:ADDRESS."),
         ),
-    ] = "any",  # noqa: S107 - a start right
+    ] = "any",  # noqa: S107 - not a password
     motor_on: Annotated[
-        bool, Parameter(group=_ROBOT, help=tr("The motor is on from the beginning."))
+        bool, Parameter(group=_ROBOT, help=tr("Start with the motor on."))
     ] = False,
     joints: Annotated[
         str | None,
@@ -92,7 +92,7 @@ def serve_rc8(
             group=_ROBOT,
             allow_leading_hyphen=True,
             help=tr(
-"Where the arm stands, in degrees: \"J(0, 30, 90, 0, 60, 0)\" or 0,30,90,0,60,0; its home "
+"Initial joint position in deg: \"J(0, 30, 90, 0, 60, 0)\" or 0,30,90,0,60,0; the home "
 "pose by default."),
         ),
     ] = None,
@@ -100,14 +100,14 @@ def serve_rc8(
         bool,
         Parameter(
             group=_ROBOT,
-            help=tr("Put no sample programs into an empty file store."),
+            help=tr("Do not add sample programs to an empty file store."),
         ),
     ] = False,
     no_slave_licence: Annotated[
         bool,
         Parameter(
             group=_ROBOT,
-            help=tr("Refuse slave mode: its licence is not registered."),
+            help=tr("Refuse slave mode, as a controller without its licence does."),
         ),
     ] = False,
     slave_limit: Annotated[
@@ -116,8 +116,8 @@ def serve_rc8(
             group=_ROBOT,
             converter=whole_number,
             help=tr(
-"Limits in slave mode: 0 servo, 1 servo x external speed, 2 command, 3 command x "
-"external speed."),
+"Limits in slave mode (RC8 4.8): 0 servo, 1 servo x external speed, 2 command, 3 command "
+"x external speed."),
         ),
     ] = 0,
     strict_time: Annotated[
@@ -125,8 +125,8 @@ def serve_rc8(
         Parameter(
             group=_ROBOT,
             help=tr(
-"Late set-points in slave mode are not waited for (250 ms): an error at once, or in mode "
-"1 a stop in place, as on a real controller."),
+"Treat late set-points in slave mode as a real controller does, instead of waiting for "
+"them (250 ms): as an error at once, in mode 1 as a stop in place."),
         ),
     ] = False,
     time_scale: Annotated[
@@ -134,8 +134,7 @@ def serve_rc8(
         Parameter(
             group=_CONTROLLER,
             help=tr(
-"How many seconds of the controller pass in one real second; 20 makes motions 20 times "
-"as fast."),
+"Simulated seconds per real second; 20 makes motions 20 times as fast."),
         ),
     ] = 1.0,
     provider: Annotated[
@@ -143,15 +142,15 @@ def serve_rc8(
         Parameter(
             group=_PROVIDERS,
             help=tr(
-"A device to serve too: file.py:Class, module:Class, or the name of an installed one; "
-"may be given again."),
+"Additional device to serve: file.py:Class, module:Class, or the name of an installed "
+"provider; may be repeated."),
         ),
     ] = (),
     no_providers: Annotated[
         bool,
         Parameter(
             group=_PROVIDERS,
-            help=tr("Leave out installed providers; they are served too otherwise."),
+            help=tr("Do not serve installed providers, which are served by default."),
         ),
     ] = False,
     control: Annotated[
@@ -159,8 +158,8 @@ def serve_rc8(
         Parameter(
             group=LISTENING,
             help=tr(
-"HOST:PORT on this machine for orinkit pendant; printed as \"ready control "
-"tcp://HOST:PORT\", its secret below. Port 0 takes a free one."),
+"HOST:PORT on this machine for orinkit pendant; its URL is printed as \"ready control "
+"URL\", followed by its secret. Port 0 selects a free port."),
         ),
     ] = None,
     control_secret_file: Annotated[
@@ -168,13 +167,13 @@ def serve_rc8(
         Parameter(
             group=LISTENING,
             help=tr(
-"File with the secret of --control; without that file, where it is made and removed at "
-"the end. By default a file that orinkit pendant finds."),
+"File with the secret of --control. If it does not exist, it is created with a new "
+"secret and removed at the end. By default a file that orinkit pendant finds."),
         ),
     ] = None,
     listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve a virtual RC8; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
+    """Serve a virtual RC8; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
     check(listening)
     secret = _read_control(control, control_secret_file)
     try:
@@ -209,17 +208,17 @@ def serve_rc8(
 
 
 def _read_control(url: str | None, path: str | None) -> str:
-    """Return the secret of the control port if it is in a file already, else ``""``.
+    """Return the secret of the control port if its file exists, else ``""``.
 
     Raises:
-        Failure: the port, or the file, cannot be used.
-        InvalidAddress: the port is none.
+        CommandError: If the port is not allowed, or the file cannot be used.
+        InvalidAddress: If the control port is not a valid address.
     """
     if url is not None:
         check_control(url)
         return read_secret(path) if path is not None and Path(path).exists() else ""
     if path is not None:
-        raise unusable(tr("{option} needs --control HOST:PORT", option=OPTION))
+        raise unusable(tr("{option} requires --control HOST:PORT", option=OPTION))
     return ""
 
 
@@ -230,7 +229,7 @@ def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) ->
 
     @contextmanager
     def offered(port: int) -> Iterator[Sequence[str]]:
-        if secret:  # whoever made the file knows it
+        if secret:  # from a file of the user, who knows it
             yield ()
         else:
             with left_for(provider.secret, port, path):
@@ -240,43 +239,43 @@ def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) ->
 
 
 def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
-    """Return counts by class from ``I=200``.
+    """Return the number of variables by class from texts like ``I=200``.
 
     Raises:
-        Failure: a text is not of that form.
+        CommandError: If a text does not have this form.
     """
     counts: dict[str, int] = {}
     for text in texts:
         name, equals, number = text.partition("=")
         if not equals or not number.isdecimal():
-            raise unusable(tr("--count {text}: CLASS=NUMBER is needed, as I=200", text=text))
+            raise unusable(tr("--count {text}: not CLASS=NUMBER. Try: I=200", text=text))
         counts[name.strip().upper()] = int(number)
     return counts
 
 
 def read_joints(text: str) -> tuple[float, ...]:
-    """Return joints from ``J(0, 30, 90, 0, 60, 0)`` or their numbers alone.
+    """Return the joint position from ``J(0, 30, 90, 0, 60, 0)`` or from the numbers alone.
 
     Raises:
-        Failure: the text is neither.
+        CommandError: If the text is neither.
     """
     try:
         if text.strip()[:1] not in ("J", "j"):
             return tuple(J.of([float(part) for part in text.replace(",", " ").split()]))
         target = parse_target(text)
     except (NotationError, InvalidValue) as error:
-        raise _no_joints(text, f": {error}") from None
+        raise _invalid_joints(text, f": {error}") from None
     except ValueError:
-        raise _no_joints(text) from None
+        raise _invalid_joints(text) from None
     if target.kind != "J" or target.mark or target.extra or isinstance(target.value, int):
-        raise _no_joints(text)
+        raise _invalid_joints(text)
     return target.value
 
 
-def _no_joints(text: str, reason: str = "") -> CommandError:
+def _invalid_joints(text: str, reason: str = "") -> CommandError:
     return unusable(
         tr(
-            '--joints {text:.60}: "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0 is the form{reason}',
+            '--joints {text:.60}: not of the form "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0{reason}',
             text=text,
             reason=reason,
         ),

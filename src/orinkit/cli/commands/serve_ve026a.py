@@ -25,32 +25,32 @@ def serve_ve026a(
             group=_ROBOT,
             allow_leading_hyphen=True,
             help=tr(
-"Where the arm stands, in degrees, J7 is the hand: \"J(0, 30, 120, 0, 30, 0, 0)\" or "
-"0,30,120,0,30,0,0; its home pose by default."),
+"Initial joint position in deg, J7 is the hand: \"J(0, 30, 120, 0, 30, 0, 0)\" or "
+"0,30,120,0,30,0,0; the home pose by default."),
         ),
     ] = None,
     motor_on: Annotated[
-        bool, Parameter(group=_ROBOT, help=tr("The motor is on from the beginning."))
+        bool, Parameter(group=_ROBOT, help=tr("Start with the motor on."))
     ] = False,
     strict_time: Annotated[
         bool,
         Parameter(
             group=_ROBOT,
             help=tr(
-"A late set-point is an error at once, as on a real VE026A, instead of being waited for "
-"(250 ms)."),
+"Treat a late set-point as an error at once, as a real VE026A does, instead of waiting "
+"for it (250 ms)."),
         ),
     ] = False,
     time_scale: Annotated[
         float,
         Parameter(
             group=_ROBOT,
-            help=tr("How many seconds of the arm pass in one real second; 20 makes it 20 times as fast."),
+            help=tr("Simulated seconds per real second; 20 makes the arm 20 times as fast."),
         ),
     ] = 1.0,
     listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve a virtual VE026A; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
+    """Serve a virtual VE026A; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
     check(listening)
     try:
         arm = VirtualVE026A(

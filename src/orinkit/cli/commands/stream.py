@@ -1,4 +1,4 @@
-"""``orinkit stream``: carry out a trajectory set-point by set-point, in slave mode."""
+"""``orinkit stream``: execute a trajectory in slave mode, set-point by set-point."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ _RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
     "T": ("time", "trans", "joints"),
 }
 _ROBOT_AXES: Final = 6
-_THERE: Final = 1e-3  # deg or mm
-_EACH: Final = 12  # set-points between two looks of the bar, about 0.1 s
+_ARRIVED: Final = 1e-3  # deg or mm
+_UPDATE_EVERY: Final = 12  # set-points between two updates of the bar, about 0.1 s
 
 
 def stream(
     url: Url,
     trajectory: Annotated[
         str,
-        Parameter(help=tr("CSV file with a set-point for each 8 ms, or with times.")),
+        Parameter(help=tr("CSV file with a set-point for every 8 ms, or with a time column.")),
     ],
     /,
     *,
@@ -58,15 +58,15 @@ def stream(
         Parameter(
             converter=whole_number,
             help=tr(
-"Slave mode: 0 or 2, the default, has the controller queue set-points, 1 take the "
-"newest; a VE026A has 0 and 1."),
+"Slave mode: in 0 and 2 (the default) the controller queues set-points, in 1 it takes the "
+"newest one; a VE026A supports 0 and 1."),
         ),
     ] = None,
     pose: Annotated[
         str | None,
         Parameter(help=tr(
-"What set-points are: J joints, P positions, T transformations; by default as the file "
-"has it.")),
+"Pose type of the set-points: J joints, P positions, T transformations; by default "
+"determined from the file.")),
     ] = None,
     record: Annotated[
         str | None,
@@ -74,28 +74,28 @@ def stream(
     ] = None,
     retime: Annotated[
         bool,
-        Parameter(help=tr("Slow down what is faster than the limits.")),
+        Parameter(help=tr("Slow down the parts that exceed the limits.")),
     ] = False,
     speed: Annotated[
-        float, Parameter(help=tr("Percent of the arm's limits to stay within."))
+        float, Parameter(help=tr("Limits to apply, in percent of those of the arm."))
     ] = 100.0,
     model: Annotated[
         str | None,
-        Parameter(help=tr("Arm whose limits hold, or a TOML file; by default as the controller names it.")),
+        Parameter(help=tr("Model of the arm whose limits apply, or a TOML file; by default the controller reports it.")),
     ] = None,
     move: Annotated[
         bool,
-        Parameter(help=tr("Move to the first set-point before, point to point; a VE026A in slave mode.")),
+        Parameter(help=tr("First move to the first set-point, point to point; with a VE026A in slave mode.")),
     ] = False,
     no_motor: Annotated[
-        bool, Parameter(help=tr("Do not switch the motor on; it has to be."))
+        bool, Parameter(help=tr("Do not switch the motor on; it must be on already."))
     ] = False,
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Take arm and motor, check the trajectory, stream it, and tell how it went.
+    """Take the arm, switch the motor on, check the trajectory, stream it, and print a report.
 
-    Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM brings the arm to rest within its limits.
+    Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM stops the arm within its limits.
     """
     job = _job(
         connection.known_dialect, trajectory, mode, pose, record, speed, model,
@@ -120,21 +120,21 @@ def stream(
 
 @dataclass(slots=True)
 class _StreamRequest:
-    """What is to be done.
+    """The stream that the command line requests.
 
     Attributes:
-        path: of the trajectory.
-        kind: of its set-points.
-        read: reads the options of slave mode for a dialect.
-        options: what it has read.
-        speed: percent.
-        retime, move, motor: what is done before.
-        progress: how far it is.
-        interrupt: by which somebody has ended it while it streamed.
+        path: File of the trajectory.
+        pose_type: Pose type of its set-points.
+        read: Reads the options of slave mode for a dialect.
+        options: The options that ``read`` has returned.
+        speed: Limits in percent.
+        retime, move, motor: Retime the trajectory, move to its first set-point, switch the motor on.
+        progress: Progress of the stream.
+        interrupt: The KeyboardInterrupt that ended the stream, if any.
     """
 
     path: Path
-    kind: PoseKind
+    pose_type: PoseKind
     read: Callable[[Dialect], StreamOptions]
     options: StreamOptions
     speed: float
@@ -149,26 +149,26 @@ def _job(
     dialect: Dialect, trajectory: str, mode: int | None, pose: str | None, record: str | None, speed: float,
     model: str | None, *, retime: bool, move: bool, motor: bool,
 ) -> _StreamRequest:  # fmt: skip
-    """Return what the command line wants; all that can be wrong with it is said before anything is connected."""
+    """Return the request; errors of the command line are reported before connecting."""
     from orinkit.client._shared.stream_options import PERIOD, read_options
     from orinkit.streaming.trajectory.csv_file import load_csv
 
     path = Path(trajectory)
-    kind: PoseKind = load_csv(path)[0] if pose is None else _kind(pose)
+    pose_type: PoseKind = load_csv(path)[0] if pose is None else _pose_type(pose)
     if record is not None:
         _check_record(Path(record))
-    limits = None if model is None else _limits_of(model, kind)
+    limits = None if model is None else _limits_of(model, pose_type)
 
     def read(dialect: Dialect) -> StreamOptions:
         return read_options(
-            dialect, dialect.slave_mode if mode is None else mode, kind, _RECEIVED[kind],
+            dialect, dialect.slave_mode if mode is None else mode, pose_type, _RECEIVED[pose_type],
             limits=limits, speed=speed, period=PERIOD, queue=100, idle=None, on_range="clamp", record=record,
         )  # fmt: skip
 
-    return _StreamRequest(path, kind, read, read(dialect), speed, retime, move, motor)
+    return _StreamRequest(path, pose_type, read, read(dialect), speed, retime, move, motor)
 
 
-def _kind(pose: str) -> PoseKind:
+def _pose_type(pose: str) -> PoseKind:
     match pose.upper():
         case "J":
             return "J"
@@ -176,7 +176,7 @@ def _kind(pose: str) -> PoseKind:
             return "P"
         case "T":
             return "T"
-    raise unusable(tr("--pose {pose}: J, P or T", pose=pose))
+    raise unusable(tr("--pose {pose}: must be J, P or T", pose=pose))
 
 
 def _check_record(path: Path) -> None:
@@ -185,12 +185,14 @@ def _check_record(path: Path) -> None:
     if path.suffix.lower() not in _SUFFIXES:
         first, second = _SUFFIXES
         raise unusable(
-            tr("{path}: a record's name ends in {first} or {second}", path=path, first=first, second=second),
+            tr(
+                "{path}: the name of a recording must end in {first} or {second}", path=path, first=first, second=second
+            ),
         )
     check_directory(path)
 
 
-def _limits_of(model: str, kind: PoseKind) -> Limits | PathLimits:
+def _limits_of(model: str, pose_type: PoseKind) -> Limits | PathLimits:
     from orinkit.arms import load_model
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
@@ -198,7 +200,7 @@ def _limits_of(model: str, kind: PoseKind) -> Limits | PathLimits:
         found = load_model(model)
     except ValueError as error:
         raise CommandError(str(error), 2) from None
-    return Limits.of_model(found) if kind == "J" else PathLimits.of_model(found)
+    return Limits.of_model(found) if pose_type == "J" else PathLimits.of_model(found)
 
 
 # --- with a controller ------------------------------------------------------------------------------------------------
@@ -215,11 +217,11 @@ def _carry_out(robot: orinkit.Robot, job: _StreamRequest, interrupts: Interrupts
             held.enter_context(robot.motor())
         interrupts.check()
         lead = job.move and not robot.client.dialect.takes_arm
-        first = POSE_TYPES[job.kind].of(points[0])
+        first = POSE_TYPES[job.pose_type].of(points[0])
         if job.move and not lead:
             follow(robot, robot.move(first, "@E", speed=job.speed, wait=False), interrupts, bar)
         mode = robot.slave_mode(
-            job.options.mode.buffering, job.kind, _RECEIVED[job.kind], limits=limits, idle=None,
+            job.options.mode.buffering, job.pose_type, _RECEIVED[job.pose_type], limits=limits, idle=None,
             record=job.options.record,
         )  # fmt: skip
         with mode as entered:
@@ -233,10 +235,10 @@ def _carry_out(robot: orinkit.Robot, job: _StreamRequest, interrupts: Interrupts
 
 
 def _prepared(robot: orinkit.Robot, job: _StreamRequest) -> tuple[Limits | PathLimits, Points]:
-    """Return limits, and set-points within them.
+    """Return the limits, and the set-points, which are within them.
 
     Raises:
-        TrajectoryError: a set-point breaks a limit, or the arm is somewhere else.
+        TrajectoryError: If a set-point exceeds a limit, or the arm is not at the first set-point.
     """
     from orinkit.client._shared.stream_options import limits_for
     from orinkit.streaming.planning.limits import Limits
@@ -252,16 +254,18 @@ def _prepared(robot: orinkit.Robot, job: _StreamRequest) -> tuple[Limits | PathL
         type_name = robot.execute("GetRobotTypeName") if dialect.slave_formats else dialect.name
     limits = limits_for(options, type_name)
     axes = len(limits.lower) if isinstance(limits, Limits) else _ROBOT_AXES
-    points = read_trajectory(job.path, job.kind, axes, period=period)
+    points = read_trajectory(job.path, job.pose_type, axes, period=period)
     if job.retime:
-        points = retime(points, limits, period, job.kind)
+        points = retime(points, limits, period, job.pose_type)
     _check(points, limits, None, job)
     if not job.move:
-        where = {"J": orinkit.Robot.get_joints, "P": orinkit.Robot.get_position, "T": orinkit.Robot.get_trans}[job.kind]
+        where = {"J": orinkit.Robot.get_joints, "P": orinkit.Robot.get_position, "T": orinkit.Robot.get_trans}[
+            job.pose_type
+        ]
         try:
             _check(points, limits, tuple(where(robot)), job)
         except TrajectoryError as error:
-            text = tr("{error}; try: --move", error=error)
+            text = tr("{error}. Try: --move", error=error)
             raise TrajectoryError(text, error.sample, error.axis) from None
     return limits, points
 
@@ -271,16 +275,16 @@ def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...]
     from orinkit.streaming.trajectory.trajectory import check_path, check_trajectory
 
     if isinstance(limits, PathLimits):
-        check_path(points, limits, start, job.options.period, job.kind)
+        check_path(points, limits, start, job.options.period, job.pose_type)
     else:
         check_trajectory(points, limits, start, job.options.period)
 
 
 def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: ProgressBar) -> None:
-    """Have an arm that only slave mode moves go to the first set-point, within the limits of the stream."""
+    """Move an arm that supports slave mode only to the first set-point, within the limits of the stream."""
     entered.target = first
     whole = _distance(entered, first)
-    while (left := _distance(entered, first)) > _THERE or not entered.at_rest:
+    while (left := _distance(entered, first)) > _ARRIVED or not entered.at_rest:
         interrupts.check()
         if bar.seen:
             bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, place(entered))
@@ -289,7 +293,7 @@ def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: Progre
 
 
 def _distance(entered: Stream, goal: J | P | T) -> float:
-    """Return how far the command is from a pose: the largest difference of its values."""
+    """Return the distance of the command from a pose: the largest difference of their values."""
     sample = entered.latest
     return math.inf if sample is None else max(abs(a - b) for a, b in zip(sample.command, goal, strict=False))
 
@@ -301,27 +305,27 @@ def _streamed(
     from orinkit.cli._shared.stream_report import StreamReport
     from orinkit.cli._shared.stream_trace import trace_of
 
-    watch = StreamDisplay(entered, bar)
+    display = StreamDisplay(entered, bar)
 
     job.progress = Progress(0, len(points))
 
-    def look(progress: Progress) -> None:
+    def on_progress(progress: Progress) -> None:
         job.progress = progress
         interrupts.check()
-        watch(progress)
+        display(progress)
 
     interrupts.check()
-    result = entered.run(points, progress=look)
+    result = entered.run(points, progress=on_progress)
     record = None if job.options.record is None else str(job.options.record)
-    return StreamReport(result, entered.real_time, trace_of(result.samples, job.kind, job.options.period), record)
+    return StreamReport(result, entered.real_time, trace_of(result.samples, job.pose_type, job.options.period), record)
 
 
 class StreamDisplay:
-    """Shows in a bar how far a stream is, with what came back last.
+    """Shows the progress of a stream and its latest feedback in a bar.
 
     Args:
-        entered: the stream.
-        bar: where.
+        entered: The stream.
+        bar: The progress bar.
     """
 
     def __init__(self, entered: Stream, bar: ProgressBar) -> None:
@@ -330,15 +334,15 @@ class StreamDisplay:
         self._next = 0
 
     def __call__(self, progress: Progress) -> None:
-        """Take note of the progress."""
+        """Update the bar."""
         sent, total = progress
         if self._bar.seen and total and (sent >= self._next or sent == total):
-            self._next = sent + _EACH
+            self._next = sent + _UPDATE_EVERY
             self._bar.show(tr("streaming"), sent / total, f"{sent}/{total}  {place(self._entered)}")
 
 
 def place(entered: Stream) -> str:
-    """Return where the arm is, as text; nothing where that is not told."""
+    """Return the current joint position as text; ``""`` if the feedback does not contain it."""
     sample = entered.latest
     return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
 
@@ -349,7 +353,7 @@ def _interrupted(job: _StreamRequest) -> CommandError:
     sent, total = job.progress or (0, 0)
     return CommandError(
         tr(
-            "interrupted after {sent} of {total} set-points: the arm was brought to rest, slave mode is off",
+            "interrupted after {sent} of {total} set-points: the arm was stopped, slave mode is off",
             sent=sent,
             total=total,
         ),

@@ -1,1 +1,1 @@
-"""``orinkit demo``: a client and a virtual controller talk, every packet explained."""
+"""``orinkit demo``: a client calls a virtual controller; every packet is explained."""
