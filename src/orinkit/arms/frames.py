@@ -1,7 +1,7 @@
-"""Frames as the controller writes them, P and T, and as 4x4 matrices; and what can be done with rotations.
+"""Conversions between frames in the notations of the controller (P and T) and 4x4 matrices; functions for rotations.
 
 P is X, Y, Z in mm and RX, RY, RZ in deg, with the rotation ``Rz(RZ) Ry(RY) Rx(RX)``. T is X, Y, Z, then the orient vector
-O (the tool's Y axis) and the approach vector A (its Z axis). Functions from and to P take any number of frames at once.
+O (the tool's Y axis) and the approach vector A (its Z axis). Functions from and to P accept any number of frames at once.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from orinkit.core.i18n import tr
 
 Array = NDArray[np.float64]
 
-_NO_TURN: Final = 1e-150  # half its sine: so small that its inverse would be no number
+_NO_TURN: Final = 1e-150  # sine of half the angle; the inverse of a smaller one would overflow
 _DEGREE: Final = 180.0 / math.pi
 _GIMBAL: Final = 1e-11  # cosine of RY below which RX and RZ turn about the same axis
-_NOISE: Final = 1e-12  # deg, mm and parts of a unit vector: closer to a round number is that number
-_PARALLEL: Final = 1e-9  # sine of the angle between two vectors that are taken as parallel
+_NOISE: Final = 1e-12  # deg, mm or a component of a unit vector; a value this close to a round number is rounded to it
+_PARALLEL: Final = 1e-9  # sine of the angle between two vectors that count as parallel
 
 
 def matrix_of_position(values: ArrayLike) -> Array:
@@ -32,11 +32,11 @@ def matrix_of_position(values: ArrayLike) -> Array:
         values: (..., 6) X, Y, Z mm, RX, RY, RZ deg.
 
     Returns:
-        (..., 4, 4)
+        The frames, (..., 4, 4), mm.
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite.
-        ValueError: there are not six.
+        CallError: E_INVALIDARG if a number is not finite.
+        ValueError: If the last dimension is not six.
     """
     given = _finite(values, 6)
     angles = given[..., 3:] / _DEGREE
@@ -59,19 +59,19 @@ def matrix_of_position(values: ArrayLike) -> Array:
 def position_of_matrix(matrix: ArrayLike) -> Array:
     """Return the P values of a frame.
 
-    Every angle is -180 < angle <= 180, RY is -90 to 90. Where RY is 90 or -90, only the sum or the difference of RX and
-    RZ is determined; RX is then 0. An angle within 1e-12 of a quarter turn, or a
-    length within 1e-12 of a whole number, is that number.
+    Every angle is -180 < angle <= 180, RY is -90 to 90. If RY is 90 or -90, only the sum or the difference of RX and RZ is
+    determined; RX is then 0. An angle within 1e-12 of a multiple of 90 deg is rounded to it, and a length within 1e-12 of
+    a whole number to that number.
 
     Args:
         matrix: (..., 4, 4).
 
     Returns:
-        (..., 6) X, Y, Z mm, RX, RY, RZ deg.
+        The P values, (..., 6): X, Y, Z mm, RX, RY, RZ deg.
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite.
-        ValueError: it is no 4x4 matrix.
+        CallError: E_INVALIDARG if a number is not finite.
+        ValueError: If it is not a 4x4 matrix.
     """
     frame = _finite(matrix, 4, 4)
     x, y, z = (frame[..., :3, index] for index in range(3))
@@ -90,14 +90,14 @@ def position_of_matrix(matrix: ArrayLike) -> Array:
 def matrix_of_trans(values: ArrayLike) -> Array:
     """Return the frame (4, 4) of T values.
 
-    A gives the direction of Z; O, made square to it, that of Y. Their lengths do not matter.
+    A is the direction of Z; the component of O perpendicular to A is the direction of Y. Their lengths are irrelevant.
 
     Args:
         values: (9,) X, Y, Z mm, O, A.
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite, or O and A are zero or parallel.
-        ValueError: there are not nine.
+        CallError: E_INVALIDARG if a number is not finite, O or A is zero, or they are parallel.
+        ValueError: If there are not nine values.
     """
     given = _finite(values, 9)
     frame = np.eye(4)
@@ -121,42 +121,42 @@ def trans_of_matrix(matrix: ArrayLike) -> Array:
         matrix: (4, 4).
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite.
-        ValueError: it is no 4x4 matrix.
+        CallError: E_INVALIDARG if a number is not finite.
+        ValueError: If it is not a 4x4 matrix.
     """
     frame = _finite(matrix, 4, 4)
     return _rounded(np.concatenate((frame[:3, 3], frame[:3, 1], frame[:3, 2])), 1.0)
 
 
 def inverse_of(matrix: ArrayLike) -> Array:
-    """Return the inverse of frames, (..., 4, 4) each.
+    """Return the inverse of frames, (..., 4, 4).
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite.
-        ValueError: it is no 4x4 matrix.
+        CallError: E_INVALIDARG if a number is not finite.
+        ValueError: If it is not a 4x4 matrix.
     """
     frame = _finite(matrix, 4, 4)
-    back = np.zeros_like(frame)
-    turned = np.swapaxes(frame[..., :3, :3], -1, -2)
-    back[..., :3, :3] = turned
-    back[..., :3, 3] = -(turned @ frame[..., :3, 3, None])[..., 0]
-    back[..., 3, 3] = 1.0
-    return back
+    inverse = np.zeros_like(frame)
+    transposed = np.swapaxes(frame[..., :3, :3], -1, -2)
+    inverse[..., :3, :3] = transposed
+    inverse[..., :3, 3] = -(transposed @ frame[..., :3, 3, None])[..., 0]
+    inverse[..., 3, 3] = 1.0
+    return inverse
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
     """Return the rotation (3, 3) about an axis (3,), of any length, by an angle in deg.
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite, or the axis is zero.
-        ValueError: the axis has not three numbers.
+        CallError: E_INVALIDARG if a number is not finite, or the axis is zero.
+        ValueError: If the axis does not have three components.
     """
     turns = turns_about(_unit(_finite(axis, 3), tr("the axis")), _finite([angle], 1))
     return np.asarray(turns[0], dtype=np.float64)
 
 
 def turns_about(axis: Array, angles: Array) -> Array:
-    """Return the rotations (N, 3, 3) about a unit vector (3,) by angles (N,) in deg; they are not checked."""
+    """Return the rotations (N, 3, 3) about a unit vector (3,) by angles (N,) in deg; the arguments are not checked."""
     x, y, z = axis.tolist()
     cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
     radians = angles[:, None, None] / _DEGREE
@@ -172,14 +172,14 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
         second: (3, 3).
 
     Returns:
-        The axis, a unit vector (3,) in the base, (0, 0, 1) where nothing turns; and the angle, deg, 0 to 180.
+        The axis, a unit vector (3,) in the base frame, (0, 0, 1) if the angle is 0; and the angle, deg, 0 to 180.
 
     Raises:
-        CallError: E_INVALIDARG, a number is not finite.
-        ValueError: they are no 3x3 matrices.
+        CallError: E_INVALIDARG if a number is not finite.
+        ValueError: If they are not 3x3 matrices.
     """
     (a, b, c), (d, e, f), (g, h, i) = (_finite(second, 3, 3) @ _finite(first, 3, 3).T).tolist()
-    # the largest of the four parts of the quaternion is never near zero; w is the first
+    # the largest component of the quaternion is never near zero; w is the first one
     candidates = (
         (a + e + i, (1.0 + a + e + i, h - f, c - g, d - b)),
         (a, (h - f, 1.0 + a - e - i, b + d, c + g)),
@@ -198,18 +198,18 @@ def _unit(vector: Array, name: str) -> Array:
     largest = float(np.abs(vector).max())
     if largest == 0.0:
         raise error_for(hresult.E_INVALIDARG, tr("{name} is a zero vector", name=name))
-    scaled = vector / largest  # a huge one would overflow when it is squared
+    scaled = vector / largest  # the square of a huge vector would overflow
     return np.asarray(scaled / math.hypot(*scaled), dtype=np.float64)
 
 
 def _rounded(values: Array, grid: float) -> Array:
-    """Return values with those next to a multiple of ``grid`` on it, and no negative zero."""
+    """Return values, rounded to a multiple of ``grid`` if they are very close to it; negative zeros become zeros."""
     nearest = grid * np.round(values / grid)
     return np.where(np.abs(values - nearest) < _NOISE, nearest, values) + 0.0
 
 
 def _finite(values: ArrayLike, *shape: int) -> Array:
-    """Return an array whose last dimensions are ``shape``."""
+    """Return finite values as an array whose last dimensions are ``shape``."""
     given = np.asarray(values, dtype=np.float64)
     if given.shape[-len(shape) :] != shape:
         raise ValueError(tr("the shape must be {wanted}, not {shape}", wanted=shape, shape=given.shape))

@@ -1,7 +1,7 @@
-"""Robot models as data: one TOML file per arm, those beside this module and any of a user's own.
+"""Robot models, read from TOML files: one file per arm, in this package or supplied by the user.
 
-A file has ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
-``upper``, ``velocity`` and, if wanted, ``acceleration`` and ``linear``), ``home``, and, if wanted, a table ``path`` of
+A file contains ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
+``upper``, ``velocity`` and optionally ``acceleration`` and ``linear``), ``home``, and optionally a table ``path`` of
 ``speed``, ``acceleration``, ``rotation`` and ``rotation_acceleration``.
 """
 
@@ -28,15 +28,15 @@ _BUILT_IN: Final = {
     "VE026A": "ve026a.toml",
 }
 MODEL_NAMES: Final = tuple(_BUILT_IN)
-"""The names that :func:`load_model` knows without a file."""
+"""Names of the built-in models, for :func:`load_model`."""
 
-DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # velocity / acceleration where a file does not say: 5 x velocity per second
+DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # velocity / acceleration if a file has no acceleration (5 x velocity per second)
 DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
 
 _SERIES: Final = re.compile("[A-Z]+[0-9]+")
 _ARM_AXES: Final = 6
-_MOST_AXES: Final = 8
-_LARGEST: Final = 1e6  # mm, deg, and their first and second derivatives
+_MAX_AXES: Final = 8
+_LARGEST: Final = 1e6  # mm or deg, and their first and second derivatives
 _LONGEST_NAME: Final = 64
 _LARGEST_FILE: Final = 1_000_000
 _KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "path"})
@@ -45,15 +45,15 @@ _AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "li
 
 @dataclass(frozen=True, slots=True)
 class AxisModel:
-    """One axis; deg, or mm where it is linear.
+    """One axis, in deg, or in mm if it is linear.
 
     Attributes:
-        lower: lower soft limit.
-        upper: upper soft limit.
-        velocity: largest velocity, per second.
-        acceleration: largest acceleration, per second squared. DENSO publishes none; 5 x ``velocity`` where a file
-            does not say, this project's assumption.
-        linear: whether it moves in mm.
+        lower: Lower soft limit.
+        upper: Upper soft limit.
+        velocity: Largest velocity, per second.
+        acceleration: Largest acceleration, per second squared. DENSO does not publish it; if a file does not contain it,
+            it is 5 x ``velocity``, which is an assumption of this project.
+        linear: True for a linear axis.
     """
 
     lower: float
@@ -65,22 +65,22 @@ class AxisModel:
 
 @dataclass(frozen=True, slots=True)
 class ArmModel:
-    """One arm.
+    """The model of one arm.
 
-    The frames are those of a six-axis arm whose axes are z, y, y, z, y, z when all joints are zero and it stands
-    upright: each origin is applied before the rotation of its joint.
+    The frames are those of a six-axis arm that stands upright with the axes z, y, y, z, y, z when all joints are zero.
+    Each origin is applied before the rotation of its joint.
 
     Attributes:
-        name: ``"VS-050"``.
-        type_name: what ``@TYPE_NAME`` and ``GetRobotTypeName`` answer.
-        origins: six times (x, y, z), mm.
-        axes: six to eight; the seventh and eighth are extra axes that do not move the flange.
-        home: one position per axis, within the limits; also where the virtual arm starts.
-        path_speed: largest speed of the flange on a path, mm/s. These four are not published; the defaults 1500,
-            7500, 360 and 1800 are this project's assumptions.
-        path_acceleration: mm/s^2.
-        path_rotation: largest speed of the orientation on a path, deg/s.
-        path_rotation_acceleration: deg/s^2.
+        name: Name of the model, for example ``"VS-050"``.
+        type_name: Reply to ``@TYPE_NAME`` and ``GetRobotTypeName``.
+        origins: Origins of the six joints, (x, y, z) each, mm.
+        axes: Six to eight axes; the seventh and eighth are extra axes that do not move the flange.
+        home: Home position of each axis, within the limits; the virtual arm starts there.
+        path_speed: Largest velocity of the flange on a path, mm/s. This and the next three limits are not published;
+            their defaults 1500, 7500, 360 and 1800 are assumptions of this project.
+        path_acceleration: Largest acceleration of the flange on a path, mm/s^2.
+        path_rotation: Largest velocity of the orientation on a path, deg/s.
+        path_rotation_acceleration: Largest acceleration of the orientation on a path, deg/s^2.
     """
 
     name: str
@@ -95,13 +95,14 @@ class ArmModel:
 
 
 def load_model(name_or_path: str | Path) -> ArmModel:
-    """Return a model by its name, or read one from a TOML file.
+    """Return a built-in model, or read one from a TOML file.
 
     Args:
-        name_or_path: one of :data:`MODEL_NAMES`, upper or lower case, with or without dashes; or the path of a file.
+        name_or_path: One of :data:`MODEL_NAMES`, in upper or lower case, with or without dashes; or the path of a file.
 
     Raises:
-        ValueError: there is no such model or file, or the file is not a model; the message names file, key and reason.
+        ValueError: If there is no such model or file, or the file is not a valid model; the message names the file, the
+            key and the reason.
     """
     wanted = _plain(str(name_or_path))
     for name, file in _BUILT_IN.items():
@@ -112,9 +113,9 @@ def load_model(name_or_path: str | Path) -> ArmModel:
 
 
 def model_of_type(type_name: str) -> ArmModel | None:
-    """Return the arm whose controller gives this type name (``@TYPE_NAME``, GetRobotTypeName); ``None``: not known here.
+    """Return the built-in model for a type name (``@TYPE_NAME``, GetRobotTypeName); ``None`` if there is none.
 
-    Letters and number of the series decide (``VS050`` of ``VS050A3-AV6-NNN-NNN``); what follows is about the controller.
+    Only the series is compared (``VS050`` of ``VS050A3-AV6-NNN-NNN``); the rest describes the controller.
     """
     wanted = _SERIES.match(type_name.strip().upper())
     for name in MODEL_NAMES:
@@ -126,32 +127,32 @@ def model_of_type(type_name: str) -> ArmModel | None:
 
 
 def parse_model(text: str, source: str) -> ArmModel:
-    """Return the model that a TOML text is.
+    """Parse a model from TOML text.
 
     Args:
-        text: the text of a file.
-        source: its name, for the messages.
+        text: Content of the file.
+        source: Name of the file, for error messages.
 
     Raises:
-        ValueError: it is not a model; the message names ``source``, the key and the reason.
+        ValueError: If the text is not a valid model; the message names ``source``, the key and the reason.
     """
     try:
         table = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(tr("{source}: this is no TOML: {error}", source=source, error=_short(error))) from None
-    except ValueError as error:  # an integer of more digits than Python converts
-        raise ValueError(tr("{source}: a value cannot be used: {error}", source=source, error=_short(error))) from None
+        raise ValueError(tr("{source}: not valid TOML: {error}", source=source, error=_short(error))) from None
+    except ValueError as error:  # an integer with more digits than Python converts
+        raise ValueError(tr("{source}: invalid value: {error}", source=source, error=_short(error))) from None
     return _ModelReader(source).model(table)
 
 
 class _ModelReader:
-    """Turns what tomllib gives into a Model; knows the file's name for its complaints."""
+    """Validates a parsed TOML table and converts it to an :class:`ArmModel`; errors name the file."""
 
     def __init__(self, source: str) -> None:
         self._source = source
 
     def model(self, table: Mapping[str, object]) -> ArmModel:
-        self._known(table, _KEYS, "")
+        self._check_keys(table, _KEYS, "")
         axes = self._axes(table.get("axes"))
         path = self._path(table.get("path", {}))
         return ArmModel(
@@ -169,9 +170,9 @@ class _ModelReader:
     def _text(self, table: Mapping[str, object], key: str) -> str:
         value = table.get(key)
         if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > _LONGEST_NAME:
-            self._refuse(
+            self._fail(
                 key,
-                tr("must be a text of 1 to {most} printable characters", most=_LONGEST_NAME),
+                tr("must be a string of 1 to {most} printable characters", most=_LONGEST_NAME),
             )
         return value
 
@@ -185,40 +186,40 @@ class _ModelReader:
         upper, fore = origins[2], (origins[3][0], 0.0, origins[3][2] + origins[4][2])
         for key, (x, _, z) in (("origins[2]", upper), ("origins[3], origins[4]", fore)):
             if math.hypot(x, z) < 1.0:
-                self._refuse(key, tr("the link is shorter than 1 mm"))
+                self._fail(key, tr("the link is shorter than 1 mm"))
         return tuple(origins)
 
     def _axes(self, value: object) -> tuple[AxisModel, ...]:
-        rows = self._list(value, "axes", _ARM_AXES, _MOST_AXES)
+        rows = self._list(value, "axes", _ARM_AXES, _MAX_AXES)
         return tuple(self._axis(row, f"axes[{index}]", index) for index, row in enumerate(rows))
 
     def _axis(self, row: object, key: str, index: int) -> AxisModel:
         if not isinstance(row, dict):
-            self._refuse(key, tr("must be a table"))
-        self._known(row, _AXIS_KEYS, f"{key}.")
+            self._fail(key, tr("must be a table"))
+        self._check_keys(row, _AXIS_KEYS, f"{key}.")
         lower = self._number(row.get("lower"), f"{key}.lower")
         upper = self._number(row.get("upper"), f"{key}.upper")
         if lower >= upper:
-            self._refuse(f"{key}.lower", tr("{lower:g} is not below upper, {upper:g}", lower=lower, upper=upper))
+            self._fail(f"{key}.lower", tr("{lower:g} must be below upper, {upper:g}", lower=lower, upper=upper))
         velocity = self._positive(row.get("velocity"), f"{key}.velocity")
         acceleration = self._positive(
             row.get("acceleration", velocity / DEFAULT_SECONDS_TO_SPEED), f"{key}.acceleration"
         )
         linear = row.get("linear", False)
         if not isinstance(linear, bool):
-            self._refuse(f"{key}.linear", tr("must be true or false"))
+            self._fail(f"{key}.linear", tr("must be true or false"))
         if linear and index < _ARM_AXES:
-            self._refuse(f"{key}.linear", tr("only an extra axis can be linear"))
+            self._fail(f"{key}.linear", tr("only an extra axis can be linear"))
         return AxisModel(lower, upper, velocity, acceleration, linear)
 
     def _home(self, value: object, axes: Sequence[AxisModel]) -> tuple[float, ...]:
         home = tuple(self._number(entry, "home") for entry in self._list(value, "home", len(axes), len(axes)))
         for number, (position, axis) in enumerate(zip(home, axes, strict=True), start=1):
             if not axis.lower <= position <= axis.upper:
-                self._refuse(
+                self._fail(
                     "home",
                     tr(
-                        "J{number} = {position:g} is outside {lower:g} to {upper:g}",
+                        "J{number} = {position:g} is outside the limits, {lower:g} to {upper:g}",
                         number=number,
                         position=position,
                         lower=axis.lower,
@@ -229,42 +230,42 @@ class _ModelReader:
 
     def _path(self, table: object) -> dict[str, float]:
         if not isinstance(table, dict):
-            self._refuse("path", tr("must be a table"))
-        self._known(table, DEFAULT_PATH, "path.")
+            self._fail("path", tr("must be a table"))
+        self._check_keys(table, DEFAULT_PATH, "path.")
         return {key: self._positive(table.get(key, default), f"path.{key}") for key, default in DEFAULT_PATH.items()}
 
-    def _known(self, table: Mapping[str, object], keys: Collection[str], prefix: str) -> None:
+    def _check_keys(self, table: Mapping[str, object], keys: Collection[str], prefix: str) -> None:
         for key in table:
             if key not in keys:
                 names = ", ".join(sorted(keys))
-                self._refuse(
+                self._fail(
                     prefix + _short(key),
-                    tr("there is no such key; the keys are {names}", names=names),
+                    tr("unknown key; valid keys: {names}", names=names),
                 )
 
-    def _list(self, value: object, key: str, fewest: int, most: int) -> list[object]:
-        if not isinstance(value, list) or not fewest <= len(value) <= most:
-            count = str(fewest) if fewest == most else f"{fewest}..{most}"
-            self._refuse(key, tr("must be a list of {count} entries", count=count))
+    def _list(self, value: object, key: str, minimum: int, maximum: int) -> list[object]:
+        if not isinstance(value, list) or not minimum <= len(value) <= maximum:
+            count = str(minimum) if minimum == maximum else f"{minimum}..{maximum}"
+            self._fail(key, tr("must be a list of {count} entries", count=count))
         return value
 
     def _positive(self, value: object, key: str) -> float:
         number = self._number(value, key)
         if number <= 0:
-            self._refuse(key, tr("{number:g} is not greater than 0", number=number))
+            self._fail(key, tr("must be greater than 0, not {number:g}", number=number))
         return number
 
     def _number(self, value: object, key: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self._refuse(key, tr("must be a number"))
-        if not -_LARGEST <= value <= _LARGEST:  # NaN is not within it either
-            self._refuse(
+            self._fail(key, tr("must be a number"))
+        if not -_LARGEST <= value <= _LARGEST:  # also rejects NaN
+            self._fail(
                 key,
                 tr("must be a number from {least:g} to {most:g}", least=-_LARGEST, most=_LARGEST),
             )
         return float(value)
 
-    def _refuse(self, key: str, reason: str) -> NoReturn:
+    def _fail(self, key: str, reason: str) -> NoReturn:
         raise ValueError(f"{self._source}: {key}: {reason}")
 
 
@@ -272,26 +273,24 @@ def _read(path: Path) -> str:
     names = ", ".join(MODEL_NAMES)
     shown = _short(path)
     if not _is_file(path):
-        raise ValueError(
-            tr("{shown}: there is no such robot model or file; known models: {names}", shown=shown, names=names)
-        )
+        raise ValueError(tr("{shown}: no such robot model or file; built-in models: {names}", shown=shown, names=names))
     try:
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
     except OSError as error:
-        raise ValueError(tr("{shown}: not readable: {reason}", shown=shown, reason=error.strerror)) from None
+        raise ValueError(tr("{shown}: cannot be read: {reason}", shown=shown, reason=error.strerror)) from None
     if len(content) > _LARGEST_FILE:
         raise ValueError(tr("{shown}: larger than {most} bytes", shown=shown, most=_LARGEST_FILE))
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:
-        raise ValueError(tr("{shown}: this is not UTF-8 text", shown=shown)) from None
+        raise ValueError(tr("{shown}: not UTF-8 text", shown=shown)) from None
 
 
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except OSError:  # a name that is too long for one
+    except OSError:  # the name is too long
         return False
 
 

@@ -1,7 +1,7 @@
-"""Where an arm's flange is for its joints, and which joints put it somewhere: figures, limits, singular points.
+"""Forward and inverse kinematics of an arm: figures, limits, singular points.
 
-:class:`Kinematics` is what others use; ``chain`` is forward kinematics, ``inverse`` the closed form for a wrist whose axes meet
-in a point, ``search`` (with ``roots``) the numeric way for any other, ``figures`` the figures.
+:class:`Kinematics` is the public interface. ``chain`` is forward kinematics, ``inverse`` the closed form for arms with a
+spherical wrist, ``search`` (with ``roots``) the numeric solution for other arms, ``figures`` the figures.
 """
 
 from orinkit.arms.kinematics.solver import (

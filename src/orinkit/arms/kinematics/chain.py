@@ -1,6 +1,6 @@
-"""From joints to the flange: the chain of a six-axis arm, and its Jacobian.
+"""Forward kinematics: the chain of a six-axis arm, and its Jacobian.
 
-A single pose is computed in plain Python, many in numpy; both run through the same formulas.
+A single pose is computed in plain Python, several in numpy; both use the same formulas.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from orinkit.core.i18n import tr
 Array = NDArray[np.float64]
 Number = TypeVar("Number", float, Array)
 
-RADIAN: Final = math.pi / 180.0  # radians in a degree
+RADIAN: Final = math.pi / 180.0  # radians per degree
 ARM_AXES: Final = 6
 
 
 class Chain:
     """The frames of a model's six axes.
 
-    Every rotation of joints 2 and 3 is about the same direction, so all is computed in the frame of joint 1, where
-    it is plane, and turned by joint 1 at the end. The y offset of joint 5 lies along its own axis; it is counted to
-    joint 6.
+    The axes of joints 2 and 3 are parallel, so positions are computed in the frame of joint 1, where these joints move
+    in a plane, and finally rotated by joint 1. The y offset of joint 5 is along its own axis; it is added to the offset
+    of joint 6.
 
     Attributes:
-        base: origin of joint 1, mm.
-        shoulder: origin of joint 2.
-        upper: origin of joint 3 in the frame of joint 2.
-        fore: origin of joint 4 in the frame of joint 3.
-        wrist: origin of joint 5 in the frame of joint 4; its y is 0.
-        flange: origin of joint 6 in the frame of joint 5.
-        reach: no point of the flange is farther from ``base``, mm.
+        base: Origin of joint 1, mm.
+        shoulder: Origin of joint 2 in the frame of joint 1, mm.
+        upper: Origin of joint 3 in the frame of joint 2, mm.
+        fore: Origin of joint 4 in the frame of joint 3, mm.
+        wrist: Origin of joint 5 in the frame of joint 4, mm; its y is 0.
+        flange: Origin of joint 6 in the frame of joint 5, mm.
+        reach: Upper bound of the distance of the flange from ``base``, mm.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -54,53 +54,53 @@ class Chain:
         """Return the flange frame in the base frame.
 
         Args:
-            joints: (..., n >= 6) deg; what is after the sixth has no influence.
+            joints: (..., n >= 6) deg; joints after the sixth have no influence.
 
         Returns:
-            (..., 4, 4), mm.
+            The frames, (..., 4, 4), mm.
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         values = joints_of(joints)
         if values.ndim == 1:
-            cosines, sines = _turns(values)
-            a, b, c, x, d, e, f, y, g, h, i, z = self._flange(cosines, sines)
+            cosines, sines = _cosines_and_sines(values)
+            a, b, c, x, d, e, f, y, g, h, i, z = self._flange_rows(cosines, sines)
             return np.array(((a, b, c, x), (d, e, f, y), (g, h, i, z), (0.0, 0.0, 0.0, 1.0)))
         frames = np.empty((*values.shape[:-1], 4, 4))
         frames[..., 3, :] = (0.0, 0.0, 0.0, 1.0)
-        for index, entry in enumerate(self._flange(*_turns_of_many(values))):
+        for index, entry in enumerate(self._flange_rows(*_cosines_and_sines_of_many(values))):
             frames[..., index // 4, index % 4] = entry
         return frames
 
     def jacobian(self, joints: ArrayLike) -> Array:
-        """Return how the flange moves with each joint, in the base frame.
+        """Return the Jacobian of the flange in the base frame.
 
         Args:
             joints: (..., n >= 6) deg.
 
         Returns:
-            (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg per deg;
-            columns are the joints.
+            The Jacobian, (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg per
+            deg; columns are the joints.
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         values = joints_of(joints)
         if values.ndim == 1:
-            result = np.array(self._motion(*_turns(values))).reshape(ARM_AXES, 6).T
+            result = np.array(self._jacobian_entries(*_cosines_and_sines(values))).reshape(ARM_AXES, 6).T
         else:
-            entries = self._motion(*_turns_of_many(values))
+            entries = self._jacobian_entries(*_cosines_and_sines_of_many(values))
             result = np.empty((*values.shape[:-1], 6, ARM_AXES))
             for index, entry in enumerate(entries):
                 result[..., index % 6, index // 6] = entry
         result[..., :3, :] *= RADIAN
         return result
 
-    def _flange(self, c: Sequence[Number], s: Sequence[Number]) -> tuple[Number, ...]:
-        """Return the upper three rows of the flange frame, one after the other."""
+    def _flange_rows(self, c: Sequence[Number], s: Sequence[Number]) -> tuple[Number, ...]:
+        """Return the upper three rows of the flange frame as one tuple."""
         c1, c2, c3, c4, c5, c6 = c
         s1, s2, s3, s4, s5, s6 = s
         c23, s23 = c2 * c3 - s2 * s3, s2 * c3 + c2 * s3
@@ -126,8 +126,8 @@ class Chain:
             z + self.base[2],
         )
 
-    def _motion(self, c: Sequence[Number], s: Sequence[Number]) -> tuple[Number, ...]:
-        """Return velocity and rotation of the flange for each joint, one joint after the other, per radian."""
+    def _jacobian_entries(self, c: Sequence[Number], s: Sequence[Number]) -> tuple[Number, ...]:
+        """Return the translation and rotation of the flange per radian of each joint, joint by joint."""
         c1, c2, c3, c4, c5, _ = c
         s1, s2, s3, s4, s5, _ = s
         c23, s23 = c2 * c3 - s2 * s3, s2 * c3 + c2 * s3
@@ -141,7 +141,7 @@ class Chain:
             (pz - self.shoulder[2], zero, self.shoulder[0] - px, zero, one, zero),
             (pz - elbow_z, zero, elbow_x - px, zero, one, zero),
         ]
-        # the axes of joints 4, 5, 6 cross the forearm; first in the frame of joint 3
+        # joints 4, 5 and 6: axes and origins in the frame of joint 3
         wrist_x, _, wrist_z = self.wrist
         for ax, ay, az, ox, oy, oz in (
             (zero, zero, one, self.fore[0] + zero, self.fore[1] + zero, self.fore[2] + zero),
@@ -166,7 +166,7 @@ class Chain:
     def _plane_point(
         self, c2: Number, s2: Number, c23: Number, s23: Number, x: Number, y: Number, z: Number
     ) -> tuple[Number, Number, Number]:
-        """Return a point of the frame of joint 3 in that of joint 1."""
+        """Transform a point from the frame of joint 3 to the frame of joint 1."""
         shoulder, upper = self.shoulder, self.upper
         return (
             shoulder[0] + c2 * upper[0] + s2 * upper[2] + c23 * x + s23 * z,
@@ -179,22 +179,22 @@ def joints_of(joints: ArrayLike) -> Array:
     """Return joints as an array (..., n >= 6).
 
     Raises:
-        CallError: E_INVALIDARG, a joint is not finite.
-        ValueError: there are fewer than six.
+        CallError: E_INVALIDARG if a joint is not finite.
+        ValueError: If there are fewer than six joints.
     """
     values = np.asarray(joints, dtype=np.float64)
     if values.ndim == 0 or values.shape[-1] < ARM_AXES:
-        raise ValueError(tr("six joints are needed, not {shape}", shape=values.shape))
+        raise ValueError(tr("the shape must be (..., n) with n of 6 or more, not {shape}", shape=values.shape))
     if not np.isfinite(values).all():
         raise error_for(hresult.E_INVALIDARG, tr("a joint is not a finite number"))
     return values
 
 
-def _turns(joints: Array) -> tuple[list[float], list[float]]:
+def _cosines_and_sines(joints: Array) -> tuple[list[float], list[float]]:
     angles = [value * RADIAN for value in joints.tolist()[:ARM_AXES]]
     return [math.cos(angle) for angle in angles], [math.sin(angle) for angle in angles]
 
 
-def _turns_of_many(joints: Array) -> tuple[Sequence[Array], Sequence[Array]]:
+def _cosines_and_sines_of_many(joints: Array) -> tuple[Sequence[Array], Sequence[Array]]:
     angles = np.moveaxis(joints[..., :ARM_AXES], -1, 0) * RADIAN
     return tuple(np.cos(angles)), tuple(np.sin(angles))
