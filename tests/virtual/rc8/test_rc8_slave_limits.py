@@ -158,7 +158,7 @@ def test_the_error_says_how_much(cell):
     cell.on(J0)
     cell.send((5.0, *HOME[1:]))
     cell.cycle()
-    assert "625 deg/s; the limit is 531.25" in cell.rc8.state.faults.message
+    assert "625 deg/s exceeds the limit of 531.25" in cell.rc8.state.faults.message
     assert len(cell.rc8.state.faults.current) == 1
 
 

@@ -1,1 +1,1 @@
-"""The robot of the virtual RC8: its arm, who may move it, what it is told, and the objects that clients hold."""
+"""The robot of the virtual RC8: its arm, the conditions of its functions, its commands and its feedback."""

@@ -1,4 +1,4 @@
-"""The arm: who holds it, its motor, its queue of motions, and what stops it."""
+"""The arm: its holder, its motor, its queue of motions, and its stops."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _PASSED = (TicketState.PASSED, TicketState.DONE)
 
 @dataclass(slots=True)
 class _Waiting:
-    """Someone who waits for a motion: until it is passed, commanded to its end, or arrived there."""
+    """A caller waiting for a motion: until it is passed, commanded to its end, or arrived there."""
 
     ticket: Ticket
     passing: bool
@@ -42,21 +42,21 @@ class RC8Arm:
     """The arm and everything that moves it.
 
     Args:
-        model: which arm it is.
-        cycles: the controller's cycle.
-        switches: of the controller.
-        faults: of the controller.
-        variables: of the controller.
-        seconds: gives the time since the controller was switched on, s.
-        fault: is told of an error of the controller: code and detail.
+        model: The arm model.
+        cycles: The control loop of the controller.
+        switches: The switches of the controller.
+        faults: The errors of the controller.
+        variables: The variables of the controller.
+        seconds: Callback that returns the time since the controller was switched on, s.
+        fault: Callback invoked with an error of the controller: code and detail.
 
     Attributes:
-        holder: who has taken it (TakeArm), ``None`` for nobody.
-        held: paused by Hold.
-        queue: motions that run and wait.
-        servo: encoders and loads.
-        motor, speeds, space, log: what their names say.
-        slave: slave mode, in which the commands come from a client.
+        holder: Holder of the arm semaphore (TakeArm), or ``None``.
+        held: True while paused by Hold.
+        queue: Running and queued motions.
+        servo: Encoders and loads.
+        motor, speeds, space, log: Motor supply, speeds, frames and kinematics, control log.
+        slave: Slave mode, in which a client sends the commands.
     """
 
     def __init__(
@@ -80,82 +80,82 @@ class RC8Arm:
         self._objects: Counter[Operator] = Counter()
         self._waiting: list[_Waiting] = []
         self._still: list[Deferred[None]] = []
-        self._takers: list[tuple[Operator, Deferred[None]]] = []  # who waits for it to stand still, to take it
-        self._stop_code: int | None = None  # while it is being brought to rest; 0: a motion that is skipped
+        self._takers: list[tuple[Operator, Deferred[None]]] = []  # operators waiting for standstill to take the arm
+        self._stop_code: int | None = None  # during a stop: the code of failed motions; 0 if they are skipped
         self._cut = False
 
     # --- state --------------------------------------------------------------------------------------------------
 
     @property
     def busy(self) -> bool:
-        """Whether a motion runs, is paused, or is being stopped; in slave mode whether the command moves."""
+        """True while a motion runs, is paused or is being stopped; in slave mode, while the command moves."""
         return self.queue.state is not QueueState.IDLE
 
     @property
     def stopping(self) -> bool:
-        """Whether it is being brought to rest."""
+        """True while the arm is being stopped."""
         return self._stop_code is not None
 
     @property
     def settled(self) -> bool:
-        """Whether it stands where it was told to, encoders too."""
+        """True if the arm is at standstill at its command position, including the encoders."""
         return not self.busy and self.servo.settled
 
-    # --- who has it ---------------------------------------------------------------------------------------------
+    # --- arm semaphore ------------------------------------------------------------------------------------------
 
     def take(self, operator: Operator, *, keep: bool) -> None:
-        """Give the arm to an operator: internal speeds to 100 %, tool 0, work 0, unless they are to be kept."""
+        """Give the arm to an operator; unless ``keep``, set internal speeds to 100 %, tool 0 and work 0."""
         self.holder = operator
         if not keep:
             self.speeds.reset()
             self.space.tools.current = self.space.works.current = 0
 
     def take_later(self, operator: Operator, *, keep: bool, check: Callable[[], None]) -> Deferred[None]:
-        """Give the arm to an operator when nothing moves any more.
+        """Give the arm to an operator at the next standstill.
 
         Args:
-            operator: who is to have it.
-            keep: as :meth:`take`.
-            check: raises an exception if the operator may not have it at that moment; the promise is broken with it.
+            operator: New holder of the arm.
+            keep: As for :meth:`take`.
+            check: Raises an exception if the operator may not take the arm at that moment; the Deferred fails with it.
         """
-        promise = Deferred[None]()
-        self._takers.append((operator, promise))
+        deferred = Deferred[None]()
+        self._takers.append((operator, deferred))
 
         def take() -> None:
-            self._takers.remove((operator, promise))
-            if promise.done():  # it has gone meanwhile
+            self._takers.remove((operator, deferred))
+            if deferred.done():  # the operator has disconnected
                 return
             try:
                 check()
-            except Exception as error:  # noqa: BLE001 - told to the operator
-                promise.set_exception(error)
+            except Exception as error:  # noqa: BLE001 - passed to the operator
+                deferred.set_exception(error)
             else:
                 self.take(operator, keep=keep)
-                promise.set_result()
+                deferred.set_result()
 
         self.when_still().add_done_callback(take)
-        return promise
+        return deferred
 
     def give(self) -> None:
-        """Take the arm from whoever has it; nothing moves."""
+        """Release the arm; it must be at standstill."""
         self.holder = None
 
     def enter(self, operator: Operator) -> None:
-        """Count a client's Robot objects: the arm is its own as long as it has one."""
+        """Count a Robot object of a client; the client keeps the arm while it has one."""
         self._objects[operator] += 1
 
     def leave(self, operator: Operator) -> None:
-        """Take a client's Robot object off; with its last one what it moves is brought to rest, and the arm is free."""
+        """Discount a Robot object of a client; with the last one, stop the client's motions and release the arm."""
         self._objects[operator] -= 1
         if self._objects[operator] <= 0:
             self.forget(operator)
 
     def forget(self, operator: Operator) -> None:
-        """An operator has gone, however it took the arm: what it moves is brought to rest, and the arm is free."""
+        """Remove a disconnected operator: stop its motions and release the arm."""
         self._objects.pop(operator, None)
-        for taker, promise in self._takers:
+        for taker, deferred in self._takers:
             if taker is operator:
-                promise.set_exception(error_for(hresult.E_ABORT))
+                deferred.set_exception(error_for(hresult.E_ABORT))
         if self.holder is operator:
             self.holder = None
             self.stop(hresult.STOPPED_DURING_PC_MOTION)
@@ -163,14 +163,14 @@ class RC8Arm:
     # --- motion -------------------------------------------------------------------------------------------------
 
     def begin(self, motion: Motion) -> Ticket:
-        """Put a motion at the end of the queue; it starts in the next cycle if nothing else runs."""
+        """Append a motion to the queue; it starts in the next cycle if no other motion runs."""
         self._cycles.require_open()
         ticket = self.queue.add(motion)
         self._cycles.wake()
         return ticket
 
     def when_done(self, ticket: Ticket) -> Deferred[None]:
-        """Return what is kept when a motion is over, as its pass mark has it; broken when it is stopped."""
+        """Return a Deferred that resolves when a motion ends according to its pass mark and fails if it is stopped."""
         mark = ticket.motion.mark.mode
         wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Deferred[None]())
         if not self._finish(wait):
@@ -178,7 +178,7 @@ class RC8Arm:
         return wait.done
 
     def when_still(self) -> Deferred[None]:
-        """Return what is kept when nothing moves any more; a paused motion counts as still."""
+        """Return a Deferred that resolves at standstill; a paused motion counts as standstill."""
         done = Deferred[None]()
         if self._at_rest():
             done.set_result()
@@ -187,10 +187,10 @@ class RC8Arm:
         return done
 
     def stop(self, code: int) -> None:
-        """Bring the arm to rest within its limits and forget its motions; slave mode is off.
+        """Stop the arm within its limits and discard its motions; ends slave mode.
 
         Args:
-            code: with which those who wait for them are answered; the first one counts.
+            code: Error code with which the motions fail; that of the first stop applies.
         """
         self.held = False
         if self.slave.on:
@@ -198,11 +198,11 @@ class RC8Arm:
         if self.busy:
             self._stop_code = code if self._stop_code is None else self._stop_code
             self.queue.halt()
-            self._answer()  # a paused arm stands already
+            self._answer()  # a paused arm is at standstill already
             self._cycles.wake()
 
     def cut(self, code: int) -> None:
-        """Bring the arm to rest and take its motor supply away: emergency stop, grave errors."""
+        """Stop the arm and then switch its motor off: for an emergency stop or a severe error."""
         self.stop(code)
         if self.busy:
             self._cut = True
@@ -210,29 +210,29 @@ class RC8Arm:
             self.motor.cut()
 
     def hold(self) -> None:
-        """Pause: bring the arm to rest on its path; the motions are kept."""
+        """Pause: stop the arm on its path and keep its motions."""
         self.held = True
         if self.busy and not self.stopping:
             self.queue.hold()
             self._cycles.wake()
 
     def unhold(self) -> None:
-        """Go on."""
+        """Continue after a pause."""
         self.held = False
         if self.busy and not self.stopping:
             self.queue.unhold()
             self._cycles.wake()
 
     def skip(self) -> None:
-        """Bring the arm to rest and forget its motions; those who wait for them are told that they are over."""
+        """Stop the arm and discard its motions; the calls waiting for them succeed."""
         if self.busy:
             self.stop(hresult.S_OK)
 
     def switch_motor(self, on: bool) -> Deferred[None]:
-        """Begin to switch the motor; kept when that is done.
+        """Begin to switch the motor; return a Deferred that resolves when it is switched.
 
         Raises:
-            CallError: MOTOR_SWITCHING_OFF, also while the arm is being brought to rest to be cut off.
+            CallError: MOTOR_SWITCHING_OFF, also during a stop that will switch the motor off.
         """
         self._cycles.require_open()
         if on and self._cut:
@@ -244,7 +244,7 @@ class RC8Arm:
         return done
 
     def lock(self, on: bool) -> None:
-        """Set the machine lock: the commands go on, the arm stays. When it is taken off they begin where the arm is."""
+        """Set or clear the machine lock: commands change, the arm does not move. Clearing it resets them to the arm."""
         self.switches.machine_lock = on
         self.servo.frozen = on
         if not on:
@@ -252,33 +252,35 @@ class RC8Arm:
             self.queue.place(self.servo.encoder)
 
     def place(self, joints: Sequence[float]) -> None:
-        """Put the arm somewhere without moving, before anything runs.
+        """Set the joint position without a motion, before the controller runs.
 
         Raises:
-            ValueError: another number of joints than it has axes, or beyond their limits.
+            ValueError: If the number of joints does not match the arm, or a joint is outside its limits.
         """
-        wanted = (*map(float, joints), *self.model.home[len(joints) :])
-        finite = len(wanted) == len(self.model.axes) and all(map(math.isfinite, wanted))
-        if not finite or self.space.kinematics.limits_exceeded(wanted):
-            raise ValueError(tr("{name} cannot stand at {joints}", name=self.model.name, joints=tuple(joints)))
-        self.queue.place(wanted)
-        self.servo.place(wanted)
+        position = (*map(float, joints), *self.model.home[len(joints) :])
+        finite = len(position) == len(self.model.axes) and all(map(math.isfinite, position))
+        if not finite or self.space.kinematics.limits_exceeded(position):
+            raise ValueError(
+                tr("joint position {joints} is not valid for {name}", name=self.model.name, joints=tuple(joints))
+            )
+        self.queue.place(position)
+        self.servo.place(position)
 
     def close(self) -> None:
-        """The controller is switched off: whoever waits for anything is told that it will not come."""
-        gone = error_for(hresult.E_ABORT)
+        """Switch the arm off with the controller: fail all waiting calls with E_ABORT."""
+        error = error_for(hresult.E_ABORT)
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
-        for done in (*(promise for _, promise in self._takers), *(wait.done for wait in self._waiting), *self._still):
-            done.set_exception(gone)
+        for done in (*(deferred for _, deferred in self._takers), *(wait.done for wait in self._waiting), *self._still):
+            done.set_exception(error)
         self._waiting, self._still, self._takers = [], [], []
-        self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
+        self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold the present position
         self.motor.cut()
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do one cycle; returns whether anything still happens."""
+        """Execute one cycle; return True if the arm is still busy in any way."""
         if self.slave.on:
             self.slave.step()
         self.queue.step()
@@ -294,11 +296,11 @@ class RC8Arm:
         if self.slave.on:
             self.slave.settle()
         paused = self.queue.state is QueueState.HELD
-        going_on = (self.busy and not paused) or not self.queue.standing or self.slave.pending
-        return going_on or moving or switching or self.log.running
+        commanding = (self.busy and not paused) or not self.queue.standing or self.slave.pending
+        return commanding or moving or switching or self.log.running
 
     def _answer(self) -> None:
-        """Tell those who wait what has become of their motions."""
+        """Complete the calls whose motions have ended."""
         waiting, self._waiting = self._waiting, []
         self._waiting += [wait for wait in waiting if not self._finish(wait)]
         self._come_to_rest()

@@ -1,4 +1,4 @@
-"""Who tells the robot to do something: a client, or a running program."""
+"""The interface of an operator of the robot: a client, or a running program."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from orinkit.virtual.rc8.switches import Switches
 
 
 class Operator(Protocol):
-    """A client, or a running program; whoever holds the arm is one.
+    """A client or a running program, which can hold the arm.
 
     Attributes:
-        program: whether it is a program.
+        program: True for a program.
     """
 
     @property
     def program(self) -> bool:
-        """Whether it is a program."""
+        """True for a program."""
 
     def right(self) -> int:
-        """Return the code with which a write is refused, 0 if it may write."""
+        """Return the error code of a refused write, or 0 if the operator may write."""
 
     def token(self, switches: Switches) -> int:
-        """Return the code with which a start is refused, 0 if it has the executable token (RC8 2.1)."""
+        """Return the error code of a refused start, or 0 if it has the executable token (RC8 2.1)."""
 
     def __str__(self) -> str: ...

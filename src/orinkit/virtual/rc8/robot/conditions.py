@@ -1,7 +1,7 @@
-"""What must be so before the controller does what it is told: THE TABLE of commanding functions and conditions.
+"""The conditions under which the controller executes a function: THE TABLE of commanding functions and conditions.
 
-Each function names its conditions in the order in which they are checked; the first that does not hold gives the code.
-``docs/howto/robot.md`` has the table of what comes of it, and a test walks both.
+Each function lists its conditions in the order of the checks; the first violated one determines the error code.
+``docs/howto/robot.md`` has the table of the resulting codes, and a test compares both.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from orinkit.virtual.rc8.switches import ModeSwitch
 
 
 class Condition(Enum):
-    """One condition."""
+    """A condition of a function."""
 
     WRITE = "right to write"
     TOKEN = "executable token"  # noqa: S105 - a start right
@@ -63,7 +63,7 @@ def _arm(arm: RC8Arm, operator: Operator) -> int:
 
 
 def _resumer(arm: RC8Arm, operator: Operator) -> int:
-    """A program that is paused with its arm cannot go on by itself: whoever paused it may have it go on."""
+    """A program paused with its arm cannot continue by itself, so any client may continue it."""
     return 0 if arm.holder is not None and arm.holder.program else _arm(arm, operator)
 
 
@@ -154,7 +154,7 @@ NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
 
 
 def refusal(name: str, arm: RC8Arm, operator: Operator) -> int:
-    """Return the code with which a function is refused at this moment, 0 if it is not."""
+    """Return the code with which a function is refused at present, or 0 if it is allowed."""
     for condition in NEEDS[name]:
         code = _CHECKS[condition](arm, operator)
         if code:
@@ -163,10 +163,10 @@ def refusal(name: str, arm: RC8Arm, operator: Operator) -> int:
 
 
 def require(name: str, arm: RC8Arm, operator: Operator) -> None:
-    """Check that a function may be carried out at this moment.
+    """Raise an exception unless a function is allowed at present.
 
     Raises:
-        CallError: with the code of the first condition that does not hold.
+        CallError: The code of the first violated condition.
     """
     code = refusal(name, arm, operator)
     if code:

@@ -1,4 +1,4 @@
-"""The motor supply of the arm: switching takes its time, and waits for nobody in an emergency."""
+"""The motor supply of the arm: switching takes time, except for a cut in an emergency."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 
 ON_CYCLES: Final = 125
-"""Cycles that switching on takes: 1 s, as long as controllers of this kind take at least (1 to 3 s)."""
+"""Cycles to switch on: 1 s, the shortest time of controllers of this type (1 to 3 s)."""
 
 OFF_CYCLES: Final = 38
-"""Cycles that switching off takes: brakes first, about 0.3 s."""
+"""Cycles to switch off: the brakes engage first, about 0.3 s."""
 
 
 class MotorState(Enum):
-    """Where the motor supply is."""
+    """State of the motor supply."""
 
     OFF = "off"
     SWITCHING_ON = "switching on"
@@ -35,19 +35,19 @@ class Motor:
 
     @property
     def on(self) -> bool:
-        """Whether the robot can move."""
+        """True if the robot can move."""
         return self.state is MotorState.ON
 
     @property
     def switching(self) -> bool:
-        """Whether it is on its way from one state to the other."""
+        """True while it is being switched on or off."""
         return self._cycles > 0
 
     def switch(self, on: bool) -> Deferred[None]:
-        """Begin to switch; the promise is kept when it is on, or off.
+        """Begin to switch; return a Deferred that resolves when the motor is on, or off.
 
         Raises:
-            CallError: MOTOR_SWITCHING_OFF, it cannot go on while it is going off.
+            CallError: MOTOR_SWITCHING_OFF if it is to be switched on while it is being switched off.
         """
         done = Deferred[None]()
         if on:
@@ -65,15 +65,15 @@ class Motor:
         return done
 
     def cut(self) -> None:
-        """Take the supply away at once, for an error or an emergency stop."""
-        if self.state is MotorState.SWITCHING_OFF:  # it is what they wait for
+        """Switch off at once, for an error or an emergency stop."""
+        if self.state is MotorState.SWITCHING_OFF:  # completes the pending calls that switch off
             self._arrive()
         self._cycles = 0
         self.state = MotorState.OFF
         self._break_off(hresult.MOTOR_ON_FAILED)
 
     def step(self) -> bool:
-        """Do one cycle; returns whether it is still switching."""
+        """Execute one cycle; return True if it is still switching."""
         if not self._cycles:
             return False
         self._cycles -= 1

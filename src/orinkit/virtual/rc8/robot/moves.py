@@ -1,4 +1,4 @@
-"""Motion functions: what a client or a program asks for, as planned motions in the arm's queue."""
+"""Motion functions of clients and programs: plans motions and queues them on the arm."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _KEEP_ORIENTATION: Final = 2
 _RAISED_LEVEL: Final = 3
 _LONGEST_PATH: Final = 5000
 _PATHS: Final = 20
-_LEAST_RATE: Final = 1e-15  # slower than any motion may be, but never rounded to nothing
+_LEAST_RATE: Final = 1e-15  # slower than any valid motion, but not rounded to 0
 
 _Plan: TypeAlias = Callable[[Joints], Motion]
 """Plans a motion that starts from joints."""
@@ -43,12 +43,12 @@ _Plan: TypeAlias = Callable[[Joints], Motion]
 class Moves:
     """Plans motions for an arm and puts them into its queue.
 
-    Every method gives the tickets of its motions; whether its conditions hold has been checked before.
+    Every method returns the tickets of its motions; the caller has checked the conditions.
 
     Args:
-        arm: the arm.
-        variables: global variables, for poses and speeds that name one.
-        report: is told of a motion error that stops the controller: code and detail.
+        arm: The arm.
+        variables: Global variables, for poses and speeds that refer to one.
+        report: Callback invoked with a motion error that stops the controller: code and detail.
     """
 
     def __init__(self, arm: RC8Arm, variables: VariableTable, report: Callable[[int, str], None]) -> None:
@@ -64,27 +64,30 @@ class Moves:
     # --- motions ------------------------------------------------------------------------------------------------
 
     def move(self, interpolation: int, targets: Sequence[Target], options: MotionOptions) -> list[Ticket]:
-        """Move (RC8 3.3.4): 1 point to point and 2 line to each pose, 3 arc through one to the other, 4 curve.
+        """Move (RC8 3.3.4): 1 PTP or 2 linear to each pose, 3 arc through one pose to the other, 4 free curve.
 
         Raises:
-            CallError: INTERPOLATION_NOT_SUPPORTED, E_INVALIDARG; what planning finds.
+            CallError: INTERPOLATION_NOT_SUPPORTED, E_INVALIDARG; errors of planning.
         """
         if interpolation in (PTP, LINE):
-            to = self._ptp_to if interpolation == PTP else self._line_to
-            return self._begin(*(partial(to, target, options) for target in targets))
+            make = self._ptp_to if interpolation == PTP else self._line_to
+            return self._begin(*(partial(make, target, options) for target in targets))
         if interpolation == ARC:
             if len(targets) != 2:
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    tr("an arc needs two poses: the one it passes and the one where it ends"),
+                    tr("an arc requires two poses: the via point and the end point"),
                 )  # fmt: skip
             return self._begin(partial(self._arc, targets[0], targets[1], options))
         if interpolation == CURVE:
             return self._begin(partial(self._curve, targets, targets[-1].mark, options))
-        raise self._told(
+        raise self._report_error(
             error_for(
                 hresult.INTERPOLATION_NOT_SUPPORTED,
-                tr("{interpolation}; 1 PTP, 2 line, 3 arc, 4 free curve", interpolation=interpolation),
+                tr(
+                    "interpolation {interpolation} does not exist. Try: 1 (PTP), 2 (linear), 3 (arc) or 4 (free curve)",
+                    interpolation=interpolation,
+                ),
             )
         )  # fmt: skip
 
@@ -92,52 +95,52 @@ class Moves:
         """Move along a stored path, as a free curve.
 
         Raises:
-            CallError: E_INVALIDARG, it has no points; what planning finds.
+            CallError: E_INVALIDARG if the path has no points; errors of planning.
         """
         return self._begin(partial(self._curve, self._stored(number), mark, options))
 
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move to the pose that is ``distance`` mm before the given one, along its tool's -Z."""
+        """Move to the approach position of a pose: ``distance`` mm back along its tool's -Z."""
         mark = mark or target.mark
 
         def make(start: Joints) -> Motion:
-            return self._backed(interpolation, self._space.goal(target, start), distance, mark, options, start)
+            return self._retreat(interpolation, self._space.goal(target, start), distance, mark, options, start)
 
         return self._begin(make)
 
     def depart(
         self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move back by ``distance`` mm along the tool's -Z, with the least change of the joints."""
+        """Move back by ``distance`` mm along the tool's -Z, with the smallest change of the joints."""
 
         def make(start: Joints) -> Motion:
             here = Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
-            return self._backed(interpolation, here, distance, mark, options, start)
+            return self._retreat(interpolation, here, distance, mark, options, start)
 
         return self._begin(make)
 
     def drive(
         self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move axes (number from 1, degrees or mm), by or to values.
+        """Move axes (number from 1; deg or mm) by or to values.
 
         Raises:
-            CallError: E_INVALIDARG, no such axis; what planning finds.
+            CallError: E_INVALIDARG if an axis does not exist; errors of planning.
         """
         joints = list(self._arm.queue.end_joints)
         for axis, value in pairs:
             if not 1 <= axis <= len(joints):
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    tr("no axis {axis}; there are 1 to {count}", axis=axis, count=len(joints)),
+                    tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=len(joints)),
                 )
             joints[axis - 1] = value if absolute else joints[axis - 1] + value
         return self._begin(partial(self._ptp, tuple(joints), mark or options.mark, options))
 
     def rotate(self, axis: Matrix, point: Matrix, angle: float, options: MotionOptions) -> list[Ticket]:
-        """Rotate by degrees about an axis (3) through a point (3, mm), both in the base frame (RC8 provider Rotate)."""
+        """Rotate by ``angle`` deg about an axis (3) through a point (3, mm) of the base frame (RC8 provider Rotate)."""
 
         def make(start: Joints) -> Motion:
             return planner.plan_rotation(
@@ -148,36 +151,36 @@ class Moves:
         return self._begin(make)
 
     def rotate_hand(self, angle: float, mark: PassMark | None, options: MotionOptions) -> list[Ticket]:
-        """Rotate by degrees about the tool's Z axis."""
+        """Rotate by an angle (deg) about the tool's Z axis."""
         tcp = self._space.tcp(self._arm.queue.end_joints)
-        turned = MotionOptions(
+        rotation = MotionOptions(
             options.speed, options.accel, options.decel, options.time, options.next, mark or options.mark
         )
-        return self.rotate(tcp[:3, 2], tcp[:3, 3], angle, turned)
+        return self.rotate(tcp[:3, 2], tcp[:3, 3], angle, rotation)
 
     def home(self) -> list[Ticket]:
-        """Move to the home pose, point to point."""
+        """Move to the home pose by PTP."""
         return self._begin(partial(self._ptp, self._arm.model.home, None, _NO_OPTIONS))
 
     def plane(self, name: str) -> Matrix:
         """Return the normal of a plane of the work frame, in the base frame.
 
         Raises:
-            CallError: E_INVALIDARG, it is none of XY, YZ, ZX.
+            CallError: E_INVALIDARG if the name is not XY, YZ or ZX.
         """
         normal = _AXES.get(name.strip().upper())
         if normal is None:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("no plane {name}; XY, YZ, ZX", name=quoted(name)),
+                tr("plane {name} does not exist. Try: XY, YZ or ZX", name=quoted(name)),
             )
         return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
 
     def point(self, target: Target) -> Matrix:
-        """Return the point of a pose, or of a vector, in the base frame, mm.
+        """Return the point of a pose or of a vector in the base frame, mm.
 
         Raises:
-            CallError: as :meth:`FrameContext.numbers`.
+            CallError: As for :meth:`FrameContext.numbers`.
         """
         if target.kind == "V":
             values = target.value
@@ -196,20 +199,20 @@ class Moves:
         """Add a pose to a stored path for free curves.
 
         Raises:
-            CallError: E_INVALIDARG, no such path; E_OUTOFMEMORY, the path is full; the pose cannot be read.
+            CallError: E_INVALIDARG if the path does not exist; E_OUTOFMEMORY if it is full; errors of the pose.
         """
         path = self._paths.setdefault(_path(number), [])
         if len(path) >= _LONGEST_PATH:
-            raise error_for(hresult.E_OUTOFMEMORY, tr("{most} points per path", most=_LONGEST_PATH))
+            raise error_for(hresult.E_OUTOFMEMORY, tr("a path holds at most {most} points", most=_LONGEST_PATH))
         kind, values = self._space.numbers(target, self._arm.queue.end_joints)
         path.append(Target(kind, values))
 
     def clear_path(self, number: int) -> None:
-        """Forget the poses of a stored path."""
+        """Remove the poses of a stored path."""
         self._paths.pop(_path(number), None)
 
     def path_length(self, number: int) -> int:
-        """Return how many poses a stored path has."""
+        """Return the number of poses of a stored path."""
         return len(self._paths.get(_path(number), ()))
 
     # --- helpers ------------------------------------------------------------------------------------------------
@@ -252,11 +255,11 @@ class Moves:
         if not points:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("path {number} has no points; add them with AddPathPoint", number=number),
+                tr("path {number} has no points. Try: AddPathPoint", number=number),
             )  # fmt: skip
         return points
 
-    def _backed(
+    def _retreat(
         self, interpolation: int, goal: Goal, distance: float, mark: PassMark | None, options: MotionOptions,
         start: Joints,
     ) -> Motion:  # fmt: skip
@@ -269,31 +272,35 @@ class Moves:
             return self._ptp((*solved, *goal.extra), mark or options.mark, options, start)
         if interpolation != LINE:
             raise error_for(
-                hresult.INTERPOLATION_NOT_SUPPORTED, tr("{interpolation}; 1 or 2", interpolation=interpolation)
+                hresult.INTERPOLATION_NOT_SUPPORTED,
+                tr(
+                    "interpolation {interpolation} is not supported here. Try: 1 (PTP) or 2 (linear)",
+                    interpolation=interpolation,
+                ),
             )
         self._space.check_path(goal, start)
         return self._line(end, goal.extra, mark or options.mark, options, start)
 
     def _begin(self, *plans: _Plan) -> list[Ticket]:
-        """Plan motions one after the other; they are put into the queue when all of them are possible."""
+        """Plan motions in sequence, and queue them if all of them are possible."""
         queue = self._arm.queue
         if len(queue.tickets) + len(plans) > ROOM:
             raise error_for(
                 hresult.ROBOT_MOVING,
-                tr("as many motions as there is room for are waiting"),
+                tr("the motion queue is full"),
             )
         motions: list[Motion] = []
         try:
             for make in plans:
                 motions.append(make(motions[-1].end if motions else queue.end_joints))
         except CallError as error:
-            raise self._told(error) from None
+            raise self._report_error(error) from None
         return [self._arm.begin(motion) for motion in motions]
 
-    def _told(self, error: CallError) -> CallError:
-        """Return an error of planning; the controller has it too, if it is of a level that stops the robot.
+    def _report_error(self, error: CallError) -> CallError:
+        """Return an error of planning, after reporting it to the controller if its level stops the robot.
 
-        A program's error becomes the controller's anyway, with its line.
+        An error of a program is not reported here: the controller raises it anyway, with its line.
         """
         holder = self._arm.holder
         stops = error.code >> 24 & 0xF >= _RAISED_LEVEL and error.info.family is hresult.CodeFamily.MOTION
@@ -327,5 +334,8 @@ class Moves:
 
 def _path(number: int) -> int:
     if not 1 <= number <= _PATHS:
-        raise error_for(hresult.E_INVALIDARG, tr("no path {number}; 1 to {most}", number=number, most=_PATHS))
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("path {number} does not exist; valid paths: 1 to {most}", number=number, most=_PATHS),
+        )
     return number

@@ -1,4 +1,4 @@
-"""Parameters of the robot's extended commands, as clients send them: arrays, scalars, everything as one text."""
+"""Parameters of the robot's extended commands, as sent by clients: arrays, scalars, or everything in one string."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from orinkit.virtual.rc8.variables import conversion
 _MARK: Final = re.compile(r"@\s*(?:[PE]|[0-9.]+)", re.IGNORECASE)
 _PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
 _BETWEEN: Final = re.compile(r"[\s,]*")
-_MOST_ELEMENTS: Final = 64  # of an array: no command has as many
-_LONGEST: Final = 1024  # characters of a text that is no pose
+_MOST_ELEMENTS: Final = 64  # of an array; more than any command takes
+_LONGEST: Final = 1024  # characters of a string that is not a pose
 
 
 def elements(parameter: Variant) -> list[Variant]:
-    """Return the elements of a parameter: of an array, else itself alone; none of VT_EMPTY and ``""``.
+    """Return the elements of an array, or a scalar as the only element; VT_EMPTY and ``""`` have no elements.
 
     Raises:
-        CallError: E_INVALIDARG, there are more than any command has.
+        CallError: E_INVALIDARG if there are more than any command takes.
     """
     if parameter.type & ARRAY and len(parameter.value) > _MOST_ELEMENTS:
         raise _count(len(parameter.value), 0, _MOST_ELEMENTS)
@@ -41,10 +41,10 @@ def elements(parameter: Variant) -> list[Variant]:
 
 
 def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
-    """Return as many numbers as there are defaults; a default of ``None`` cannot be left out.
+    """Return numbers, with defaults for missing ones; a number whose default is ``None`` is required.
 
     Raises:
-        CallError: E_INVALIDARG for a wrong number of them, DISP_E_TYPEMISMATCH for what is no number.
+        CallError: E_INVALIDARG if the number of values is wrong; DISP_E_TYPEMISMATCH if a value is not a number.
     """
     given = elements(parameter)
     if len(given) == 1 and isinstance(given[0].value, str) and len(defaults) > 1:
@@ -57,53 +57,53 @@ def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
 
 
 def whole_numbers(parameter: Variant, *defaults: int | None) -> list[int]:
-    """Return whole numbers, as :func:`numbers`.
+    """Return whole numbers; see :func:`numbers`.
 
     Raises:
-        CallError: as :func:`numbers`; E_INVALIDARG for a fraction.
+        CallError: As for :func:`numbers`; E_INVALIDARG for a fraction.
     """
     return [whole(value) for value in numbers(parameter, *defaults)]
 
 
 def whole(value: float) -> int:
-    """Return a number without a fraction.
+    """Return a number as an integer.
 
     Raises:
-        CallError: E_INVALIDARG, it has one.
+        CallError: E_INVALIDARG if it has a fraction.
     """
     if value != int(value):
-        raise error_for(hresult.E_INVALIDARG, tr("{value:g} is no whole number", value=value))
+        raise error_for(hresult.E_INVALIDARG, tr("{value:g} is not a whole number", value=value))
     return int(value)
 
 
 def flag(value: float) -> bool:
-    """Return a number as a switch: 0, or 1 (VT_BOOL is -1).
+    """Return 0 or 1 as a boolean; -1 is True, as in VT_BOOL.
 
     Raises:
-        CallError: VALUE_OUT_OF_RANGE, it is another one.
+        CallError: VALUE_OUT_OF_RANGE for other numbers.
     """
     if value not in (-1, 0, 1):
-        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("{value:g}; 0 or 1", value=value))
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("{value:g} is neither 0 nor 1", value=value))
     return bool(value)
 
 
 def pose(parameter: Variant) -> Target:
-    """Return the one pose that a parameter is.
+    """Return the single pose of a parameter.
 
     Raises:
-        CallError: E_INVALIDARG, there are several; it cannot be read.
+        CallError: E_INVALIDARG if it is not valid, or if there are several.
     """
     targets = read_targets(parameter)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, tr("one pose is needed"))
+        raise error_for(hresult.E_INVALIDARG, tr("expected one pose"))
     return targets[0]
 
 
 def position(target: Target) -> Target:
-    """Return a pose whose numbers nobody told the kind of as a position, where it can be nothing else.
+    """Return an untyped pose as a position (P); other poses are not changed.
 
     Raises:
-        CallError: E_INVALIDARG, it has not as many numbers as a position.
+        CallError: E_INVALIDARG if the number of values does not match a position.
     """
     try:
         return replace(target, kind="P") if not target.kind else target
@@ -112,10 +112,10 @@ def position(target: Target) -> Target:
 
 
 def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]:
-    """Return a pose and what follows it: ``[pose, tool, work]``; a pose alone may be in any of its own forms.
+    """Return a pose and the elements after it: ``[pose, tool, work]``; a pose alone may have any form of a pose.
 
     Raises:
-        CallError: E_INVALIDARG, more than ``most`` follow; as :func:`pose`.
+        CallError: E_INVALIDARG if there are more than ``most`` elements after it; as for :func:`pose`.
     """
     if parameter.type == VARIANT_ARRAY:
         given = elements(parameter)
@@ -128,10 +128,10 @@ def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]
 
 
 def poses(parameter: Variant, count: int) -> list[Target]:
-    """Return so many poses.
+    """Return a given number of poses.
 
     Raises:
-        CallError: E_INVALIDARG, there are more or fewer; one cannot be read.
+        CallError: E_INVALIDARG if there are more or fewer, or one is not valid.
     """
     given = elements(parameter)
     found = [pose(each) for each in given] if len(given) == count else list(read_targets(parameter))
@@ -141,10 +141,10 @@ def poses(parameter: Variant, count: int) -> list[Target]:
 
 
 def pass_mark(text: str) -> PassMark:
-    """Return the pass mark that a text is.
+    """Return the pass mark of a string.
 
     Raises:
-        CallError: E_INVALIDARG, it is none.
+        CallError: E_INVALIDARG if it is not valid.
     """
     try:
         return PassMark.parse(text)
@@ -153,10 +153,10 @@ def pass_mark(text: str) -> PassMark:
 
 
 def marked(given: Variant) -> tuple[PassMark | None, str]:
-    """Return the pass mark in front of a text, and the rest: ``"@P 10"``; a number is its own text.
+    """Return the pass mark at the start of a string, and the rest: ``"@P 10"``; a number is returned as a string.
 
     Raises:
-        CallError: E_INVALIDARG, the mark cannot be read, or the text is too long; DISP_E_TYPEMISMATCH.
+        CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH.
     """
     text = short(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
     found = _MARK.match(text)
@@ -164,20 +164,20 @@ def marked(given: Variant) -> tuple[PassMark | None, str]:
 
 
 def marked_number(given: Variant) -> tuple[PassMark | None, float]:
-    """Return pass mark and number of a text such as ``"@P 10"``, or a number alone.
+    """Return pass mark and number of a string such as ``"@P 10"``, or of a number.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH, what follows the mark is no number.
+        CallError: DISP_E_TYPEMISMATCH if the mark is not followed by a number.
     """
     mark, text = marked(given)
     return mark, conversion.double(Variant(VarType.BSTR, text))
 
 
 def axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
-    """Return pass mark and (axis, value) pairs: one text ``"@0 (1,10),(2,20)"``, or arrays of two.
+    """Return pass mark and (axis, value) pairs: one string ``"@0 (1,10),(2,20)"``, or arrays of two elements.
 
     Raises:
-        CallError: E_INVALIDARG, there are none, or something else stands between them.
+        CallError: E_INVALIDARG if there are no pairs, or if there is anything else between them.
     """
     if len(given) == 1 and isinstance(given[0].value, str):
         mark, text = marked(given[0])
@@ -197,15 +197,15 @@ def axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[i
 
 
 def short(text: str) -> str:
-    """Return a text as it is.
+    """Return a string after checking its length.
 
     Raises:
-        CallError: E_INVALIDARG, it is longer than any parameter that is no pose.
+        CallError: E_INVALIDARG if it is longer than any parameter other than a pose.
     """
     if len(text) > _LONGEST:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("a text of {count} characters; at most {longest}", count=len(text), longest=_LONGEST),
+            tr("string of {count} characters exceeds the limit of {longest}", count=len(text), longest=_LONGEST),
         )  # fmt: skip
     return text
 
@@ -217,7 +217,7 @@ def _pair(axis: Variant, value: Variant) -> tuple[int, float]:
 def _no_pairs(text: str) -> Exception:
     return error_for(
         hresult.E_INVALIDARG,
-        tr('{text}; "@0 (1,10),(2,20)" is the form', text=quoted(text)),
+        tr('{text} is not a list of axes and values. Try: for example "@0 (1,10),(2,20)"', text=quoted(text)),
     )
 
 
@@ -225,5 +225,5 @@ def _count(given: int, least: int, most: int) -> Exception:
     wanted = str(least) if least == most else f"{least}..{most}"
     return error_for(
         hresult.E_INVALIDARG,
-        tr("{given} parameters were given, {wanted} are wanted", given=given, wanted=wanted),
+        tr("got {given} parameters, expected {wanted}", given=given, wanted=wanted),
     )

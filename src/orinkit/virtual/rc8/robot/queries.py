@@ -1,4 +1,4 @@
-"""Commands of the robot that only calculate and tell: poses, conversions, range checks, servo data."""
+"""Robot commands that calculate or report without moving: poses, conversions, range checks, servo data."""
 
 from __future__ import annotations
 
@@ -36,26 +36,26 @@ POSES: Final[Mapping[str, Callable[[Source], Numbers]]] = {
     "Jnt": Source.angles,
     "Trn": Source.trans,
 }
-"""What follows Cur, HighCur and Dest in a command's name, and how it is read."""
+"""The suffix of Cur, HighCur and Dest in a command's name, and the function that reads the pose."""
 
 
 def pose(source: Callable[[RC8Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
-    """Return a command that answers with a pose."""
+    """Return a command that returns a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, read(source(arm)))
 
 
 def stamped_pose(source: Callable[[RC8Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
-    """Return a command that answers with ms since power-on and a pose."""
+    """Return a command that returns the time since power-on, ms, and a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, state_report.stamped(arm.seconds(), read(source(arm))))
 
 
 def figure(source: Callable[[RC8Arm], Source]) -> Answer:
-    """Return a command that answers with a figure."""
+    """Return a command that returns a figure."""
     return lambda arm, _: Variant(VarType.I4, source(arm).figure())
 
 
 def convert(given: Kind, wanted: Kind) -> Answer:
-    """Return a command that converts a pose of one type into another: J2P, P2J ..."""
+    """Return a command that converts a pose of one type to another: J2P, P2J ..."""
 
     def run(arm: RC8Arm, parameter: Variant) -> Variant:
         target = _named(parameter, given)
@@ -73,7 +73,7 @@ def convert(given: Kind, wanted: Kind) -> Answer:
 
 
 def _named(parameter: Variant, kind: Kind) -> Target:
-    """Return a pose; values without a type are taken as what the command's name says, if they are as many."""
+    """Return a pose; untyped values have the pose type of the command's name if their number matches."""
     target = parameters.pose(parameter)
     given = parameters.elements(coerce.single(parameter))
     untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
@@ -85,15 +85,15 @@ def _named(parameter: Variant, kind: Kind) -> Target:
 
 
 def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
-    """P as T or T as P: the same frame, within reach or not; the figure stays as it was given."""
+    """Convert a P to a T or a T to a P in the same frame, even out of reach; the figure is kept as given."""
     kind, values = arm.space.numbers(target, arm.servo.command)
     frame = arm.space.pose(kind, values, 0)
-    made = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
-    return [*map(float, made), float(figure_of(kind, values))]
+    result = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
+    return [*map(float, result), float(figure_of(kind, values))]
 
 
 def dev(arm: RC8Arm, parameter: Variant) -> Variant:
-    """Dev: a pose moved along and turned about the axes of the work frame by another."""
+    """Dev: return a pose displaced along, and rotated about, the axes of the work frame by another pose."""
     first, second, fig = _two(arm, parameter)
     moved = np.eye(4)
     moved[:3, :3] = second[:3, :3] @ first[:3, :3]
@@ -102,13 +102,13 @@ def dev(arm: RC8Arm, parameter: Variant) -> Variant:
 
 
 def dev_hand(arm: RC8Arm, parameter: Variant) -> Variant:
-    """DevH: a pose moved along and turned about the axes of its own tool by another."""
+    """DevH: return a pose displaced along, and rotated about, the axes of its tool frame by another pose."""
     first, second, fig = _two(arm, parameter)
     return _position(np.asarray(first @ second), fig)
 
 
 def _two(arm: RC8Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
-    """Return two poses in the work frame, and the figure of the first."""
+    """Return two poses as frames in the work frame, and the figure of the first."""
     base, offset = parameters.poses(parameter, 2)
     kind, values = arm.space.numbers(base, arm.servo.command)
     if kind == "J":
@@ -127,7 +127,7 @@ def _position(frame: Matrix, fig: float) -> Variant:
 
 
 def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
-    """OutRange: 0 for a pose within reach, bits of the axes beyond their limits, -1 out of reach, -2 singular."""
+    """OutRange: return 0 for a pose within reach, bits of axes beyond their limits, -1 out of reach, -2 singular."""
     space, start = arm.space, arm.servo.command
     target, rest = parameters.pose_and_rest(parameter, 2)
     tool, work = [conversion.whole(each) for each in rest] + [_IN_USE] * (2 - len(rest))
@@ -149,7 +149,7 @@ _TIP_SPEED: Final = 17
 
 
 def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
-    """GetSrvData: 2 deviation (deg), 4 load (%), 17 speed of the tool's tip (mm/s, first number)."""
+    """GetSrvData: return item 2 deviation (deg), 4 load (%), or 17 speed of the tool tip (mm/s, first element)."""
     (item,) = parameters.whole_numbers(parameter, None)
     if item == _DEVIATION:
         return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))
@@ -159,7 +159,7 @@ def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
         return Variant(_R8_ARRAY, state_report.eight((_tip_speed(arm),)))
     raise error_for(
         hresult.E_INVALIDARG,
-        tr("no item {item}; 2 deviation, 4 load, 17 tip speed", item=item),
+        tr("item {item} does not exist. Try: 2 (deviation), 4 (load) or 17 (tip speed)", item=item),
     )
 
 
@@ -176,13 +176,13 @@ CALCULATIONS: Final[Mapping[str, Answer]] = {
     "DevH": dev_hand,
     "OutRange": out_range,
 }
-"""Commands that programs have as functions too, by name."""
+"""Commands that programs can call as functions, by name."""
 
 
 def calculate(arm: RC8Arm, name: str, given: Sequence[Variant]) -> Variant:
-    """Return what a calculation gives for the arguments of a program's function.
+    """Return the result of a calculation for the arguments of a program's function.
 
     Raises:
-        CallError: as the command of that name.
+        CallError: As for the command of that name.
     """
     return CALCULATIONS[name](arm, given[0] if len(given) == 1 else Variant(VARIANT_ARRAY, list(given)))

@@ -1,4 +1,4 @@
-"""What slvMove answers (RC8 table 4-3): where the arm is at that moment, and what else its client has asked for."""
+"""The result of slvMove (RC8 table 4-3): the pose of the arm and the other fields that the client has selected."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from orinkit.virtual.rc8.variables.table import VariableTable
 
 _MILLI: Final = 1_000
 _MICRO: Final = 1_000_000
-_LARGEST_TIME: Final = 0x7FFF_FFFF  # then it begins at 0 again: µs after 36 minutes
+_LARGEST_TIME: Final = 0x7FFF_FFFF  # wraps to 0 afterwards; in µs after 36 minutes
 
 
 class FeedbackSnapshot(NamedTuple):
-    """What values of an answer are taken from.
+    """The sources of the values of a result.
 
     Attributes:
-        arm: the arm.
-        here: where its encoders are, as CurPos, CurJnt and CurTrn have it.
-        variables: of the controller, for its I/O.
-        receive: the client's format.
-        window: the user I/O that was asked for.
+        arm: The arm.
+        here: Pose of its encoders, as CurPos, CurJnt and CurTrn return it.
+        variables: Variables of the controller, for its I/O.
+        receive: The client's format.
+        window: The requested user I/O.
     """
 
     arm: RC8Arm
@@ -41,24 +41,24 @@ class FeedbackSnapshot(NamedTuple):
 
 
 def answer_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
-    """Return the answer in a client's format; poses are those of the encoders, as CurPos, CurJnt and CurTrn.
+    """Return the result in a client's format; poses are those of the encoders, like CurPos, CurJnt and CurTrn.
 
     Args:
-        arm: the arm.
-        variables: of the controller, for its I/O.
-        receive: the format.
-        window: the user I/O that was asked for.
+        arm: The arm.
+        variables: Variables of the controller, for its I/O.
+        receive: The format.
+        window: The requested user I/O.
     """
-    moment = FeedbackSnapshot(arm, state_report.current(arm), variables, receive, window)
+    snapshot = FeedbackSnapshot(arm, state_report.current(arm), variables, receive, window)
     rows = _rows_of(receive.number)
-    return build_answer(receive, SlaveAnswer.of({row.name: SOURCES[row.name](moment) for row in rows}))
+    return build_answer(receive, SlaveAnswer.of({row.name: SOURCES[row.name](snapshot) for row in rows}))
 
 
 def require_sources(receive: ReceiveFormat) -> None:
-    """Check that this controller has everything that a receive format asks for.
+    """Raise an exception unless this controller can provide every field of a receive format.
 
     Raises:
-        CallError: E_NOTIMPL, a field is not simulated.
+        CallError: E_NOTIMPL if a field is not simulated.
     """
     for row in _rows_of(receive.number):
         if row.name not in SOURCES:
@@ -71,29 +71,29 @@ def _rows_of(number: int) -> tuple[SlaveField, ...]:
     return tuple(row for row in RECEIVED if row.kind in kinds or row.receive & number)
 
 
-def _timestamp(moment: FeedbackSnapshot) -> int:
-    """Return when the last cycle was, since power-on."""
-    unit = _MICRO if moment.receive.microseconds else _MILLI
-    return round(moment.arm.seconds() * unit) & _LARGEST_TIME
+def _timestamp(snapshot: FeedbackSnapshot) -> int:
+    """Return the time of the last cycle since power-on, ms or µs."""
+    unit = _MICRO if snapshot.receive.microseconds else _MILLI
+    return round(snapshot.arm.seconds() * unit) & _LARGEST_TIME
 
 
-def _user(moment: FeedbackSnapshot) -> bytes | None:
-    return None if moment.window is None else io.user(moment.variables, moment.window)
+def _user(snapshot: FeedbackSnapshot) -> bytes | None:
+    return None if snapshot.window is None else io.user(snapshot.variables, snapshot.window)
 
 
-def _currents(moment: FeedbackSnapshot) -> tuple[float, ...]:
-    arm = moment.arm
+def _currents(snapshot: FeedbackSnapshot) -> tuple[float, ...]:
+    arm = snapshot.arm
     return tuple(state_report.eight(arm.servo.sample(arm.motor.on).current))
 
 
 SOURCES: Final[dict[str, Callable[[FeedbackSnapshot], Any]]] = {
     "time": _timestamp,
-    "joints": lambda moment: tuple(moment.here.angles()),
-    "position": lambda moment: tuple(moment.here.position()),
-    "trans": lambda moment: tuple(moment.here.trans()),
-    "mini": lambda moment: io.mini(moment.variables),
-    "hand": lambda moment: io.hand(moment.variables),
+    "joints": lambda snapshot: tuple(snapshot.here.angles()),
+    "position": lambda snapshot: tuple(snapshot.here.position()),
+    "trans": lambda snapshot: tuple(snapshot.here.trans()),
+    "mini": lambda snapshot: io.mini(snapshot.variables),
+    "hand": lambda snapshot: io.hand(snapshot.variables),
     "user": _user,
     "current": _currents,
 }
-"""Where the value of each field comes from, by the names of the table."""
+"""The source of each field's value, by the names of the table."""

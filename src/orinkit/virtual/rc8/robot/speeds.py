@@ -1,4 +1,4 @@
-"""Internal and external speeds in percent: what a motion really runs at is their product."""
+"""Internal and external speeds in percent; a motion runs at their product."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LEAST: Final = 0.01
 
 @dataclass(slots=True)
 class SpeedSet:
-    """Speed, acceleration and deceleration in percent of the largest."""
+    """Speed, acceleration and deceleration in percent of the largest values."""
 
     speed: float = FULL
     accel: float = FULL
@@ -26,12 +26,12 @@ class SpeedSet:
 
 @dataclass(slots=True)
 class Speeds:
-    """What the arm's speeds are set to.
+    """The speed settings of the arm.
 
     Attributes:
-        path: internal, of motions along a path (``@SPEED``, ``@ACCEL``, ``@DECEL``).
-        joint: internal, of point-to-point motions (``@JSPEED``, ``@JACCEL``, ``@JDECEL``).
-        external: ``@EXTSPEED``, ``@EXTACCEL``, ``@EXTDECEL``; they hold for every motion.
+        path: Internal, for motions along a path (``@SPEED``, ``@ACCEL``, ``@DECEL``).
+        joint: Internal, for point-to-point motions (``@JSPEED``, ``@JACCEL``, ``@JDECEL``).
+        external: ``@EXTSPEED``, ``@EXTACCEL``, ``@EXTDECEL``; they apply to every motion.
     """
 
     path: SpeedSet = field(default_factory=SpeedSet)
@@ -39,26 +39,26 @@ class Speeds:
     external: SpeedSet = field(default_factory=SpeedSet)
 
     def reset(self) -> None:
-        """Set the internal ones to 100 %, as TakeArm does without ``Keep`` (RC8 3.3.2)."""
+        """Set the internal speeds to 100 %, as TakeArm without ``Keep`` does (RC8 3.3.2)."""
         self.path, self.joint = SpeedSet(), SpeedSet()
 
     def set_internal(self, speed: float, *, joint_only: bool = False) -> None:
-        """Set the internal speed: of both kinds of motion, or only of point-to-point ones."""
+        """Set the internal speed for all motions, or only for point-to-point motions."""
         speed = percent(speed)
         self.joint.speed = speed
         if not joint_only:
             self.path.speed = speed
 
     def set_acceleration(self, accel: float, decel: float, *, joint_only: bool = False) -> None:
-        """Set internal acceleration and deceleration; -1 keeps one."""
+        """Set internal acceleration and deceleration; -1 keeps a value."""
         trios = (self.joint,) if joint_only else (self.joint, self.path)
-        wanted = [None if value == KEEP else percent(value) for value in (accel, decel)]
+        new = [None if value == KEEP else percent(value) for value in (accel, decel)]
         for trio in trios:
-            trio.accel = trio.accel if wanted[0] is None else wanted[0]
-            trio.decel = trio.decel if wanted[1] is None else wanted[1]
+            trio.accel = trio.accel if new[0] is None else new[0]
+            trio.decel = trio.decel if new[1] is None else new[1]
 
     def set_external(self, speed: float, accel: float = SQUARE, decel: float = SQUARE) -> None:
-        """Set the external speeds: -1 keeps one, -2 sets an acceleration to speed squared by 100, the default."""
+        """Set the external speeds: -1 keeps a value, -2 sets an acceleration to the default, speed squared / 100."""
         trio = self.external
         new = SpeedSet(trio.speed if speed == KEEP else percent(speed), trio.accel, trio.decel)
         square = max(_LEAST, new.speed * new.speed / FULL)
@@ -70,7 +70,7 @@ class Speeds:
 
 
 def percent(value: float) -> float:
-    """Return a percentage above 0, up to 100.
+    """Return a percentage after checking that it is above 0 and at most 100.
 
     Raises:
         CallError: VALUE_OUT_OF_RANGE.
@@ -78,6 +78,6 @@ def percent(value: float) -> float:
     if not _LEAST <= value <= FULL:
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            tr("{value:g} %, {least} to 100 is possible", value=value, least=_LEAST),
+            tr("{value:g} % is out of range; expected {least} to 100 %", value=value, least=_LEAST),
         )
     return value

@@ -1,4 +1,4 @@
-"""What the arm says about itself: poses in every type, as clients read them."""
+"""The poses of the arm in every pose type, as clients read them."""
 
 from __future__ import annotations
 
@@ -15,43 +15,43 @@ _MILLISECONDS: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Joints of the arm as P, J or T, in the tool and work frames in use."""
+    """A joint position of the arm as P, J or T, in the current tool and work frames."""
 
     arm: RC8Arm
     joints: Joints
 
     def position(self) -> Numbers:
-        """P, seven numbers: X, Y, Z in mm, RX, RY, RZ in degrees, Fig."""
+        """Return P, seven numbers: X, Y, Z in mm, RX, RY, RZ in deg, Fig."""
         return self.arm.space.position(self.joints)
 
     def angles(self) -> Numbers:
-        """J, eight numbers in degrees (mm for a linear axis), 0 for an axis that there is not."""
+        """Return J, eight numbers in deg (mm for a linear axis), 0 for an axis that does not exist."""
         return eight(self.joints)
 
     def trans(self) -> Numbers:
-        """T, ten numbers: X, Y, Z in mm, orient and approach vector, Fig."""
+        """Return T, ten numbers: X, Y, Z in mm, orient and approach vector, Fig."""
         return self.arm.space.trans(self.joints)
 
     def figure(self) -> int:
-        """Fig."""
+        """Return the figure (Fig)."""
         return self.arm.space.kinematics.figure(self.joints)
 
 
 def current(arm: RC8Arm) -> Source:
-    """Where the encoders are."""
+    """Return the position of the encoders."""
     return Source(arm, arm.servo.encoder)
 
 
 def destination(arm: RC8Arm) -> Source:
-    """Where the running motion ends; where the command stands when nothing moves."""
+    """Return the end of the running motion, or the command position if the arm is at standstill."""
     return Source(arm, arm.queue.target)
 
 
 def eight(joints: Joints) -> Numbers:
-    """Return joints filled up with 0 to eight."""
+    """Return joints padded with 0 to eight numbers."""
     return [*joints, *[0.0] * (AXES - len(joints))]
 
 
 def stamped(seconds: float, values: Numbers) -> Numbers:
-    """Return values with the time since power-on in front, ms."""
+    """Return values preceded by the time since power-on, ms."""
     return [seconds * _MILLISECONDS, *values]

@@ -1,4 +1,4 @@
-"""Poses as clients write them, as joints of the arm or frames in its base: work, tool and figure taken into account."""
+"""Converts poses of clients to joint positions of the arm or frames in its base, using work, tool and figure."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from orinkit.virtual.rc8.variables.types import CLASSES
 ROBOT_AXES: Final = 6
 _LEAST_VALUES: Final = {"P": 6, "T": 9, "J": ROBOT_AXES}
 _FIGURE_AT: Final = {"P": 6, "T": 9}
-_BY_LENGTH: Final[dict[int, Kind]] = {7: "P", 8: "J", 9: "T", 10: "T"}  # of values whose kind nobody told
+_BY_LENGTH: Final[dict[int, Kind]] = {7: "P", 8: "J", 9: "T", 10: "T"}  # type of an untyped pose by its length
 _FIGURE_AUTO: Final = -1
 _FIGURE_LEAST: Final = -3
-_FARTHEST: Final = 1e6  # mm; farther than any arm reaches, and near enough to calculate with
+_FARTHEST: Final = 1e6  # mm; beyond the reach of any arm, and small enough for calculations
 
 Joints = tuple[float, ...]
 
 
 class Goal(NamedTuple):
-    """Where a pose puts the arm.
+    """The destination of a pose.
 
     Attributes:
-        tcp: the tool frame in the base.
-        figure: of the pose; -1 and below where the arm is to choose.
-        extra: the axes from the seventh on.
-        straight: joint 5 of a J is 0 there, so FLIP and NONFLIP are the same.
+        tcp: Tool frame in the base frame.
+        figure: Figure of the pose; negative if the arm chooses it.
+        extra: Joints from the seventh on.
+        straight: True for a J whose joint 5 is 0, so that FLIP and NONFLIP are the same.
     """
 
     tcp: Matrix
@@ -46,11 +46,11 @@ class Goal(NamedTuple):
 
 
 class FrameContext:
-    """The arm's frames and its kinematics: what a pose means.
+    """The frames and the kinematics of the arm, which define the meaning of a pose.
 
     Attributes:
-        tools, works: the frames, and which are in use.
-        kinematics: of the arm.
+        tools, works: The frames, and the numbers of the current ones.
+        kinematics: Kinematics of the arm.
     """
 
     def __init__(self, model: ArmModel, variables: VariableTable) -> None:
@@ -60,49 +60,49 @@ class FrameContext:
         self.works: FrameSet = work_frames()
         self._variables = variables
 
-    # --- from the arm outwards ----------------------------------------------------------------------------------
+    # --- from joints to a pose ----------------------------------------------------------------------------------
 
     def tcp(self, joints: Sequence[float]) -> Matrix:
         """Return the tool frame in the base frame."""
         return np.asarray(self.kinematics.forward(joints) @ self.tools.matrix())
 
     def in_work(self, tcp: Matrix) -> Matrix:
-        """Return a frame of the base in the work frame in use."""
+        """Return a frame of the base in the current work frame."""
         return np.asarray(frames.inverse_of(self.works.matrix()) @ tcp)
 
     def position(self, joints: Sequence[float]) -> list[float]:
-        """Return P: X, Y, Z in mm, RX, RY, RZ in degrees, Fig, in the work frame in use."""
+        """Return P: X, Y, Z in mm, RX, RY, RZ in deg, Fig, in the current work frame."""
         return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
 
     def values(self, tcp: Matrix) -> list[float]:
-        """Return X, Y, Z, RX, RY, RZ of a frame of the base in the work frame in use."""
+        """Return X, Y, Z, RX, RY, RZ of a frame of the base in the current work frame."""
         return [float(value) for value in frames.position_of_matrix(self.in_work(tcp))]
 
     def trans(self, joints: Sequence[float]) -> list[float]:
-        """Return T: X, Y, Z in mm, orient and approach vector, Fig, in the work frame in use."""
+        """Return T: X, Y, Z in mm, orient and approach vector, Fig, in the current work frame."""
         values = frames.trans_of_matrix(self.in_work(self.tcp(joints)))
         return [*map(float, values), float(self.kinematics.figure(joints))]
 
-    # --- from a pose to the arm ---------------------------------------------------------------------------------
+    # --- from a pose to joints ----------------------------------------------------------------------------------
 
     def numbers(self, target: Target, start: Joints) -> tuple[Kind, tuple[float, ...]]:
-        """Return kind and values of a pose; that of a variable is read now.
+        """Return pose type and values of a pose; a variable is read now.
 
         Raises:
-            CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG, too few values; FIGURE_OUT_OF_RANGE, Fig is none;
-                DISP_E_TYPEMISMATCH, no pose at all.
+            CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG if there are too few values; FIGURE_OUT_OF_RANGE if Fig is
+                not valid; DISP_E_TYPEMISMATCH if it is not a pose.
         """
         values = target.value
         kind: Kind = target.kind or ("P" if isinstance(values, int) else _BY_LENGTH.get(len(values), ""))
-        if not kind:  # an arm that took joints for a position would go anywhere
+        if not kind:  # mistaking joints for a position would move the arm to an unexpected place
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("{target} may be joints or a position; say which: J(...) or P(...)", target=target),
+                tr("{target} may be a joint position or a position. Try: J(...) or P(...)", target=target),
             )
         if kind not in _LEAST_VALUES:
             raise error_for(
                 hresult.DISP_E_TYPEMISMATCH,
-                tr("{target} is no pose; P, T or J is needed", target=target),
+                tr("{target} is not a pose of type P, T or J", target=target),
             )
         if isinstance(values, int):
             values = tuple(self._variables.read(CLASSES[kind], values).value)
@@ -112,7 +112,7 @@ class FrameContext:
             raise error_for(
                 hresult.E_INVALIDARG,
                 tr(
-                    "{target} has {count} values, {least} are needed",
+                    "{target} has {count} values, expected at least {least}",
                     target=target,
                     count=len(values),
                     least=_LEAST_VALUES[kind],
@@ -123,16 +123,16 @@ class FrameContext:
         return kind, values
 
     def joints(self, target: Target, start: Joints, tool: int = -1, work: int = -1) -> Joints:
-        """Return where a point-to-point motion to a pose ends, all axes.
+        """Return the end of a point-to-point motion to a pose, all axes.
 
         Args:
-            target: the pose.
-            start: joints that it starts from; they decide where the figure is left open.
-            tool: number of the tool that the pose is for, -1 that in use.
-            work: number of the work frame that the pose is in, -1 that in use.
+            target: The pose.
+            start: Joint position at the start; it decides if the figure is open.
+            tool: Number of the tool of the pose, -1 for the current one.
+            work: Number of the work frame of the pose, -1 for the current one.
 
         Raises:
-            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; as :meth:`numbers`.
+            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; as for :meth:`numbers`.
         """
         kind, values = self.numbers(target, start)
         if kind == "J":
@@ -146,10 +146,10 @@ class FrameContext:
         return self.with_extra(target.extra, start, (*solved, *start[ROBOT_AXES:]))
 
     def goal(self, target: Target, start: Joints) -> Goal:
-        """Return where a pose puts the tool, and the extra axes.
+        """Return the tool frame and the extended joints of a pose.
 
         Raises:
-            CallError: as :meth:`numbers` and :meth:`with_extra`.
+            CallError: As for :meth:`numbers` and :meth:`with_extra`.
         """
         kind, values = self.numbers(target, start)
         if kind == "J":
@@ -160,20 +160,20 @@ class FrameContext:
         return Goal(self.pose(kind, values), figure_of(kind, values), extra)
 
     def path_goal(self, target: Target, start: Joints) -> Goal:
-        """Return where a path ends.
+        """Return the end of a path.
 
         Raises:
-            CallError: FIGURE_MISMATCH, the pose's figure is not that of the arm; as :meth:`goal`.
+            CallError: FIGURE_MISMATCH if the figure of the pose is not that of the arm; as for :meth:`goal`.
         """
         goal = self.goal(target, start)
         self.check_path(goal, start)
         return goal
 
     def check_path(self, goal: Goal, start: Joints) -> None:
-        """Check that a path from these joints can end with a pose's figure; DOUBLE bits may change on the way.
+        """Check that a path from a joint position can end with the figure of a pose; DOUBLE bits may change on the way.
 
         Raises:
-            CallError: FIGURE_MISMATCH, it is another than that of the arm.
+            CallError: FIGURE_MISMATCH if the figures differ.
         """
         present = self.kinematics.figure(start)
         kept = POSTURE & ~NONFLIP if goal.straight or is_straight(start) else POSTURE
@@ -181,14 +181,14 @@ class FrameContext:
             raise error_for(
                 hresult.FIGURE_MISMATCH,
                 tr(
-                    "the pose has figure {figure}, the arm has {present}; a path keeps the figure",
+                    "the pose has figure {figure}, the arm has figure {present}; a path cannot change the figure",
                     figure=goal.figure,
                     present=present,
                 ),
             )
 
     def solve(self, tcp: Matrix, figure: int, start: Joints, tool: int = -1) -> Joints:
-        """Return the six joints that put the tool to a frame in the base.
+        """Return the six joints that bring the tool to a frame in the base.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE.
@@ -201,16 +201,16 @@ class FrameContext:
             else:
                 found = self.kinematics.inverse(flange, figure, near)
         except CallError as error:
-            if error.code == hresult.OUT_OF_WORKING_RANGE:  # nothing has moved: a refusal, no stop
+            if error.code == hresult.OUT_OF_WORKING_RANGE:  # before any motion: a refusal, not a stop
                 raise error_for(hresult.TARGET_OUT_OF_RANGE, error.detail) from None
             raise
         return tuple(float(angle) for angle in found)
 
     def with_extra(self, extra: Extra | None, start: Joints, ends: Joints) -> Joints:
-        """Return the joints with the axes of ``EX`` or ``EXA`` put in.
+        """Return the joints with the extended joints of ``EX`` or ``EXA``.
 
         Raises:
-            CallError: E_INVALIDARG, the arm has no such axis, or it is one of its own six.
+            CallError: E_INVALIDARG if the arm does not have such an extended joint.
         """
         if extra is None:
             return ends
@@ -219,16 +219,16 @@ class FrameContext:
             if not ROBOT_AXES < number <= len(joints):
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    tr("{name} has no extra axis {number}", name=self.model.name, number=number),
+                    tr("{name} has no extended joint {number}", name=self.model.name, number=number),
                 )  # fmt: skip
             joints[number - 1] = value if extra.absolute else start[number - 1] + value
         return tuple(joints)
 
     def pose(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
-        """Return P or T values of a work frame, -1 that in use, as a frame in the base.
+        """Return P or T values of a work frame (-1 for the current one) as a frame in the base.
 
         Raises:
-            CallError: TARGET_OUT_OF_RANGE, they are beyond any arm's reach; E_INVALIDARG, the vectors of a T are none.
+            CallError: TARGET_OUT_OF_RANGE beyond the reach of any arm; E_INVALIDARG for invalid vectors of a T.
         """
         check_distance(*values[:3])
         make = frames.matrix_of_position if kind == "P" else frames.matrix_of_trans
@@ -236,7 +236,7 @@ class FrameContext:
 
 
 def check_distance(*lengths: float) -> None:
-    """Check that lengths, mm, are some that an arm can have to do with.
+    """Raise an exception if a length, mm, is beyond the reach of any arm.
 
     Raises:
         CallError: TARGET_OUT_OF_RANGE.
@@ -245,15 +245,15 @@ def check_distance(*lengths: float) -> None:
         if not abs(length) <= _FARTHEST:
             raise error_for(
                 hresult.TARGET_OUT_OF_RANGE,
-                tr("{length:g} mm is farther than any arm reaches", length=length),
+                tr("{length:g} mm exceeds the reach of any arm", length=length),
             )
 
 
 def figure_of(kind: str, values: Sequence[float]) -> int:
-    """Return the figure that a P or T has; -1 where it says nothing.
+    """Return the figure of a P or T; -1 if it is not given.
 
     Raises:
-        CallError: FIGURE_OUT_OF_RANGE, there is no such figure.
+        CallError: FIGURE_OUT_OF_RANGE if the figure is not valid.
     """
     at = _FIGURE_AT[kind]
     given = values[at] if len(values) > at else _FIGURE_AUTO
@@ -261,7 +261,7 @@ def figure_of(kind: str, values: Sequence[float]) -> int:
     if figure != given or not (_FIGURE_LEAST <= figure < 0 or 0 <= figure & ~COBOTTA_BIT <= HIGHEST):
         raise error_for(
             hresult.FIGURE_OUT_OF_RANGE,
-            tr("{given:g}; the figure is -3 to {highest}", given=given, highest=HIGHEST),
+            tr("figure {given:g} is not valid; expected -3 to {highest}", given=given, highest=HIGHEST),
         )
     return figure
 

@@ -1,4 +1,4 @@
-"""Tool and work frames: their definitions, and which of them is in use."""
+"""Tool and work frames: their definitions, and the current ones."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _ZERO: Final = (0.0,) * 6
 
 @dataclass(slots=True)
 class FrameSet:
-    """The frames of one kind; number 0 is the flange, or the base, and cannot be changed.
+    """The tool frames or the work frames; number 0 is the flange or the base and cannot be changed.
 
     Attributes:
-        count: how many there are.
-        code: with which another number is refused.
-        current: number of the one in use.
+        count: Number of frames.
+        code: Error code for a number out of range.
+        current: Number of the current frame.
     """
 
     count: int
@@ -40,30 +40,35 @@ class FrameSet:
     _matrices: dict[int, Matrix] = field(default_factory=dict)
 
     def check(self, number: int, first: int = 0) -> int:
-        """Return the number of a frame.
+        """Return the number of a frame after checking that it is in range.
 
         Raises:
-            CallError: there is no such frame, or it cannot be changed.
+            CallError: If the frame does not exist, or cannot be changed.
         """
         if not first <= number < self.count:
             raise error_for(
                 self.code,
-                tr("{number}; there are {first} to {count}", number=number, first=first, count=self.count - 1),
+                tr(
+                    "number {number} is out of range; expected {first} to {count}",
+                    number=number,
+                    first=first,
+                    count=self.count - 1,
+                ),
             )
         return number
 
     def define(self, number: int, values: Sequence[float]) -> None:
-        """Set a frame: X, Y, Z in mm, RX, RY, RZ in degrees.
+        """Set a frame: X, Y, Z in mm, RX, RY, RZ in deg.
 
         Raises:
-            CallError: there is no such frame, or it cannot be changed; VALUE_OUT_OF_RANGE.
+            CallError: If the frame does not exist, or cannot be changed; VALUE_OUT_OF_RANGE.
         """
         self.check(number, 1)
         for value in values[:6]:
             if not abs(value) <= _MOST:
                 raise error_for(
                     hresult.VALUE_OUT_OF_RANGE,
-                    tr("{value:g}; at most {most:g} mm or deg", value=value, most=_MOST),
+                    tr("{value:g} exceeds the limit of {most:g} mm or deg", value=value, most=_MOST),
                 )
         self._values[number] = tuple(values[:6])
         self._matrices.pop(number, None)
@@ -73,21 +78,21 @@ class FrameSet:
         return self._values.get(self.check(number), _ZERO)
 
     def matrix(self, number: int = -1) -> Matrix:
-        """Return a frame as a matrix; -1 is the one in use."""
+        """Return a frame as a matrix; -1 is the current one."""
         number = self.current if number == -1 else self.check(number)
-        found = self._matrices.get(number)
-        if found is None:
-            found = self._matrices[number] = frames.matrix_of_position(self.values(number))
-        return found
+        matrix = self._matrices.get(number)
+        if matrix is None:
+            matrix = self._matrices[number] = frames.matrix_of_position(self.values(number))
+        return matrix
 
 
 def tool_frames() -> FrameSet:
-    """Return the tools: 0 the flange, 1 to 63 definable."""
+    """Return the tool frames: 0 is the flange, 1 to 63 are definable."""
     return FrameSet(TOOLS, hresult.TOOL_NUMBER_OUT_OF_RANGE)
 
 
 def work_frames() -> FrameSet:
-    """Return the works: 0 the base, 1 to 7 definable."""
+    """Return the work frames: 0 is the base, 1 to 7 are definable."""
     return FrameSet(WORKS, hresult.WORK_NUMBER_OUT_OF_RANGE)
 
 

@@ -1,4 +1,4 @@
-"""What a client has set with slvSendFormat and slvRecvFormat."""
+"""The formats that a client has set with slvSendFormat and slvRecvFormat."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _JOINTS: Final = ReceiveFormat()
 
 @dataclass(slots=True)
 class Formats:
-    """The formats of one client's slvMove; they are its own as long as it is connected (RC8 table 4-1).
+    """The formats of one client's slvMove; they apply while it is connected (RC8 table 4-1).
 
     Attributes:
-        send: what it carries beside the pose.
-        receive: what it is answered.
+        send: Fields of a set-point beside the pose.
+        receive: Fields of the result.
     """
 
     send: SendBits = _POSE_ONLY

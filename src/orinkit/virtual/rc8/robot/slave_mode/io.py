@@ -1,6 +1,6 @@
 """The I/O beside the poses of slave mode (RC8 tables 4-1 to 4-3), in the mini allocation.
 
-What is sent sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a point on. What is received has inputs too.
+A set-point sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a given point. A result also has inputs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SetPoint, UserWin
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 _BYTE: Final = 8
-_MINI: Final = (0, 32)  # first point, how many
+_MINI: Final = (0, 32)  # first point, number of points
 _MINI_OUT: Final = (16, 16)
 _HAND_IN: Final = (48, 8)
 _HAND_OUT: Final = (64, 8)
@@ -26,12 +26,12 @@ _BACK: Final = {"mini": _MINI, "hand": _HAND_OUT}
 
 @dataclass(frozen=True, slots=True)
 class OutputRange:
-    """Points that a set-point sets.
+    """A range of points set by a set-point.
 
     Attributes:
-        first: number of the first one.
-        count: how many.
-        states: as bits, the first one lowest.
+        first: Number of the first point.
+        count: Number of points.
+        states: The states as bits; the lowest bit is the first point.
     """
 
     first: int
@@ -40,10 +40,10 @@ class OutputRange:
 
 
 def require_sent(variables: VariableTable, send: SendBits) -> None:
-    """Check that the points of a send format are there; those of user I/O are told with each set-point.
+    """Check that the points of a send format exist; those of user I/O are given by each set-point.
 
     Raises:
-        CallError: E_INVALIDARG, the controller has fewer.
+        CallError: E_INVALIDARG if the controller has fewer points.
     """
     for row in OUTPUTS:
         if row.name in _OUT and row.send & send:
@@ -51,10 +51,10 @@ def require_sent(variables: VariableTable, send: SendBits) -> None:
 
 
 def require_received(variables: VariableTable, receive: ReceiveFormat) -> None:
-    """Check that the points of a receive format are there, as :func:`require_sent`.
+    """Check that the points of a receive format exist; see :func:`require_sent`.
 
     Raises:
-        CallError: E_INVALIDARG, the controller has fewer.
+        CallError: E_INVALIDARG if the controller has fewer points.
     """
     for row in RECEIVED:
         if row.name in _BACK and receive.has(row.receive):
@@ -62,19 +62,19 @@ def require_received(variables: VariableTable, receive: ReceiveFormat) -> None:
 
 
 def require_window(variables: VariableTable, window: UserWindow) -> None:
-    """Check that the user I/O that an answer is to have is there.
+    """Check that the user I/O requested for the result exists.
 
     Raises:
-        CallError: E_INVALIDARG, the controller has fewer points.
+        CallError: E_INVALIDARG if the controller has fewer points.
     """
     _require(variables, window.offset, window.size * _BYTE)
 
 
 def outputs_of(variables: VariableTable, point: SetPoint) -> tuple[OutputRange, ...]:
-    """Return what a set-point sets.
+    """Return the outputs of a set-point.
 
     Raises:
-        CallError: E_INVALIDARG, the controller has fewer points.
+        CallError: E_INVALIDARG if the controller has fewer points.
     """
     found = []
     for row in PARAMETERS:
@@ -103,7 +103,7 @@ def hand(variables: VariableTable) -> int:
 
 
 def user(variables: VariableTable, window: UserWindow) -> bytes:
-    """Return the bytes of user I/O that were asked for."""
+    """Return the requested bytes of user I/O."""
     return variables.points(window.offset, window.size * _BYTE).to_bytes(window.size, "little")
 
 
@@ -116,5 +116,10 @@ def _require(variables: VariableTable, first: int, count: int) -> None:
         last, most = first + count - 1, variables.io_points - 1
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("I/O {first} to {last}; there are 0 to {most}", first=first, last=last, most=most),
+            tr(
+                "I/O {first} to {last} does not exist; the controller has I/O 0 to {most}",
+                first=first,
+                last=last,
+                most=most,
+            ),
         )

@@ -1,4 +1,4 @@
-"""Limits of the commands in slave mode (RC8 4.8): the velocity and the acceleration that each axis may have."""
+"""Limits of the commands in slave mode (RC8 4.8): velocity and acceleration of each axis."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from orinkit.virtual.rc8.robot.speeds import FULL, Speeds
 from orinkit.virtual.rc8.switches import SlaveLimit, Switches
 
 SERVO_LIMIT: Final = 1.25
-"""The servo limit as a multiple of the command limit, which is the model's. DENSO publishes only that it is larger; the
-number is this project's assumption."""
+"""The servo limit as a multiple of the command limit, which is that of the model. DENSO publishes only that it is
+larger; the number is an assumption of this project."""
 
 LENIENCY: Final = 2.0
-"""By how much the limits are larger where the server was late, and not the client."""
+"""Factor of the limits after a delay of the server, which is not the client's fault."""
 
 _ROUNDING: Final = 1 + 1e-6
 _LINKED: Final = (SlaveLimit.SERVO_EXTERNAL, SlaveLimit.COMMAND_EXTERNAL)
@@ -25,19 +25,19 @@ _SERVO: Final = (SlaveLimit.SERVO, SlaveLimit.SERVO_EXTERNAL)
 
 
 class SlaveFault(NamedTuple):
-    """Why a command is not carried out: code, and details in words."""
+    """A violated limit: error code and description."""
 
     code: int
     detail: str
 
 
 class SlaveLimits:
-    """What "153: b-CAP Slave speed setting" allows at this moment.
+    """The limits that apply by the parameter "153: b-CAP Slave speed setting".
 
     Args:
-        model: of the arm.
-        switches: of the controller; they have the setting.
-        speeds: of the arm; the external ones count where the setting says so.
+        model: The arm model.
+        switches: The switches of the controller, with the setting.
+        speeds: The speeds of the arm; some settings include the external ones.
     """
 
     def __init__(self, model: ArmModel, switches: Switches, speeds: Speeds) -> None:
@@ -46,28 +46,28 @@ class SlaveLimits:
         self._speeds = speeds
 
     def fault(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
-        """Return what is wrong with a command: velocities come before accelerations, lower axes before higher ones.
+        """Return the first limit that a command violates: velocities before accelerations, lower axes first.
 
         Args:
-            before: the command one cycle ago, deg or mm.
-            now: the present command.
-            wanted: the next one.
-            lenient: the limits are :data:`LENIENCY` times as large.
+            before: The command one cycle ago, deg or mm.
+            now: The present command.
+            wanted: The next command.
+            lenient: Multiply the limits by :data:`LENIENCY`.
         """
         speed, acceleration = self._parts()
-        more = LENIENCY * _ROUNDING if lenient else _ROUNDING
+        tolerance = LENIENCY * _ROUNDING if lenient else _ROUNDING
         for number, (axis, b, c) in enumerate(zip(self._axes, now, wanted, strict=True)):
-            if abs(c - b) > axis.velocity * speed * more * PERIOD:
+            if abs(c - b) > axis.velocity * speed * tolerance * PERIOD:
                 return _fault(hresult.SENT_SPEED_OVER_AXIS1 + number, axis, (c - b) / PERIOD, axis.velocity * speed, 1)
         for number, (axis, a, b, c) in enumerate(zip(self._axes, before, now, wanted, strict=True)):
             change = (c - b) - (b - a)
-            if abs(change) > axis.acceleration * acceleration * more * PERIOD**2:
-                most = axis.acceleration * acceleration
-                return _fault(hresult.COMMAND_ACCELERATION_OVER_AXIS1 + number, axis, change / PERIOD**2, most, 2)
+            if abs(change) > axis.acceleration * acceleration * tolerance * PERIOD**2:
+                limit = axis.acceleration * acceleration
+                return _fault(hresult.COMMAND_ACCELERATION_OVER_AXIS1 + number, axis, change / PERIOD**2, limit, 2)
         return None
 
     def _parts(self) -> tuple[float, float]:
-        """Return the limits as parts of the model's velocity and acceleration."""
+        """Return the limits as fractions of the model's velocity and acceleration."""
         setting, external = self._switches.slave_limit, self._speeds.external
         part = SERVO_LIMIT if setting in _SERVO else 1.0
         if setting not in _LINKED:
@@ -75,6 +75,8 @@ class SlaveLimits:
         return part * external.speed / FULL, part * external.accel / FULL
 
 
-def _fault(code: int, axis: AxisModel, value: float, most: float, order: int) -> SlaveFault:
+def _fault(code: int, axis: AxisModel, value: float, limit: float, order: int) -> SlaveFault:
     unit = ("mm" if axis.linear else "deg") + ("/s" if order == 1 else "/s^2")
-    return SlaveFault(code, tr("{value:.6g} {unit}; the limit is {most:.6g}", value=value, unit=unit, most=most))
+    return SlaveFault(
+        code, tr("{value:.6g} {unit} exceeds the limit of {most:.6g}", value=value, unit=unit, most=limit)
+    )

@@ -1,4 +1,4 @@
-"""A set-point as joints of the arm."""
+"""Converts a set-point to joints of the arm."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from orinkit.values.poses import Extra
 from orinkit.virtual.engine.motion.soft_limits import check_end
 from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Joints, figure_of
 
-# where the arm moves already it is no refusal
+# the arm is already moving: a stop, not a refusal
 _AS_STOP: Final = {hresult.TARGET_OUT_OF_RANGE: hresult.OUT_OF_WORKING_RANGE}
 
 
 def joints_of(space: FrameContext, kind: PoseKind, point: SetPoint, start: Joints) -> Joints:
-    """Return where a set-point puts the arm, all axes.
+    """Return the joint position of a set-point, all axes.
 
-    A pose without figure is held as near to the start as it can be. Extra axes move only where the set-point names them.
+    A pose without figure uses the solution closest to the start. Extended joints move only if the set-point has them.
 
     Args:
-        space: the arm's frames; tool and work in use count.
-        kind: of its pose.
-        point: the set-point.
-        start: joints of the one before.
+        space: The frames of the arm, with the current tool and work frame.
+        kind: Pose type of the set-point.
+        point: The set-point.
+        start: Joint position of the previous set-point.
 
     Raises:
-        CallError: E_INVALIDARG, no such extra axis, the vectors of a T are none: the set-point is malformed.
-            OUT_OF_WORKING_RANGE, SINGULAR_POINT_STOP, FIGURE_INVALID, FIGURE_OUT_OF_RANGE, TARGET_OVER_SOFT_LIMIT_AXISn:
-            the arm cannot be there.
+        CallError: E_INVALIDARG for a malformed set-point: the extended joint does not exist, or the vectors of a T are
+            not valid. OUT_OF_WORKING_RANGE, SINGULAR_POINT_STOP, FIGURE_INVALID, FIGURE_OUT_OF_RANGE or
+            TARGET_OVER_SOFT_LIMIT_AXISn if the arm cannot reach the pose.
     """
     robot = point.pose[:ROBOT_AXES] if kind == "J" else _solved(space, kind, point.pose, start)
     extra = Extra(True, point.extra) if point.extra else None

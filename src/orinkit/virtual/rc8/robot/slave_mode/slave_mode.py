@@ -1,4 +1,4 @@
-"""Slave mode itself: who has turned it on, the buffer of set-points, what each cycle takes from it, and what ends it."""
+"""Slave mode: its owner, the buffer of set-points, their execution in each cycle, and the end of the mode."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from orinkit.virtual.rc8.variables.table import VariableTable
 logger = logging.getLogger("orinkit.rc8")
 
 ROOM: Final = 3
-"""Set-points that modes 0 and 2 have room for (RC8 table 4-4)."""
+"""Capacity of the buffer in modes 0 and 2 (RC8 table 4-4)."""
 
-QUEUE, NEWEST, WAIT = 0, 1, 2  # the bufferings of table 4-4
+QUEUE, NEWEST, WAIT = 0, 1, 2  # buffering according to table 4-4
 
-Told: TypeAlias = Callable[[], Value]
-"""Makes what a slvMove is answered, at the moment when it is."""
+ReplyFactory: TypeAlias = Callable[[], Value]
+"""Returns the result of a slvMove at the moment of its reply."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedSetPoint:
-    """A set-point as it is carried out.
+    """A set-point converted for execution.
 
     Attributes:
-        joints: where the command is then, deg or mm.
-        outputs: points that are set at the same time.
+        joints: Command position, deg or mm.
+        outputs: Points that are set in the same cycle.
     """
 
     joints: Joints
@@ -53,11 +53,11 @@ class PlannedSetPoint:
 
 @dataclass(frozen=True, slots=True)
 class _Waiting:
-    """A slvMove that is answered when there is room for its set-point (mode 2)."""
+    """A slvMove whose reply waits until the buffer has room for its set-point (mode 2)."""
 
     command: PlannedSetPoint
-    told: Told
-    promise: Deferred[Value]
+    make_reply: ReplyFactory
+    deferred: Deferred[Value]
 
 
 class StreamedArm(Protocol):
@@ -81,30 +81,30 @@ class StreamedArm(Protocol):
 
     @property
     def busy(self) -> bool:
-        """Whether the arm moves or has motions queued."""
+        """True while the arm moves or has motions queued."""
 
     def stop(self, code: int) -> None:
-        """Decelerate, and fail waiting calls with a code."""
+        """Stop within the limits, and fail waiting calls with a code."""
 
     def cut(self, code: int) -> None:
-        """Stop at once, and fail waiting calls with a code."""
+        """Stop and then switch the motor off, and fail waiting calls with a code."""
 
 
 class RC8SlaveMode:
-    """Slave mode of one arm. It is off at the beginning.
+    """Slave mode of one arm; initially off.
 
     Args:
-        arm: the arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end`
-            whenever it is stopped.
-        cycles: the controller's cycle.
-        variables: of the controller, for the I/O.
-        fault: is told of an error of the controller: code and detail.
+        arm: The arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end`
+            when it is stopped.
+        cycles: The control loop of the controller.
+        variables: Variables of the controller, for the I/O.
+        fault: Callback invoked with an error of the controller: code and detail.
 
     Attributes:
-        mode: which mode is on, ``None`` for off.
-        owner: who has turned it on.
-        newest: joints of the last set-point that was taken.
-        lenient: for how many cycles the limits are larger, because set-points of mode 1 were lost while time stood still.
+        mode: The active mode, or ``None``.
+        owner: Operator that has turned it on.
+        newest: Joint position of the last accepted set-point.
+        lenient: Number of cycles with larger limits, after set-points of mode 1 were lost while time stood still.
     """
 
     def __init__(
@@ -121,37 +121,37 @@ class RC8SlaveMode:
         self._limits = SlaveLimits(arm.model, arm.switches, arm.speeds)
         self._buffer: deque[PlannedSetPoint] = deque()
         self._waiting: deque[_Waiting] = deque()
-        self._leaving: list[Deferred[None]] = []  # who waits for the end of the mode
-        self._pace: CyclePacer | None = None  # of the present stream, or of the last one
+        self._leaving: list[Deferred[None]] = []  # calls waiting for the end of the mode
+        self._pace: CyclePacer | None = None  # of the current stream, or of the last one
 
     # --- state --------------------------------------------------------------------------------------------------
 
     @property
     def on(self) -> bool:
-        """Whether it is on."""
+        """True while slave mode is on."""
         return self.mode is not None
 
     @property
     def taking(self) -> bool:
-        """Whether it is on and takes set-points: it is not about to be left."""
+        """True if it is on and accepts set-points, that is, has not been asked to end."""
         return self.on and not self._leaving
 
     @property
     def overwrites(self) -> bool:
-        """Whether the newest set-point counts (mode 1)."""
+        """True if only the newest set-point counts (mode 1)."""
         return self.mode is not None and self.mode.buffering == NEWEST
 
     @property
     def moving(self) -> bool:
-        """Whether the command moves, as set-points have it."""
+        """True while the command follows set-points and moves."""
         return self._arm.queue.state is QueueState.FOLLOWING
 
     @property
     def starving(self) -> bool:
-        """Whether the next cycle needs a set-point and there is none.
+        """True if the next cycle needs a set-point and there is none.
 
-        In mode 1 one that was sent again is none if the arm cannot stop there: the client repeats it while it waits for
-        the next cycle (RC8 4.3.2).
+        In mode 1 a repeated set-point does not count if the arm cannot stop there: the client repeats it while it waits
+        for the next cycle (RC8 4.3.2).
         """
         if not self.taking or not self.moving:
             return False
@@ -159,23 +159,23 @@ class RC8SlaveMode:
 
     @property
     def lateness(self) -> Callable[[int], Lateness]:
-        """How late the set-points of the stream were, or of the last one; called with how many to leave out."""
+        """The lateness of the current or the last stream; called with the number of late set-points to leave out."""
         return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 
     @property
     def pending(self) -> bool:
-        """Whether the next cycle has something to do, though nothing may move."""
+        """True if the next cycle has work to do, even if nothing moves."""
         return bool(self._buffer or self._leaving)
 
-    # --- what clients do ----------------------------------------------------------------------------------------
+    # --- functions of clients -----------------------------------------------------------------------------------
 
     def begin(self, owner: Operator, mode: SlaveMode, drain_input: DrainInput | None) -> None:
-        """Turn it on; the arm stands, and whoever calls this has checked what has to be so.
+        """Turn slave mode on; the caller has checked the conditions, and the arm is at standstill.
 
         Args:
-            owner: who does.
-            mode: which.
-            drain_input: of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            owner: The operator.
+            mode: The mode.
+            drain_input: Drains the input of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
@@ -186,7 +186,7 @@ class RC8SlaveMode:
         )
 
     def leave(self) -> Deferred[None]:
-        """Turn it off when the buffer is empty and the arm is at rest; kept then."""
+        """Turn slave mode off once the buffer is empty and the arm at standstill; return a Deferred of that."""
         done = Deferred[None]()
         self._leaving.append(done)
         self._resume()
@@ -196,7 +196,7 @@ class RC8SlaveMode:
         return done
 
     def require_room(self) -> None:
-        """Check that a set-point would be taken, or wait for room.
+        """Raise an exception if the buffer is full in mode 0; in the other modes a set-point is accepted or waits.
 
         Raises:
             CallError: E_BUF_FULL (mode 0).
@@ -204,26 +204,26 @@ class RC8SlaveMode:
         if self.mode is not None and self.mode.buffering == QUEUE and len(self._buffer) >= ROOM:
             raise error_for(hresult.E_BUF_FULL)
 
-    def put(self, command: PlannedSetPoint, told: Told) -> Value | ResultWithCode | Deferred[Value]:
-        """Take a set-point into the buffer; returns the answer, in mode 2 a promise of it where there is no room."""
+    def put(self, command: PlannedSetPoint, make_reply: ReplyFactory) -> Value | ResultWithCode | Deferred[Value]:
+        """Put a set-point into the buffer; return the result, or in mode 2 a Deferred if the buffer is full."""
         self.newest = command.joints
         if self.overwrites:
             self._buffer.clear()
         elif len(self._buffer) >= ROOM:
-            waiting = _Waiting(command, told, Deferred[Value]())
+            waiting = _Waiting(command, make_reply, Deferred[Value]())
             self._waiting.append(waiting)
-            return waiting.promise
+            return waiting.deferred
         self._buffer.append(command)
         if not self.starving:
             self._resume()
         self._cycles.wake()
         full = len(self._buffer) == ROOM and self.mode is not None and self.mode.buffering == QUEUE
-        return ResultWithCode(hresult.S_BUF_FULL, told()) if full else told()
+        return ResultWithCode(hresult.S_BUF_FULL, make_reply()) if full else make_reply()
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Take the command of this cycle from the buffer; to be called before the arm's queue steps."""
+        """Take the command of this cycle from the buffer; call it before the step of the arm's queue."""
         queue = self._arm.queue
         if self._buffer:
             self._carry_out(self._buffer.popleft())
@@ -231,20 +231,20 @@ class RC8SlaveMode:
             queue.halt()
         elif queue.state is QueueState.FOLLOWING:
             late = not_waited() if self._arm.switches.strict_time else waited_in_vain()
-            if self.overwrites:  # a command to stay where it is (RC8 table 4-6)
+            if self.overwrites:  # equivalent to a command to stay in place (RC8 table 4-6)
                 self._lead_to(queue.joints, late)
             else:
                 self.fail(hresult.COMMAND_DELAY, late)
         self.lenient = max(0, self.lenient - 1)
 
     def settle(self) -> None:
-        """Fill up the buffer, answer whose turn it is; to be called at the end of a cycle."""
+        """Refill the buffer and complete waiting calls; call it at the end of a cycle."""
         while self._waiting and len(self._buffer) < ROOM:
             waiting = self._waiting.popleft()
-            if waiting.promise.done():  # it was cancelled
+            if waiting.deferred.done():  # it was cancelled
                 continue
             self._buffer.append(waiting.command)
-            waiting.promise.set_result(waiting.told())
+            waiting.deferred.set_result(waiting.make_reply())
         if self._leaving and not self._buffer and not self._arm.busy:
             leaving = self._leaving
             self._turn_off()
@@ -252,34 +252,34 @@ class RC8SlaveMode:
                 done.set_result()
 
     def bridge(self, most: int) -> int:
-        """Lead to the set-point of mode 1 in at most so many cycles.
+        """Plan commands to the set-point of mode 1 in at most ``most`` cycles.
 
         Returns:
-            in how many; 0 where there is no set-point.
+            Number of cycles; 0 if there is no set-point.
         """
         if not self._buffer:
             return 0
         goal, queue = self._buffer[-1], self._arm.queue
         if self._limits.fault(queue.before, queue.joints, goal.joints, lenient=False) is None:
-            return 1  # nothing is missing, or it does not matter
-        *way, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
-        self._buffer = deque([*map(PlannedSetPoint, way), goal])
+            return 1  # no set-points were lost, or the loss does not matter
+        *path, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
+        self._buffer = deque([*map(PlannedSetPoint, path), goal])
         return len(self._buffer)
 
     def end(self, code: int) -> None:
-        """Turn it off at once and forget the buffer; who waits is answered with a code. The arm is for others to stop."""
+        """Turn slave mode off at once, clear the buffer, fail waiting calls with a code. The caller stops the arm."""
         moves, leaving = list(self._waiting), self._leaving
         self._turn_off()
         for move in moves:
-            move.promise.set_exception(error_for(code))
+            move.deferred.set_exception(error_for(code))
         for done in leaving:
             done.set_exception(error_for(code))
 
     def fail(self, code: int, detail: str = "") -> None:
-        """Raise an error of the controller that ends slave mode and brings the arm to rest (RC8 4.7)."""
+        """Raise an error of the controller, which ends slave mode and stops the arm (RC8 4.7)."""
         logger.warning("%s: slave mode: %s", self.owner, error_for(code, detail))
         self._fault(code, detail)
-        self._arm.stop(code)  # an error of a low level does not
+        self._arm.stop(code)  # an error of a low level does not stop it
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
@@ -288,17 +288,20 @@ class RC8SlaveMode:
             try:
                 for output in command.outputs:
                     self._variables.set_points(output.first, output.count, output.states)
-            except Exception as error:  # the arm moves: this cycle goes on whatever becomes of them
+            except Exception as error:  # the arm moves: an error of the outputs must not interrupt the cycle
                 logger.exception("outputs")
                 self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
                 self._arm.cut(hresult.UNDEFINED_ERROR)
 
     def _lead_to(self, joints: Joints, why: str = "") -> bool:
-        """Have the command be at joints in this cycle, if the limits allow it; else that is an error.
+        """Set the command position of this cycle; raise an error of the controller if it violates a limit.
 
         Args:
-            joints: where, deg or mm.
-            why: what the error is to tell beside the limit.
+            joints: Command position, deg or mm.
+            why: Reason to add to the message about the limit.
+
+        Returns:
+            True if the limits allow the command position.
         """
         queue = self._arm.queue
         fault = self._limits.fault(queue.before, queue.joints, joints, lenient=self.lenient > 0)
@@ -310,7 +313,7 @@ class RC8SlaveMode:
         return True
 
     def _stops_hard(self, joints: Joints) -> bool:
-        """Whether to be at these joints again is to stop harder than the limits allow."""
+        """Return True if repeating this joint position would be a stop beyond the limits."""
         queue = self._arm.queue
         return joints == queue.joints and self._limits.fault(queue.before, joints, joints, lenient=False) is not None
 
