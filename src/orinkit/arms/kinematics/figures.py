@@ -1,7 +1,7 @@
-"""FIG: which of the postures that hold the flange in the same place.
+"""Figures (FIG): they distinguish the postures that hold the flange in the same pose.
 
 ========= ======= =========== =================================================================
-bit       0       1           it is 1 where
+bit       0       1           it is 1 if
 ========= ======= =========== =================================================================
 1         RIGHTY  LEFTY       the wrist centre is on the +X side of the frame of joint 1
 2         ABOVE   BELOW       LEFTY: joint 3 is not beyond the stretched elbow; RIGHTY mirrored
@@ -9,7 +9,7 @@ bit       0       1           it is 1 where
 8, 16, 32 SINGLE  DOUBLE      joint 6, 4, 1 is outside -180 < angle <= 180
 ========= ======= =========== =================================================================
 
-The wrist centre is where the axes of joints 4 and 5 cross. The COBOTTA sets bit 256 in addition; what it means is not
+The wrist centre is the intersection of the axes of joints 4 and 5. The COBOTTA also sets bit 256; its meaning is not
 published, and it is accepted and ignored here.
 """
 
@@ -36,12 +36,12 @@ HIGHEST: Final = 63
 COBOTTA_BIT: Final = 256
 
 DOUBLE_BITS: Final = ((0, J1_DOUBLE), (3, J4_DOUBLE), (5, J6_DOUBLE))
-"""Index of a joint that can turn more than once, and its bit."""
+"""Indices of the joints that can turn more than once, and their bits."""
 
 LIMIT_TOLERANCE: Final = 1e-6
-"""A joint is within its limits up to this much, deg or mm: what 360 comes to after a way through sine and cosine."""
+"""Tolerance of the limits, deg or mm, for the rounding of an angle such as 360 through sine and cosine."""
 
-_ANGLE_NOISE: Final = 1e-9  # deg; closer to 0 or 180 is on it
+_ANGLE_NOISE: Final = 1e-9  # deg; a value this close to 0 or 180 counts as that value
 _LENGTH_NOISE: Final = 1e-9  # mm
 
 
@@ -60,12 +60,12 @@ def figure_of(chain: Chain, joints: Sequence[float]) -> int:
 
 
 def is_straight(joints: Sequence[float]) -> bool:
-    """Return whether joint 5, deg, is 0, so that FLIP and NONFLIP are the same."""
+    """Return True if joint 5 is 0, so that FLIP and NONFLIP are the same."""
     return abs(single(joints[4])) <= _ANGLE_NOISE
 
 
 def wrist_ahead(chain: Chain, joints: Sequence[float]) -> float:
-    """Return how far the wrist centre is in front of the axis of joint 1, mm, for joints in deg."""
+    """Return the distance of the wrist centre in front of the axis of joint 1, mm, for joints in deg."""
     second, both = joints[1] * RADIAN, (joints[1] + joints[2]) * RADIAN
     return (
         chain.shoulder[0]
@@ -77,26 +77,26 @@ def wrist_ahead(chain: Chain, joints: Sequence[float]) -> float:
 
 
 def stretched(chain: Chain) -> float:
-    """Return joint 3, deg, where shoulder, elbow and wrist centre are in one line."""
+    """Return joint 3, deg, at which shoulder, elbow and wrist centre are on a line."""
     fore = math.atan2(chain.fore[0], chain.fore[2] + chain.wrist[2])
     return (math.atan2(chain.upper[0], chain.upper[2]) - fore) / RADIAN
 
 
 def single(angle: float) -> float:
-    """Return an angle, deg, in -180 < angle <= 180; what is there already is not changed."""
+    """Return an angle, deg, normalized to -180 < angle <= 180; an angle in this range is unchanged."""
     turns = math.ceil((angle - 180.0 - _ANGLE_NOISE) / 360.0)
     return angle - 360.0 * turns if turns else angle
 
 
 def around(angles: Array, centre: Array) -> Array:
-    """Return angles, deg, within half a turn of those of ``centre``."""
+    """Return angles, deg, normalized to within half a turn of ``centre``."""
     return angles - 360.0 * np.ceil((angles - centre - 180.0 - _ANGLE_NOISE) / 360.0)
 
 
 def turn_centres(model: ArmModel) -> Array:
-    """Return the angles (6,), deg, around which solutions are given, before any DOUBLE.
+    """Return the angles (6,), deg, around which solutions are normalized, before any DOUBLE.
 
-    Joints 1, 4 and 6 are SINGLE, so 0; a joint without a bit is where its limits are.
+    For joints 1, 4 and 6, which are SINGLE, this is 0; for the others the middle of their limits.
     """
     doubled = {index for index, _ in DOUBLE_BITS}
     return np.array(
@@ -110,16 +110,16 @@ def turn_centres(model: ArmModel) -> Array:
 def with_turns(
     joints: Sequence[float], figure: int, axes: Sequence[AxisModel], near: Sequence[float] | None
 ) -> list[float] | None:
-    """Return joints with the DOUBLE bits of a figure.
+    """Return joints turned according to the DOUBLE bits of a figure.
 
     Args:
-        joints: joints 1, 4 and 6 are SINGLE.
-        figure: its DOUBLE bits are what is asked for.
-        axes: a joint that is DOUBLE must be within the limits.
-        near: of two turns, the one nearer to these; None for the smaller angle.
+        joints: Joints, deg, of which 1, 4 and 6 are SINGLE.
+        figure: The figure; only its DOUBLE bits are used.
+        axes: The axes; a joint that is DOUBLE must be within its limits.
+        near: If two turns are possible, the one nearer to these joints is chosen; ``None`` for the smaller angle.
 
     Returns:
-        The joints; None where a joint has no turn within its limits.
+        The joints; ``None`` if a joint that must be DOUBLE cannot be within its limits.
     """
     turned = list(joints)
     for index, bit in DOUBLE_BITS:
@@ -133,7 +133,7 @@ def with_turns(
 
 
 def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[list[float]]:
-    """Return joints, whose joints 1, 4 and 6 are SINGLE, and with each DOUBLE that is within the limits."""
+    """Return all variants of joints: 1, 4 and 6 SINGLE as given, and each DOUBLE that is within the limits."""
     choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
     for index, _ in DOUBLE_BITS:
         choices[index] = (joints[index], *_doubles(joints[index], axes[index]))
@@ -141,7 +141,7 @@ def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[li
 
 
 def within(value: float, axis: AxisModel) -> bool:
-    """Return whether a joint is within the soft limits of its axis."""
+    """Return True if a joint is within the soft limits of its axis."""
     return axis.lower - LIMIT_TOLERANCE <= value <= axis.upper + LIMIT_TOLERANCE
 
 

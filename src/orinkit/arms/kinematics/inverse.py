@@ -1,7 +1,8 @@
-"""From the flange to the joints, in closed form.
+"""Inverse kinematics in closed form.
 
-:class:`ArmGeometry` is joints 1 to 3 up to the wrist centre, :class:`SphericalWrist` all of an arm whose last three axes cross in
-one point. All functions take any number of flanges at once. Angles are radians inside this module and degrees in what it returns.
+:class:`ArmGeometry` solves joints 1 to 3 for the wrist centre, :class:`SphericalWrist` all joints of an arm whose last three
+axes cross in one point. All functions accept any number of flanges at once. :class:`ArmGeometry` works in radians; joints
+are returned in degrees.
 """
 
 from __future__ import annotations
@@ -20,24 +21,24 @@ from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, around, figur
 Mask = NDArray[np.bool_]
 
 REACH_TOLERANCE: Final = 1e-7
-"""A wrist centre this far outside the reach, mm, is put on its edge."""
+"""A wrist centre up to this far outside the reach, mm, is moved to its boundary."""
 
-_WRIST_SINGULAR: Final = 1e-10  # sine of joint 5 below which joint 4 is free
-_SHOULDER_SINGULAR: Final = 1e-7  # mm from the axis of joint 1 below which joint 1 is free
+_WRIST_SINGULAR: Final = 1e-10  # sine of joint 5 below which joint 4 is undetermined
+_SHOULDER_SINGULAR: Final = 1e-7  # mm from the axis of joint 1 below which joint 1 is undetermined
 _STEP_NOISE: Final = 1e-6  # deg
 
 
 @dataclass(frozen=True, slots=True)
 class ArmGeometry:
-    """Lengths and angles of the arm up to the wrist centre: joints 1 to 3 from a point.
+    """Lengths and angles of the arm up to the wrist centre; solves joints 1 to 3 for a point.
 
     Attributes:
-        chain: the frames.
-        lateral: distance of the wrist centre from the plane through the axis of joint 1, mm.
-        upper: length of the upper arm.
-        upper_angle: its angle from upright at zero.
-        fore: length of the forearm.
-        fore_angle: its angle from upright at zero.
+        chain: The frames of the arm.
+        lateral: Distance of the wrist centre from the plane through the axis of joint 1, mm.
+        upper: Length of the upper arm, mm.
+        upper_angle: Angle of the upper arm from the vertical when all joints are zero, rad.
+        fore: Length of the forearm, mm.
+        fore_angle: Angle of the forearm from the vertical when all joints are zero, rad.
     """
 
     chain: Chain
@@ -49,7 +50,7 @@ class ArmGeometry:
 
     @classmethod
     def of(cls, chain: Chain) -> ArmGeometry:
-        """Return the arm of a chain."""
+        """Return the geometry of a chain."""
         x, z = chain.fore[0], chain.fore[2] + chain.wrist[2]
         return cls(
             chain,
@@ -61,16 +62,16 @@ class ArmGeometry:
         )
 
     def shoulder(self, x: Array, y: Array, lefty: Mask) -> tuple[Array, Array, Array, Mask]:
-        """Turn joint 1 so that the wrist centre is in the plane of the arm.
+        """Solve joint 1 so that the wrist centre is in the plane of the arm.
 
         Args:
-            x: of the wrist centre, from the origin of joint 1.
-            y: the same.
-            lefty: which side of the frame of joint 1 it is to be on.
+            x: X of the wrist centre relative to the origin of joint 1, mm.
+            y: Y of the wrist centre relative to the origin of joint 1, mm.
+            lefty: True if the wrist centre must be on the +X side of the frame of joint 1.
 
         Returns:
-            joint 1; the distance in front of its axis; how far the point is within what is reached, mm, negative
-            where it is not; whether joint 1 is determined.
+            Joint 1, rad; the distance of the wrist centre in front of its axis, mm; the distance of the point from the
+            boundary of the reach, mm, negative if it is out of reach; False if joint 1 is undetermined.
         """
         distance = np.hypot(x, y)
         inner = (distance - self.lateral) * (distance + self.lateral)
@@ -81,15 +82,16 @@ class ArmGeometry:
         return first, forward, margin, distance >= _SHOULDER_SINGULAR
 
     def elbow(self, forward: Array, up: Array, positive: Mask) -> tuple[Array, Array, Array]:
-        """Turn joints 2 and 3 so that the wrist centre is where it has to be in the plane of the arm.
+        """Solve joints 2 and 3 for a wrist centre in the plane of the arm.
 
         Args:
-            forward: of the wrist centre, in front of the axis of joint 1.
-            up: above the origin of joint 1.
-            positive: the side to which the elbow is bent, True where joint 3 is beyond its stretched angle.
+            forward: Distance of the wrist centre in front of the axis of joint 1, mm.
+            up: Height of the wrist centre above the origin of joint 1, mm.
+            positive: Side to which the elbow bends: True if joint 3 is beyond the angle of the stretched arm.
 
         Returns:
-            joint 2; the sum of joints 2 and 3; how far the point is within what is reached, mm.
+            Joint 2, rad; the sum of joints 2 and 3, rad; the distance of the point from the boundary of the reach, mm,
+            negative if it is out of reach.
         """
         u, w = forward - self.chain.shoulder[0], up - self.chain.shoulder[2]
         distance = np.hypot(u, w)
@@ -107,11 +109,11 @@ class ArmGeometry:
 
 
 class SphericalWrist:
-    """The closed form of an arm whose joints 4, 5 and 6 cross in the wrist centre.
+    """Closed-form solution of an arm whose axes 4, 5 and 6 cross in the wrist centre.
 
     Args:
-        model: the arm.
-        chain: its frames.
+        model: The arm model.
+        chain: The frames of the arm.
     """
 
     def __init__(self, model: ArmModel, chain: Chain) -> None:
@@ -122,7 +124,7 @@ class SphericalWrist:
 
     @staticmethod
     def fits(chain: Chain) -> bool:
-        """Return whether the axes of joints 4, 5 and 6 cross in one point."""
+        """Return True if the axes of joints 4, 5 and 6 cross in one point."""
         return chain.wrist[0] == 0.0 and chain.flange[0] == 0.0 and abs(chain.flange[1]) < 1e-12
 
     def branch(self, flanges: Array, posture: int | NDArray[np.int_], near: Array) -> tuple[Array, Mask]:
@@ -130,11 +132,11 @@ class SphericalWrist:
 
         Args:
             flanges: (..., 4, 4).
-            posture: bits 0 to 2 of a figure; its shape broadcasts with that of ``flanges``.
-            near: (..., n >= 6) deg; joints 1 and 4 are taken from it where the flange leaves them free.
+            posture: Bits 0 to 2 of a figure; its shape broadcasts with that of ``flanges``.
+            near: (..., n >= 6) deg; joints 1 and 4 are taken from it if the flange does not determine them.
 
         Returns:
-            joints (..., 6), deg, J1, J4, J6 SINGLE; and whether they are reached, (...).
+            Joints (..., 6), deg, with J1, J4, J6 SINGLE; and a mask (...), False for flanges out of reach.
         """
         bits = np.asarray(posture)
         lefty, below, nonflip = (bits & LEFTY) != 0, (bits & BELOW) != 0, (bits & NONFLIP) != 0
@@ -150,27 +152,27 @@ class SphericalWrist:
         return self._degrees(first, second, both, fourth, fifth, sixth), np.minimum(beside, reached) >= 0.0
 
     def follow(self, flanges: Array, start: Array) -> tuple[Array, Mask]:
-        """Return joints along a path, each the nearest to those before; shoulder and elbow stay as they are at the start.
+        """Return joints along a path: in each row the solution nearest to the row before, with shoulder and elbow unchanged.
 
-        The wrist may pass through joint 5 = 0 where that is the shorter way; FLIP then changes. Where the flange
-        leaves joint 1 or 4 free it stays where it was.
+        The wrist may pass through joint 5 = 0 if the change is smaller; FLIP then changes. A joint 1 or 4 that the flange
+        does not determine keeps its value.
 
         Args:
             flanges: (N, 4, 4).
             start: (6,) deg, the joints before the first row.
 
         Returns:
-            joints (N, 6), deg, beyond a half turn where the path leads there; and whether they are reached, (N,).
+            Joints (N, 6), deg, beyond 180 deg if the path leads there; and a mask (N,), False for flanges out of reach.
         """
         figure = figure_of(self._chain, start.tolist())
         lefty, below = (np.asarray(figure & bit != 0) for bit in (LEFTY, BELOW))
         x, y, z = self._wrist_centre(flanges)
         first, forward, beside, determined = self._arm.shoulder(x, y, lefty)
-        first = _kept(first, determined, start[0] * RADIAN)
+        first = _hold_undetermined(first, determined, start[0] * RADIAN)
         second, both, reached = self._arm.elbow(forward, z, lefty != below)
         columns = seen_from_forearm(flanges, first, both)
         fourth, determined = _fourth(columns, np.asarray(start[4] >= 0.0))
-        fourth = _kept(fourth, determined, start[3] * RADIAN)
+        fourth = _hold_undetermined(fourth, determined, start[3] * RADIAN)
         fifth, sixth = _fifth_and_sixth(columns, fourth)
         joints = np.vstack((start, np.stack((first, second, both - second, fourth, fifth, sixth), -1) / RADIAN))
         _pass_wrist(joints)
@@ -204,7 +206,7 @@ def seen_from_forearm(flanges: Array, first: Array, both: Array) -> tuple[Array,
 
 
 def _fourth(columns: tuple[Array, Array, Array], positive: Mask) -> tuple[Array, Mask]:
-    """Return joint 4 for joint 5 positive or negative, and whether it is determined."""
+    """Return joint 4 for a positive or negative joint 5, and a mask that is False if joint 4 is undetermined."""
     x, y = columns[2][..., 0], columns[2][..., 1]
     sign = np.where(positive, 1.0, -1.0)
     return np.arctan2(sign * y, sign * x), np.hypot(x, y) >= _WRIST_SINGULAR
@@ -213,7 +215,7 @@ def _fourth(columns: tuple[Array, Array, Array], positive: Mask) -> tuple[Array,
 def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tuple[Array, Array]:
     """Return joints 5 and 6 for a given joint 4.
 
-    They take up the rounding of joint 4, which is large near joint 5 = 0, so that the flange is right all the same.
+    They compensate for the rounding error of joint 4, which is large near joint 5 = 0, so that the flange is exact.
     """
     c4, s4 = np.cos(fourth), np.sin(fourth)
     x, y, z = columns
@@ -221,14 +223,14 @@ def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tupl
     return fifth, np.arctan2(c4 * x[..., 1] - s4 * x[..., 0], c4 * y[..., 1] - s4 * y[..., 0])
 
 
-def _kept(angles: Array, determined: Mask, start: float) -> Array:
-    """Return angles (N,); one that is free is the last before it that is not, or ``start``."""
+def _hold_undetermined(angles: Array, determined: Mask, start: float) -> Array:
+    """Return angles (N,) with undetermined ones replaced by the last determined one before, or by ``start``."""
     last = np.maximum.accumulate(np.where(determined, np.arange(len(angles)), -1))
     return np.where(last >= 0, angles[last], start)
 
 
 def _pass_wrist(joints: Array) -> None:
-    """Give each row (N, 6), deg, the one of its two wrist postures that is nearer to the row before."""
+    """Change each row (N, 6), deg, to the one of its two wrist postures that is nearer to the row before."""
     step = np.diff(joints[:, 3:], axis=0)
     other = np.stack((step[:, 0] + 180.0, joints[1:, 4] + joints[:-1, 4], step[:, 2] + 180.0), -1)
     passing = _largest_turn(other) < _largest_turn(step) - _STEP_NOISE

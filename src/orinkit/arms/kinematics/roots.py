@@ -1,7 +1,7 @@
-"""All roots of many functions of one angle at once, each known by samples over its range.
+"""Finds all roots of several functions of one angle at once, starting from samples over their range.
 
-Found are: changes of sign between samples; pairs of roots between samples, where the function dips to zero and comes
-back; and those between a sample and the edge of where the function exists.
+It finds changes of sign between samples, pairs of roots between samples (the function dips to zero and comes back), and
+roots between a sample and the edge of the domain.
 """
 
 from __future__ import annotations
@@ -17,24 +17,26 @@ from orinkit.arms.kinematics.chain import Array
 
 Lines = NDArray[np.int_]
 Function = Callable[[Lines, Array], tuple[Array, Array]]
-"""Values and margins (M,) of the functions named by the first argument (M,) at the angles (M,).
+"""Returns values and margins (M,) of the functions with the indices of the first argument (M,) at the angles (M,).
 
-The margin says how far inside its domain the function is; it has no value, but NaN, where the margin is negative.
+The margin is the distance of the angle from the edge of the domain; if it is negative, the value is NaN.
 """
 
 TOUCHING: Final = 1e-11
 """A function that comes this close to zero without crossing it has a root there."""
 
-_LEVELS: Final = 2  # how often doubtful intervals are sampled closer, and how much closer
-_CLOSER: Final = 32
+_LEVELS: Final = 2  # how often doubtful intervals are sampled more finely
+_REFINEMENT: Final = 32  # factor of the finer sampling
 _FLAT: Final = 0.01  # a function that is smaller than this at both ends of an interval may have three roots in it
-_FLATTER: Final = 0.01  # this times smaller one level below
+_FLAT_FACTOR: Final = 0.01  # _FLAT is multiplied by this at each finer level
 _EDGE_SAMPLES: Final = 12
 _EDGE_MARGIN: Final = 1e-9
 _DIP_ROUNDS: Final = 42
 _ROOT_ROUNDS: Final = 60
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
-_SHALLOW: Final = 0.02  # a dip whose lowest sample is above this is followed only if a parabola says that it is deep
+_SHALLOW: Final = (
+    0.02  # a dip whose lowest sample is above this is examined only if a parabola predicts that it is deep
+)
 _EPSILON: Final = 2.0**-52
 
 
@@ -43,9 +45,9 @@ class Samples:
     """Samples of functions.
 
     Attributes:
-        lines: which function each row is of, (L,).
+        lines: Indices of the functions, one for each row, (L,).
         angles: (L, S), rising or falling along a row.
-        values: (L, S); NaN where there is none.
+        values: (L, S); NaN outside the domain.
         margins: (L, S).
     """
 
@@ -57,7 +59,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class _Brackets:
-    """Ends of intervals, (M,) each; the values at the two ends have different signs."""
+    """Ends of intervals, (M,) each, at which the values have different signs."""
 
     lines: Lines
     first: Array
@@ -65,13 +67,13 @@ class _Brackets:
 
 
 def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[Lines, Array]:
-    """Return the functions that have roots and their angles, (M,) each; a root may be there more than once.
+    """Return the roots of all functions: indices of the functions and angles, (M,) each; a root may occur more than once.
 
     Args:
-        function: the functions.
-        samples: of all functions, over their whole range. The last two of a row repeat the first two, one turn on, so
-            that nothing is missed where the range closes.
-        steepness: a margin never changes faster than this, per rad.
+        function: The functions.
+        samples: Samples of all functions over their whole range. The last two of a row repeat the first two, one turn
+            further, so that no root at the ends of the range is missed.
+        steepness: Upper bound of the rate at which a margin changes, per rad.
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         every = _resampled(function, samples, steepness)
@@ -93,9 +95,9 @@ def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[L
 
 
 def _resampled(function: Function, samples: Samples, steepness: float) -> list[Samples]:
-    """Return samples, and closer ones of intervals that may hide something.
+    """Return samples, and finer ones of intervals that may hide roots.
 
-    That is a gap in the domain, or an island of it, that no sample has hit, or three roots next to each other.
+    An interval may hide roots if it may contain a gap or an island of the domain between samples, or three roots.
     """
     levels = [samples]
     flat = _FLAT
@@ -105,12 +107,12 @@ def _resampled(function: Function, samples: Samples, steepness: float) -> list[S
         hidden = (first + last < steepness * step) & (samples.margins[:, :-1] * samples.margins[:, 1:] >= 0.0)
         doubtful = hidden | (np.abs(samples.values[:, :-1]) + np.abs(samples.values[:, 1:]) < flat)
         row, column = np.nonzero(doubtful)
-        angles = samples.angles[row, column][:, None] + step * (np.arange(-1, _CLOSER + 2) / _CLOSER)
+        angles = samples.angles[row, column][:, None] + step * (np.arange(-1, _REFINEMENT + 2) / _REFINEMENT)
         lines = samples.lines[row]
         values, margins = function(np.repeat(lines, angles.shape[1]), angles.ravel())
         samples = Samples(lines, angles, values.reshape(angles.shape), margins.reshape(angles.shape))
         levels.append(samples)
-        flat *= _FLATTER
+        flat *= _FLAT_FACTOR
         if not len(row):
             break
     return levels
@@ -124,10 +126,11 @@ def _crossings(samples: Samples) -> _Brackets:
 
 
 def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, Lines, Array]:
-    """DrainInput where the function comes near zero between samples of one sign.
+    """Search for dips: minima near zero between samples of one sign.
 
     Returns:
-        The intervals before and after the bottom of each dip that crosses zero; lines and angles of those that touch it.
+        The intervals before and after the bottom of each dip that crosses zero; indices of the functions and angles of
+        the dips that only touch zero.
     """
     sizes = np.abs(samples.values)
     before, low, after = sizes[:, :-2], sizes[:, 1:-1], sizes[:, 2:]
@@ -138,7 +141,7 @@ def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, L
     curve = ((after - low) / (x2 - x1) - slope) / (x2 - x0)
     bottom = low - (slope + curve * (x1 - x0)) ** 2 / (4.0 * curve)
     deep = (low < _SHALLOW) | (bottom < 0.5 * low)
-    row, column = np.nonzero(one_sign & (low <= before) & (low <= after) & deep)  # NaN is never lower
+    row, column = np.nonzero(one_sign & (low <= before) & (low <= after) & deep)  # comparisons with NaN are False
     lines, first, last = samples.lines[row], samples.angles[row, column], samples.angles[row, column + 2]
     sign = np.where(positive[row, column], 1.0, -1.0)
     angle, value = _lowest(lambda at: sign * function(lines, at)[0], first, last)
@@ -152,7 +155,7 @@ def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, L
 
 
 def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tuple[Array, Array]:
-    """Return where functions are lowest between two angles, and their values there, by golden section."""
+    """Return the minima of functions between two angles (angles and values), by golden-section search."""
     left, right = last - _GOLDEN * (last - first), first + _GOLDEN * (last - first)
     at_left, at_right = function(left), function(right)
     for _ in range(_DIP_ROUNDS):
@@ -168,9 +171,9 @@ def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tu
 
 
 def _edges(function: Function, every: Sequence[Samples]) -> Samples:
-    """Return samples between the last sample that has a value and the edge, the closer the nearer to the edge.
+    """Return samples between the last sample inside the domain and the edge, increasingly dense towards the edge.
 
-    A row ends with a sample farther away from the edge, so that a dip at the last one is seen.
+    A row ends with a sample farther away from the edge, so that a dip at the last one is detected.
     """
     columns = [column for samples in every for column in _over_the_edge(samples)]
     lines, sample, outside, before, value, margin = map(np.concatenate, zip(*columns, strict=True))
@@ -187,7 +190,7 @@ def _edges(function: Function, every: Sequence[Samples]) -> Samples:
 
 
 def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Array, Array, Array]]:
-    """Return, for edges to the right and to the left: lines, angles inside, outside and farther inside; value and margin there."""
+    """Yield for edges to the right and to the left: functions; angles inside, outside and farther inside, value and margin there."""
     inside = samples.margins >= _EDGE_MARGIN
     for outward, rows in ((1, inside[:, 1:-1] & ~inside[:, 2:]), (-1, inside[:, 1:-1] & ~inside[:, :-2])):
         row, column = np.nonzero(rows)
@@ -203,7 +206,7 @@ def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Arra
 
 
 def _refined(function: Callable[[Lines, Array], Array], brackets: _Brackets) -> Array:
-    """Return the root in each bracket, by Chandrupatla's method: inverse quadratic steps, halving where they do no good."""
+    """Return the root in each bracket by Chandrupatla's method: inverse quadratic interpolation, otherwise bisection."""
     a, b = brackets.first, brackets.last
     at_a, at_b = function(brackets.lines, a), function(brackets.lines, b)
     part = np.full(len(a), 0.5)
@@ -224,7 +227,7 @@ def _refined(function: Callable[[Lines, Array], Array], brackets: _Brackets) -> 
 
 
 def _quadratic(a: Array, b: Array, c: Array, at_a: Array, at_b: Array, at_c: Array) -> Array:
-    """Return which part of the way from a to b inverse interpolation goes, one half where it is not to be trusted."""
+    """Return the step of inverse quadratic interpolation as a fraction of b - a; one half if it is not reliable."""
     xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
     fits = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
     part = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)

@@ -1,9 +1,8 @@
-"""From the flange to the joints for arms without a closed form: joint 6 does not cross joints 4 and 5, as in the COBOTTA.
+"""Inverse kinematics of arms without a closed form: joint 6 does not cross joints 4 and 5, for example in the COBOTTA.
 
-For each angle of joint 6 the wrist centre is known, and the arm in closed form holds it in up to four ways. What is
-left is one condition: the axis of joint 5 must be at right angles to the forearm. Its roots over one turn of joint 6
-are all solutions. Where joints 4 and 5 do not cross either, the roots are good approximations, and Newton's method does
-the rest.
+For each angle of joint 6 the wrist centre is known, and joints 1 to 3 have up to four solutions in closed form. One
+condition remains: the axis of joint 5 must be perpendicular to the forearm. Its roots over one turn of joint 6 are all
+solutions. If joints 4 and 5 do not cross either, the roots are approximations, which are refined by damped least squares.
 """
 
 from __future__ import annotations
@@ -23,20 +22,20 @@ from orinkit.arms.kinematics.roots import Samples, all_roots
 
 _SAMPLES: Final = 96  # of one turn of joint 6
 _ROUNDS: Final = 60
-_ACCURACY: Final = 1e-10  # of Newton's method: deg, and mm for an arm of one radian's length
+_ACCURACY: Final = 1e-10  # deg; lengths are converted by the reach of the arm
 _NEWTON_ROUNDS: Final = 10
 _LARGEST_STEP: Final = 20.0  # deg, in one step of Newton's method
-_SAME: Final = 1e-6  # deg; two solutions as close as this are one
+_SAME: Final = 1e-6  # deg; closer solutions count as one
 _OFFSET_ROUNDS: Final = 8
 _POSTURES: Final = np.array(list(itertools.product((True, False), repeat=2)))  # lefty, bent to the positive side
 
 
 class Search:
-    """All solutions of an arm, by search.
+    """Numeric inverse kinematics of an arm; finds all solutions.
 
     Args:
-        model: the arm.
-        chain: its frames.
+        model: The arm model.
+        chain: The frames of the arm.
     """
 
     def __init__(self, model: ArmModel, chain: Chain) -> None:
@@ -44,23 +43,23 @@ class Search:
         self._arm = ArmGeometry.of(chain)
         self._centres = turn_centres(model)
         self._base = np.array(chain.base)
-        self._scale = 1.0 / (RADIAN * chain.reach)  # a mm at the flange, as deg of the arm
+        self._scale = 1.0 / (RADIAN * chain.reach)  # converts mm at the flange to deg
 
     def solutions(self, flanges: Array) -> tuple[Array, NDArray[np.int_]]:
-        """Return every way to hold each flange.
+        """Return all solutions for each flange.
 
         Args:
             flanges: (N, 4, 4).
 
         Returns:
-            joints (M, 6), deg, J1, J4, J6 SINGLE, in no order; and for each the row of its flange, (M,).
+            Joints (M, 6), deg, with J1, J4, J6 SINGLE, in no particular order; and the rows of their flanges, (M,).
         """
         rows, postures, angles = self._roots(flanges)
-        wanted = flanges[rows]
-        joints = self._complete(wanted, _POSTURES[postures], angles)
+        goal = flanges[rows]
+        joints = self._complete(goal, _POSTURES[postures], angles)
         if self._chain.wrist[0]:
-            joints, _ = self.refine(wanted, joints)
-        good = _size(self.error(joints, wanted)) < 10.0 * _ACCURACY
+            joints, _ = self.refine(goal, joints)
+        good = _norm(self.error(joints, goal)) < 10.0 * _ACCURACY
         joints, rows = around(joints[good], self._centres), rows[good]
         return _distinct(joints, rows)
 
@@ -72,18 +71,18 @@ class Search:
             seeds: (N, 6) deg.
 
         Returns:
-            joints (N, 6), deg; and for each row whether it holds its flange.
+            Joints (N, 6), deg; and a mask (N,), True for rows that hold their flange.
         """
         joints = seeds.copy()
         errors = self.error(joints, flanges)
-        sizes, damping = _size(errors), np.full(len(joints), 1e-3)
+        sizes, damping = _norm(errors), np.full(len(joints), 1e-3)
         for _ in range(_ROUNDS):
             rows = np.flatnonzero(sizes > _ACCURACY)
             if not len(rows):
                 break
             tried = joints[rows] + self._step(joints[rows], errors[rows], damping[rows])
             new = self.error(tried, flanges[rows])
-            new_sizes = _size(new)
+            new_sizes = _norm(new)
             better = new_sizes < sizes[rows]
             damping[rows] = np.where(better, damping[rows] * 0.01, damping[rows] * 10.0).clip(1e-12, 1e8)
             chosen = rows[better]
@@ -91,32 +90,32 @@ class Search:
         return joints, sizes <= 10.0 * _ACCURACY
 
     def newton(self, flange: Array, seed: Array) -> Array | None:
-        """Return the joints (6,), deg, next to a seed that is close to them; None where that leads nowhere."""
+        """Return the joints (6,), deg, found by Newton's method from a seed; ``None`` if it does not converge."""
         joints = seed.copy()
-        wanted = flange.tolist()
+        goal = flange.tolist()
         size = math.inf
         for _ in range(_NEWTON_ROUNDS):
-            error = _small_error(self._chain.forward(joints).tolist(), wanted, self._scale)
+            error = _small_error(self._chain.forward(joints).tolist(), goal, self._scale)
             before, size = size, max(map(abs, error))
             if size <= _ACCURACY:
                 return joints
-            if not size < before:  # NaN is not either
+            if not size < before:  # also True for NaN
                 return None
-            step = _solved(self._scaled_jacobian(joints), np.array(error))
-            if step is None or not np.abs(step).max() <= _LARGEST_STEP:  # or NaN
+            step = _solve(self._scaled_jacobian(joints), np.array(error))
+            if step is None or not np.abs(step).max() <= _LARGEST_STEP:  # also True for NaN
                 return None
             joints += step
         return None
 
     def follow(self, flanges: Array, start: Array) -> tuple[Array, Mask]:
-        """Return joints along a path, each the nearest to those before.
+        """Return joints along a path: in each row the solution nearest to the row before.
 
         Args:
             flanges: (N, 4, 4).
             start: (6,) deg, the joints before the first row.
 
         Returns:
-            joints (N, 6), deg; and whether they are reached, (N,). After a row that is not, none is tried.
+            Joints (N, 6), deg; and a mask (N,), False from the first row that is out of reach.
         """
         joints = np.full((len(flanges), ARM_AXES), np.nan)
         reached = np.zeros(len(flanges), dtype=np.bool_)
@@ -132,7 +131,7 @@ class Search:
         return joints, reached
 
     def nearest(self, flange: Array, near: Array) -> Array | None:
-        """Return the solution (6,), deg, that is nearest to other joints, beyond a half turn if they are; or None."""
+        """Return the solution (6,), deg, nearest to ``near``, which may be beyond 180 deg; ``None`` if there is none."""
         found, _ = self.solutions(flange[None])
         if not len(found):
             return None
@@ -141,13 +140,13 @@ class Search:
         return nearest
 
     def error(self, joints: Array, flanges: Array) -> Array:
-        """Return how far joints are from holding flanges: (..., 6), turned and moved, all in deg."""
+        """Return the deviation of joints from flanges, (..., 6): translation and rotation, all in deg."""
         held = self._chain.forward(joints)
         turn = flanges[..., :3, :3] @ np.swapaxes(held[..., :3, :3], -1, -2)
         error = np.empty((*turn.shape[:-2], 6))
         error[..., :3] = (flanges[..., :3, 3] - held[..., :3, 3]) * self._scale
         sine: Array = 0.5 * (turn[..., (2, 0, 1), (1, 2, 0)] - turn[..., (1, 2, 0), (2, 0, 1)])
-        size = _size(sine)
+        size = _norm(sine)
         angle = np.arctan2(size, 0.5 * (np.trace(turn, axis1=-2, axis2=-1) - 1.0))
         error[..., 3:] = sine * np.where(size > 0.0, angle / np.where(size > 0.0, size, 1.0), 1.0)[..., None] / RADIAN
         return error
@@ -167,13 +166,13 @@ class Search:
 
     # ---------------------------------------------------------------- one condition over joint 6
 
-    def _hold(self, flanges: Array, postures: Mask, angles: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return joint 1, joint 2, the sum of 2 and 3, the condition, and the margin of the reach.
+    def _arm_for(self, flanges: Array, postures: Mask, angles: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return joint 1, joint 2, the sum of 2 and 3 (rad), the condition, and the margin of the reach.
 
         Args:
             flanges: (..., 4, 4).
-            postures: (..., 2).
-            angles: (...) rad.
+            postures: (..., 2): lefty, elbow bent to the positive side.
+            angles: (...) joint 6, rad.
         """
         c, s = np.cos(angles), np.sin(angles)
         x6, y6, z6 = self._chain.flange
@@ -184,7 +183,7 @@ class Search:
         held = self._reach(centre, postures)
         for _ in range(_OFFSET_ROUNDS if self._chain.wrist[0] else 0):
             across = np.cross(axis, _forearm(held[0], held[2]))
-            length = np.maximum(_size(across), 1e-3)[..., None]
+            length = np.maximum(_norm(across), 1e-3)[..., None]
             held = self._reach(centre - self._chain.wrist[0] * across / length, postures)
         first, second, both, margin = held
         return first, second, both, (axis * _forearm(first, both)).sum(axis=-1), margin
@@ -196,8 +195,8 @@ class Search:
         return first, second, both, np.minimum(beside, margin)
 
     def _complete(self, flanges: Array, postures: Mask, angles: Array) -> Array:
-        """Return all joints (M, 6), deg, from joint 6 at its roots."""
-        first, second, both, _, _ = self._hold(flanges, postures, angles)
+        """Return all joints (M, 6), deg, for the roots of joint 6."""
+        first, second, both, _, _ = self._arm_for(flanges, postures, angles)
         x, y, z = seen_from_forearm(flanges, first, both)
         c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
         ahead, axis = c * x - s * y, s * x + c * y
@@ -206,16 +205,16 @@ class Search:
         return np.stack((first, second, both - second, fourth, fifth, angles), axis=-1) / RADIAN
 
     def _roots(self, flanges: Array) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
-        """Return flange, posture and angle of joint 6 for all roots."""
+        """Return the indices of flange and posture and the angle of joint 6, rad, for all roots."""
         count = len(flanges) * len(_POSTURES)
 
         def condition(lines: NDArray[np.int_], at: Array) -> tuple[Array, Array]:
             flange, posture = np.divmod(lines, len(_POSTURES))
-            return _where_reached(*self._hold(flanges[flange], _POSTURES[posture], at)[3:])
+            return _masked(*self._arm_for(flanges[flange], _POSTURES[posture], at)[3:])
 
         turn: Array = (np.arange(_SAMPLES + 2, dtype=np.float64) * (2.0 / _SAMPLES) - 1.0) * math.pi
-        held = self._hold(flanges[:, None, None], _POSTURES[None, :, None], turn[:-2])
-        values, margins = (_closed(entry.reshape(count, _SAMPLES)) for entry in _where_reached(*held[3:]))
+        held = self._arm_for(flanges[:, None, None], _POSTURES[None, :, None], turn[:-2])
+        values, margins = (_closed(entry.reshape(count, _SAMPLES)) for entry in _masked(*held[3:]))
         samples = Samples(np.arange(count), np.broadcast_to(turn, values.shape), values, margins)
         x6, y6, _ = self._chain.flange
         lines, found = all_roots(condition, samples, abs(x6) + abs(y6))
@@ -223,19 +222,19 @@ class Search:
         return flange, posture, found
 
 
-def _where_reached(values: Array, margins: Array) -> tuple[Array, Array]:
+def _masked(values: Array, margins: Array) -> tuple[Array, Array]:
     return np.where(margins >= 0.0, values, np.nan), margins
 
 
 def _closed(entries: Array) -> Array:
-    """Return samples of one turn (L, S) with the first two once more at the end."""
+    """Return samples of one turn (L, S) with the first two repeated at the end."""
     return np.concatenate((entries, entries[:, :2]), axis=1)
 
 
-def _small_error(held: list[list[float]], wanted: list[list[float]], scale: float) -> list[float]:
-    """Return how far one frame is from another, moved and turned, in deg; infinite where it is turned a right angle."""
+def _small_error(held: list[list[float]], goal: list[list[float]], scale: float) -> list[float]:
+    """Return the deviation of a frame from another: translation and rotation, in deg; infinite for a large rotation."""
     (ax, bx, cx, px), (ay, by, cy, py), (az, bz, cz, pz), _ = held
-    (dx, ex, fx, qx), (dy, ey, fy, qy), (dz, ez, fz, qz), _ = wanted
+    (dx, ex, fx, qx), (dy, ey, fy, qy), (dz, ez, fz, qz), _ = goal
     if ax * dx + ay * dy + az * dz + bx * ex + by * ey + bz * ez + cx * fx + cy * fy + cz * fz < 1.0:
         return [math.inf]
     half = 0.5 / RADIAN
@@ -255,12 +254,12 @@ def _forearm(first: Array, both: Array) -> Array:
     return np.stack((np.cos(first) * s, np.sin(first) * s, np.cos(both)), axis=-1)
 
 
-def _size(vectors: Array) -> Array:
+def _norm(vectors: Array) -> Array:
     size: Array = np.sqrt((vectors * vectors).sum(axis=-1))
     return size
 
 
-def _solved(matrix: Array, right: Array) -> Array | None:
+def _solve(matrix: Array, right: Array) -> Array | None:
     try:
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
     except np.linalg.LinAlgError:
@@ -272,6 +271,6 @@ def _distinct(joints: Array, rows: NDArray[np.int_]) -> tuple[Array, NDArray[np.
     key = np.column_stack((rows, np.round(joints[:, ::-1] / (10.0 * _SAME))))
     order = np.lexsort(key.T[::-1])
     joints, rows = joints[order], rows[order]
-    again = (np.diff(rows) == 0) & (np.abs(np.diff(joints, axis=0)).max(axis=1, initial=0.0) < _SAME)
-    first = np.append(True, ~again)[: len(rows)]
+    repeated = (np.diff(rows) == 0) & (np.abs(np.diff(joints, axis=0)).max(axis=1, initial=0.0) < _SAME)
+    first = np.append(True, ~repeated)[: len(rows)]
     return joints[first], rows[first]

@@ -1,7 +1,6 @@
-"""Kinematics of one arm: the flange of joints, the joints of a flange, and which of several.
+"""Kinematics of one arm: forward, inverse, and the choice between several solutions.
 
-Frames are 4x4 matrices in the base frame of the arm, mm. Joints are degrees; of a row of seven or eight the extra axes
-have no influence.
+Frames are 4x4 matrices in the base frame of the arm, mm. Joints are in degrees; the seventh and eighth have no influence.
 """
 
 from __future__ import annotations
@@ -25,29 +24,30 @@ from orinkit.core.i18n import tr
 AUTOMATIC: Final = -1
 """Rule of :meth:`Kinematics.choose`: keep the figure."""
 LEAST_CHANGE: Final = -2
-"""Rule: the least change."""
+"""Rule of :meth:`Kinematics.choose`: the solution with the least change."""
 WITHIN_LIMITS: Final = -3
-"""Rule: the least change of those within the soft limits."""
+"""Rule of :meth:`Kinematics.choose`: the solution with the least change within the soft limits."""
 
 WRIST_SINGULAR: Final = 0.01
-"""Joint 5, deg, or the bend of the elbow, deg, below which an arm is at a singular point."""
+"""Absolute value of joint 5 or of the bend of the elbow, deg, below which an arm is at a singular point."""
 SHOULDER_SINGULAR: Final = 0.1
-"""Distance of the wrist centre from above or below joint 1, mm, below which an arm is at a singular point."""
+"""Horizontal distance of the wrist centre from joint 1, mm, below which an arm is at a singular point."""
 CONDITION_SINGULAR: Final = 1e-4
-"""Smallest by largest singular value of the Jacobian, lengths by the arm's reach, of an arm without wrist centre."""
+"""Ratio of the smallest to the largest singular value of the Jacobian, with lengths divided by the arm's reach, below which
+an arm without a wrist centre is at a singular point."""
 
-_SAME: Final = 1e-6  # deg; solutions as close as this are one
-_CLOSE: Final = 30.0  # deg; Newton's method is trusted to have found the nearest solution within this
+_SAME: Final = 1e-6  # deg; closer solutions count as one
+_CLOSE: Final = 30.0  # deg; a solution of Newton's method within this is accepted as the nearest one
 _ROTATION_NOISE: Final = 1e-6
 
 
 class Kinematics:
     """Forward and inverse kinematics of an arm.
 
-    An arm whose last three axes cross in one point is solved in closed form, others by search; both give the same.
+    An arm whose last three axes cross in one point is solved in closed form, others by search; the results are the same.
 
     Args:
-        model: the arm.
+        model: The arm model.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -66,27 +66,27 @@ class Kinematics:
             joints: (..., n >= 6) deg.
 
         Returns:
-            (..., 4, 4), mm.
+            The frames, (..., 4, 4), mm.
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         return self._chain.forward(joints)
 
     def jacobian(self, joints: ArrayLike) -> Array:
-        """Return how the flange moves with each joint, in the base frame.
+        """Return the Jacobian of the flange in the base frame.
 
         Args:
             joints: (..., n >= 6) deg.
 
         Returns:
-            (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg per deg;
-            columns are the joints.
+            The Jacobian, (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg per
+            deg; columns are the joints.
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         return self._chain.jacobian(joints)
 
@@ -94,31 +94,32 @@ class Kinematics:
         """Return the figure, 0 to 63 (:mod:`orinkit.arms.kinematics.figures`), of joints (n >= 6,) deg.
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         return figures.figure_of(self._chain, joints_of(joints).tolist())
 
     def inverse(self, flange: ArrayLike, figure: int, near: ArrayLike | None = None) -> Array:
         """Return the joints that hold the flange with exactly this figure.
 
-        A solution is given whether or not it is within the soft limits; a joint that is DOUBLE must be.
+        The solution may be outside the soft limits, except for joints that are DOUBLE.
 
         Args:
             flange: (4, 4).
             figure: 0 to 63.
-            near: (n >= 6,) deg. Decides where the flange leaves joint 1 or 4 free (joint 4 is 0 without it), which of
-                two turns a DOUBLE joint takes, and between solutions of one figure.
+            near: (n >= 6,) deg. It determines joint 1 or 4 if the flange does not (without it joint 4 is 0), which of two
+                turns a DOUBLE joint takes, and which of several solutions with the same figure is returned.
 
         Returns:
-            (6,) deg.
+            The joints, (6,) deg.
 
         Raises:
-            CallError: OUT_OF_WORKING_RANGE, the flange cannot be held; FIGURE_INVALID, not with this figure;
-                FIGURE_OUT_OF_RANGE, there is no such figure; E_INVALIDARG, a number is not finite or no frame.
+            CallError: OUT_OF_WORKING_RANGE if the flange is out of reach; FIGURE_INVALID if it cannot be reached with this
+                figure; FIGURE_OUT_OF_RANGE if there is no such figure; E_INVALIDARG if a number is not finite or the
+                matrix is not a frame.
         """
         figure = self._checked_figure(figure)
-        frame = self._checked(flange)
+        frame = self._checked_frame(flange)
         close = None if near is None else joints_of(near)[:ARM_AXES]
         goal = None if close is None else close.tolist()
         found = [
@@ -127,60 +128,61 @@ class Kinematics:
             if (turned := figures.with_turns(base, figure, self.model.axes, goal)) is not None
         ]
         if not found:
-            raise self._without(frame, figure)
+            raise self._figure_error(frame, figure)
         if len(found) == 1:
             return np.array(found[0])
         pull = self._home if close is None else close
         return np.array(min(found, key=lambda joints: (self.limits_exceeded(joints) != 0, self._change(joints, pull))))
 
     def solutions(self, flange: ArrayLike, near: ArrayLike | None = None) -> list[tuple[int, Array]]:
-        """Return every way to hold the flange.
+        """Return all solutions for the flange.
 
-        Joints 1, 4 and 6 are SINGLE, and DOUBLE in addition where that is within the soft limits; nothing else looks
-        at the limits.
+        Joints 1, 4 and 6 are SINGLE; solutions with DOUBLE joints are added if those are within the soft limits. Limits
+        are not checked otherwise.
 
         Args:
             flange: (4, 4).
-            near: (n >= 6,) deg; where the flange leaves joint 1 or 4 free they are as in it, else 0.
+            near: (n >= 6,) deg; joints 1 and 4 are taken from it if the flange does not determine them; 0 without it.
 
         Returns:
-            (figure, joints (6,) deg), ordered by figure; empty where the flange cannot be held.
+            Pairs (figure, joints (6,) deg), ordered by figure; empty if the flange is out of reach.
 
         Raises:
-            CallError: E_INVALIDARG, a number is not finite or no frame.
+            CallError: E_INVALIDARG if a number is not finite or the matrix is not a frame.
         """
         close = np.zeros(ARM_AXES) if near is None else joints_of(near)[:ARM_AXES]
         found = [
             (figures.figure_of(self._chain, joints), np.array(joints))
-            for base in self._bases(self._checked(flange), close)
+            for base in self._bases(self._checked_frame(flange), close)
             for joints in figures.all_turns(base, self.model.axes)
         ]
         return sorted(found, key=lambda entry: entry[0])
 
     def choose(self, flange: ArrayLike, rule: int, near: ArrayLike) -> Array:
-        """Return the joints that hold the flange by one of the rules for a pose without figure.
+        """Return the joints that hold the flange, chosen by one of the rules for a pose without a figure.
 
-        Change is the largest of the joints' changes, each by its velocity.
+        The change of a solution is the largest change of a joint, divided by its velocity.
 
         Args:
             flange: (4, 4).
-            rule: :data:`AUTOMATIC` keeps the figure of ``near`` where it exists within the soft limits, and else is as
-                -3; where joint 5 is 0 in ``near``, FLIP and NONFLIP are both its figure. :data:`LEAST_CHANGE` is the solution with the least change from ``near``. :data:`WITHIN_LIMITS` is
-                that with the least change of those within the soft limits; if none is, of all. 0 to 63 is a figure,
-                as for :meth:`inverse`.
+            rule: :data:`AUTOMATIC` keeps the figure of ``near`` if it exists within the soft limits, otherwise it is the
+                same as :data:`WITHIN_LIMITS`; if joint 5 is 0 in ``near``, FLIP and NONFLIP both count as its figure.
+                :data:`LEAST_CHANGE` is the solution with the least change from ``near``. :data:`WITHIN_LIMITS` is the
+                solution with the least change among those within the soft limits, or among all if none is. 0 to 63 is a
+                figure, as for :meth:`inverse`.
             near: (n >= 6,) deg.
 
         Returns:
-            (6,) deg.
+            The joints, (6,) deg.
 
         Raises:
-            CallError: as :meth:`inverse`.
+            CallError: As for :meth:`inverse`.
         """
         close = joints_of(near)[:ARM_AXES]
         if not WITHIN_LIMITS <= rule < 0:
             return self.inverse(flange, rule, close)
         if rule == AUTOMATIC:
-            kept = self._kept(flange, close)
+            kept = self._with_same_figure(flange, close)
             if kept is not None:
                 return kept
         found = [joints for _, joints in self.solutions(flange, close)]
@@ -191,26 +193,26 @@ class Kinematics:
         return min(found, key=lambda joints: self._change(joints, close))
 
     def follow(self, flanges: ArrayLike, start: ArrayLike) -> Array:
-        """Return joints along a continuous path, each row the solution nearest to the row before.
+        """Return joints along a continuous path: in each row the solution nearest to the row before.
 
-        Shoulder and elbow stay as they are at the start. The wrist may pass through joint 5 = 0, so that FLIP changes,
-        where the other way would be a half turn of joint 4. Joints may go beyond a half turn. Near a singular point
-        rows may be far apart although the flanges are not; soft limits are not looked at. Both are for the caller.
+        Shoulder and elbow stay as at the start. The wrist may pass through joint 5 = 0, so that FLIP changes, if joint 4
+        would otherwise turn by 180 deg. Joints may be beyond 180 deg. Near a singular point successive rows may be far
+        apart although the flanges are not, and soft limits are not checked; the caller must check both.
 
         Args:
             flanges: (N, 4, 4).
             start: (n >= 6,) deg, the joints before the first row; they are the first row if they hold its flange.
 
         Returns:
-            (N, 6) deg.
+            The joints, (N, 6) deg.
 
         Raises:
-            CallError: OUT_OF_WORKING_RANGE, a flange cannot be held, the detail says which row, counted from 0;
-                E_INVALIDARG, a number is not finite or no frame.
+            CallError: OUT_OF_WORKING_RANGE if a flange is out of reach (the detail contains its row, counted from 0);
+                E_INVALIDARG if a number is not finite or a matrix is not a frame.
         """
         frames = _finite_frames(flanges)
         if frames.ndim != 3:
-            raise ValueError(tr("a path is (N, 4, 4), not {shape}", shape=frames.shape))
+            raise ValueError(tr("a path must have the shape (N, 4, 4), not {shape}", shape=frames.shape))
         first = joints_of(start)[:ARM_AXES]
         if not len(frames):
             return np.empty((0, ARM_AXES))
@@ -224,13 +226,13 @@ class Kinematics:
         return joints
 
     def limits_exceeded(self, joints: ArrayLike) -> int:
-        """Return the axes outside their soft limits as bits, J1 is bit 0; extra axes count where ``joints`` has them.
+        """Return the axes outside their soft limits as bits; J1 is bit 0. Extra axes are included if ``joints`` has them.
 
-        Up to :data:`orinkit.arms.kinematics.figures.LIMIT_TOLERANCE` beyond a limit is within it.
+        The tolerance is :data:`orinkit.arms.kinematics.figures.LIMIT_TOLERANCE`.
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         exceeded = 0
         for index, (value, axis) in enumerate(zip(joints_of(joints).tolist(), self.model.axes, strict=False)):
@@ -239,15 +241,15 @@ class Kinematics:
         return exceeded
 
     def is_singular(self, joints: ArrayLike) -> bool:
-        """Return whether the arm is at a singular point, or so close that a path through it would be a jump.
+        """Return True if the arm is at a singular point, or so close that the joints of a path through it would jump.
 
-        With a wrist centre: joint 5 or the bend of the elbow within :data:`WRIST_SINGULAR` of 0 or 180 deg, or the
-        wrist centre within :data:`SHOULDER_SINGULAR` above or below joint 1. Without: the Jacobian is near singular
-        (:data:`CONDITION_SINGULAR`).
+        An arm with a wrist centre is singular if joint 5 or the bend of the elbow is within :data:`WRIST_SINGULAR` of 0 or
+        180 deg, or the wrist centre is within :data:`SHOULDER_SINGULAR` above or below joint 1. Another arm is singular if
+        its Jacobian nearly is (:data:`CONDITION_SINGULAR`).
 
         Raises:
-            CallError: E_INVALIDARG, a joint is not finite.
-            ValueError: there are fewer than six.
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer than six joints.
         """
         values = joints_of(joints)
         if self._wrist is None:
@@ -273,10 +275,10 @@ class Kinematics:
             )
         return bits
 
-    def _checked(self, flange: ArrayLike) -> Array:
+    def _checked_frame(self, flange: ArrayLike) -> Array:
         frame = _finite_frames(flange)
         if frame.ndim != 2:
-            raise ValueError(tr("a flange is (4, 4), not {shape}", shape=frame.shape))
+            raise ValueError(tr("a flange must have the shape (4, 4), not {shape}", shape=frame.shape))
         return frame
 
     def _in_reach(self, frames: Array) -> Mask:
@@ -284,7 +286,7 @@ class Kinematics:
         return near
 
     def _of_posture(self, frame: Array, posture: int, near: Array | None) -> Iterator[list[float]]:
-        """Return the solutions of one posture, J1, J4, J6 SINGLE."""
+        """Yield the solutions of one posture, with J1, J4, J6 SINGLE."""
         if not self._in_reach(frame):
             return
         if self._wrist is not None:
@@ -293,7 +295,7 @@ class Kinematics:
                 yield joints.tolist()
             return
         if near is not None:
-            found = self._close_by(frame, near)
+            found = self._newton_near(frame, near)
             if found is not None and figures.figure_of(self._chain, found) & figures.POSTURE == posture:
                 yield found
                 return
@@ -301,7 +303,7 @@ class Kinematics:
             if figures.figure_of(self._chain, base) & figures.POSTURE == posture:
                 yield base
 
-    def _close_by(self, frame: Array, near: Array) -> list[float] | None:
+    def _newton_near(self, frame: Array, near: Array) -> list[float] | None:
         found = self._search.newton(frame, near)
         if found is None or np.abs(found - near).max() > _CLOSE:
             return None
@@ -311,11 +313,11 @@ class Kinematics:
         return joints
 
     def _bases(self, frame: Array, near: Array) -> list[list[float]]:
-        """Return all distinct solutions, J1, J4, J6 SINGLE."""
+        """Return all distinct solutions, with J1, J4, J6 SINGLE."""
         if not self._in_reach(frame):
             return []
         if self._wrist is None:
-            close = self._close_by(frame, near)
+            close = self._newton_near(frame, near)
             found = self._search.solutions(frame[None])[0].tolist() + ([close] if close else [])
         else:
             joints, reached = self._wrist.branch(frame, np.arange(figures.POSTURE + 1), near)
@@ -326,8 +328,8 @@ class Kinematics:
                 distinct.append(one)
         return distinct
 
-    def _kept(self, flange: ArrayLike, near: Array) -> Array | None:
-        """Return the solution with the figure of ``near``, None where there is none within the limits."""
+    def _with_same_figure(self, flange: ArrayLike, near: Array) -> Array | None:
+        """Return the solution with the figure of ``near``; ``None`` if there is none within the limits."""
         figure = self.figure(near)
         same = [figure, figure ^ figures.NONFLIP] if figures.is_straight(near.tolist()) else [figure]
         kept = []
@@ -343,26 +345,26 @@ class Kinematics:
     def _change(self, joints: ArrayLike, near: Array) -> float:
         return float(np.max(np.abs(np.asarray(joints, dtype=np.float64) - near) / self._velocities))
 
-    def _without(self, frame: Array, figure: int) -> CallError:
+    def _figure_error(self, frame: Array, figure: int) -> CallError:
         existing = sorted({found for found, _ in self.solutions(frame)})
         if not existing:
             return _unreachable()
         names = ", ".join(map(str, existing))
         return error_for(
             hresult.FIGURE_INVALID,
-            tr("figure {figure} does not exist at this pose; those that do: {names}", figure=figure, names=names),
+            tr("figure {figure} does not exist at this pose; possible figures: {names}", figure=figure, names=names),
         )
 
 
 def _finite_frames(flanges: ArrayLike) -> Array:
     frames = np.asarray(flanges, dtype=np.float64)
     if frames.ndim < 2 or frames.shape[-2:] != (4, 4):
-        raise ValueError(tr("a frame is (4, 4), not {shape}", shape=frames.shape))
+        raise ValueError(tr("a frame must have the shape (4, 4), not {shape}", shape=frames.shape))
     rotations = frames[..., :3, :3]
     if not np.isfinite(frames).all() or (rotations.size and np.abs(rotations).max() > 1.0 + _ROTATION_NOISE):
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("a flange is not a frame of finite numbers"),
+            tr("a flange is not a valid frame of finite numbers"),
         )
     return frames
 
