@@ -1,6 +1,6 @@
-"""The bits of all flag words of an ABH3, as data: name, text, and how input and terminal make the control flag.
+"""The bits of all flag words of an ABH3, as data: name, text, and how input and terminal are combined.
 
-A name with ``ay_`` and ``bx_`` (``a_`` and ``b_``) in front is of one axis; without them it means both.
+A name that begins with ``ay_`` or ``bx_`` (``a_`` or ``b_``) belongs to one axis; without the prefix it means both axes.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Final, TypeAlias
 from orinkit.core.i18n import N_, tr, translate
 
 Values: TypeAlias = tuple[tuple[str, object], ...]
-"""The values of the placeholders in a title, by their names."""
+"""Names and values of the placeholders in a title."""
 
 
 class Logic(Enum):
-    """How a terminal of the driver and a bit from CAN together make the bit of the control flag."""
+    """The logic that combines a terminal of the driver and a bit from CAN into a bit of the control flags."""
 
     AND = "and"
     OR = "or"
@@ -30,10 +30,10 @@ class Bit:
 
     Attributes:
         number: 0 to 31.
-        name: for programs.
-        title: what it says when it is 1, in English, with placeholders.
-        logic: how it is combined with a terminal; ``None`` where it is not.
-        values: those of the placeholders.
+        name: Name for programs.
+        title: Meaning of the value 1, in English, with placeholders.
+        logic: How the bit is combined with a terminal; ``None`` if it is not.
+        values: Values of the placeholders.
     """
 
     number: int
@@ -44,12 +44,12 @@ class Bit:
 
     @property
     def text(self) -> str:
-        """What it says when it is 1, in the language in force."""
+        """The meaning of the value 1, in the current language."""
         return tr(self.title, **dict(self.values))
 
     @property
     def english(self) -> str:
-        """What it says when it is 1, in English."""
+        """The meaning of the value 1, in English."""
         return translate("en", self.title, **dict(self.values))
 
 
@@ -70,12 +70,12 @@ def _pair(first: int, name: str, title: str) -> tuple[Bit, ...]:
 
 def _numbered(first: int, numbers: Iterable[int], name: str, title: str) -> tuple[Bit, ...]:
     return tuple(
-        Bit(first + place, f"{name}_{number}", title, values=(("number", number),))
-        for place, number in enumerate(numbers)
+        Bit(first + offset, f"{name}_{number}", title, values=(("number", number),))
+        for offset, number in enumerate(numbers)
     )
 
 
-# --- what a host asks for, and what the driver makes of it ------------------------------------------------------------
+# --- inputs and control flags -----------------------------------------------------------------------------------------
 
 
 def _of_an_axis(select: Logic) -> tuple[tuple[int, str, str, Logic], ...]:
@@ -131,7 +131,7 @@ CONTROL_V2: Final = (
     Bit(31, "error", N_("an error is present")),
 )
 
-# --- what is wrong ----------------------------------------------------------------------------------------------------
+# --- errors and warnings ----------------------------------------------------------------------------------------------
 
 FAULTS_V1: Final = (
     *_pair(0, "mechanical_lock", N_("{axis} axis mechanical lock")),

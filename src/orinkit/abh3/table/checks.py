@@ -1,4 +1,4 @@
-"""Numbers that programs give: whatever kind they are of, and whether they can be used."""
+"""Checks of numbers passed by programs: accepted types and ranges."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _LONGEST: Final = 3600.0
 
 
 def real(value: object) -> float | None:
-    """Return a finite number of whatever kind as a float; ``None`` of anything else."""
-    if type(value) is float:  # to ask whether it is any other kind takes longer than all the rest of a command
+    """Return a finite number of any numeric type as a ``float``, ``None`` for anything else."""
+    if type(value) is float:  # fast path: the checks below take longer than the rest of a command
         return value if math.isfinite(value) else None
     if isinstance(value, bool | str | bytes) or not isinstance(value, SupportsFloat):
         return None
@@ -27,14 +27,14 @@ def real(value: object) -> float | None:
 
 
 def whole(value: object) -> int | None:
-    """Return a whole number of whatever kind as an ``int``; ``None`` of anything else, of bool too."""
-    if type(value) is int:  # nearly always; the next question takes long
+    """Return a whole number of any integer type as an ``int``, ``None`` for anything else, including bool."""
+    if type(value) is int:  # fast path: the checks below are slow
         return value
     if isinstance(value, bool) or not isinstance(value, SupportsIndex):
         return None
     try:
         return index(value)
-    except TypeError:  # a bool of numpy
+    except TypeError:  # numpy.bool
         return None
 
 
@@ -42,7 +42,7 @@ def checked(name: str, number: object, highest: int) -> int:
     """Return a whole number of 0 to ``highest``.
 
     Raises:
-        InvalidValue: it is none.
+        InvalidValue: If it is not a whole number in this range.
     """
     found = whole(number)
     if found is not None and 0 <= found <= highest:
@@ -56,13 +56,13 @@ def check_seconds(name: str, seconds: float) -> float:
     """Return a number of seconds.
 
     Raises:
-        InvalidValue: it is none above 0, or more than an hour.
+        InvalidValue: If it is not a number above 0, or exceeds an hour.
     """
     number = real(seconds)
     if number is None or not 0 < number <= _LONGEST:
         raise InvalidValue(
             tr(
-                "{name} is a number of seconds above 0 and up to {longest:g}, not {seconds}",
+                "{name} must be a number of seconds above 0 and up to {longest:g}, not {seconds}",
                 name=name,
                 longest=_LONGEST,
                 seconds=brief(seconds),

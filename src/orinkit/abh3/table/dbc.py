@@ -1,4 +1,4 @@
-"""The frames of ABH3 drivers as a DBC file, for the tools that read such files: made from THE TABLE."""
+"""Export of the frames of ABH3 drivers as a DBC file, generated from the table in :mod:`orinkit.abh3.table.signals`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _REQUEST: Final = 3
 _FLOAT: Final = "f"
 _SIGNED: Final = "hi"
 _OFF_ON: Final = {0: "off", 1: "on"}
-_PRIORITY: Final = "Identifiers have priority 0; receivers pay no attention to it (mask 0x03FFFFFF)."
+_PRIORITY: Final = "Identifiers have priority 0; receivers ignore the priority (mask 0x03FFFFFF)."
 
 
 def dbc(
@@ -37,40 +37,42 @@ def dbc(
     group: int = 5,
     load_unit: float = 1.0,
 ) -> str:
-    """Return a DBC file with every frame of a bus: commands, feedbacks, broadcasts, requests, multi-packet frames.
+    """Return a DBC file with every frame of a bus: commands, feedback, broadcasts, requests, multi-packet frames.
 
-    Signals are called as the fields of the records; a flag is a signal of one bit, its word's name before its own:
-    ``inputs_ay_servo_on``. A command is ``ay_command`` in min^-1, or ``ay_command_torque`` in % where the input
-    ``ay_torque`` is on. With several drivers, their addresses are behind the names of their messages: ``DP0R_3``.
+    Signals have the names of the fields of the records. A flag is a signal of one bit; its name begins with that of its word:
+    ``inputs_ay_servo_on``. A command is ``ay_command`` in min^-1, or ``ay_command_torque`` in % if the input ``ay_torque`` is
+    on. With several drivers, the names of their messages end with their addresses: ``DP0R_3``.
 
     Args:
-        dialect: of the drivers, ``"v1"`` or ``"v2"``.
-        addresses: of the drivers.
-        host: address of the host.
-        group: of the drivers' broadcasts.
-        load_unit: 1 or 0.1 %.
+        dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
+        addresses: Addresses of the drivers.
+        host: Address of the host.
+        group: Group of the drivers' broadcasts.
+        load_unit: Load per code, 1 or 0.1 %.
 
     Returns:
-        ASCII text with texts in English, as such files know no others; lines end with a line feed.
+        ASCII text with line feeds; the texts are in English, as DBC files are limited to ASCII.
 
     Raises:
-        InvalidValue: there is no such dialect, address, group or unit, or an address is there twice.
-        MissingExtra: cantools is not installed.
+        InvalidValue: If the dialect, an address, the group or the unit is not valid, or an address occurs twice.
+        MissingExtra: If cantools is not installed.
     """
     require(tr("a DBC file"), "can", "cantools")
     from cantools.database.can import Database, Node
 
-    kind = dialect_of(dialect).with_load_unit(load_unit)
+    selected = dialect_of(dialect).with_load_unit(load_unit)
     drivers = _addresses(addresses, ids.check_address("host", host))
     ids.check_group(group)
     names = {address: f"_{address}" if len(drivers) > 1 else "" for address in drivers}
-    messages = [message for address in drivers for message in _messages(kind, address, names[address], host, group)]
+    messages = [message for address in drivers for message in _messages(selected, address, names[address], host, group)]
     messages.append(_request("REQUEST_ALL", ids.request(ids.EVERYONE, host), group))
     nodes = [
         Node(_HOST, f"Host, address {host}"),
         *(Node(f"{_DRIVER}{names[address]}", f"ABH3 driver, address {address}, group {group}") for address in drivers),
     ]
-    text: str = Database(messages=messages, nodes=nodes, version=f"ABH3 {kind.name}").as_dbc_string(sort_signals=None)
+    text: str = Database(messages=messages, nodes=nodes, version=f"ABH3 {selected.name}").as_dbc_string(
+        sort_signals=None
+    )
     return text.replace("\r\n", "\n")
 
 
@@ -78,15 +80,18 @@ def _addresses(addresses: Iterable[int], host: int) -> list[int]:
     """Return the addresses of the drivers.
 
     Raises:
-        InvalidValue: one is none, is there twice, or is the host's; or there is none.
+        InvalidValue: If an address is not valid, occurs twice, or is the host's, or if there is no address.
     """
     drivers = [ids.check_address("address", address) for address in addresses]
     if not drivers:
-        raise InvalidValue(tr("the address of a driver is needed"))
+        raise InvalidValue(tr("at least one driver address is required"))
     for address in drivers:
         if drivers.count(address) > 1 or address == host:
             raise InvalidValue(
-                tr("address {address} is there twice: each driver, and the host, has one of its own", address=address)
+                tr(
+                    "address {address} occurs twice: each driver and the host must have different addresses",
+                    address=address,
+                )
             )
     return drivers
 
@@ -127,7 +132,7 @@ def _comment(layout: FrameLayout) -> str:
 
 
 def _data_signals(layout: FrameLayout) -> list[Signal]:
-    """Return the signals of a frame of the table."""
+    """Return the signals of a frame with a layout in the table."""
     signals: list[Signal] = []
     switches = [field.torque for field in layout.fields if field.torque]
     for field, start in layout.starts:
@@ -143,7 +148,7 @@ def _data_signals(layout: FrameLayout) -> list[Signal]:
 
 
 def _number_signal(field: SignalField, quantity: Quantity, start: int, switch: str = "", state: int = 0) -> Signal:
-    """Return a signal with a number; with a switch it is there only while that flag has the state."""
+    """Return the signal of a number; with a switch, it is present only while that flag has the given state."""
     is_float = field.code == _FLOAT
     steps = quantity.steps or 1
     when = f" while {switch} is {_OFF_ON[state]}" if switch else ""
@@ -153,8 +158,8 @@ def _number_signal(field: SignalField, quantity: Quantity, start: int, switch: s
         8 * Struct(field.code).size,
         is_signed=is_float or field.code in _SIGNED,
         conversion=_conversion(scale=1 if steps == 1 else 1 / steps, is_float=is_float),
-        minimum=None if is_float else _end(quantity.low, steps),
-        maximum=None if is_float else _end(quantity.high, steps),
+        minimum=None if is_float else _limit(quantity.low, steps),
+        maximum=None if is_float else _limit(quantity.high, steps),
         unit=quantity.unit or None,
         comment=f"{_sentence(field.title)}{when}",
         multiplexer_signal=switch or None,
@@ -162,7 +167,7 @@ def _number_signal(field: SignalField, quantity: Quantity, start: int, switch: s
     )
 
 
-def _end(code: int, steps: int) -> float:
+def _limit(code: int, steps: int) -> float:
     return code if steps == 1 else code / steps
 
 
@@ -190,12 +195,12 @@ def _request(name: str, frame_id: int, group: int) -> Message:
     for number in range(ids.BROADCASTS):
         pgn = ids.pgn(ids.BROADCAST, group * ids.BROADCASTS + number)
         wanted[int.from_bytes(pgn, "little")] = f"BR{number}"
-    signal = _signal("pgn", 0, 24, conversion=_conversion(choices=wanted), comment="PGN of the frame that is wanted")
+    signal = _signal("pgn", 0, 24, conversion=_conversion(choices=wanted), comment="PGN of the requested frame")
     return _message(name, frame_id, [signal], _HOST, length=_REQUEST, comment=f"Request for a frame. {_PRIORITY}")
 
 
 def _control_signals() -> list[Signal]:
-    """Return the control byte, and what follows it for each of its values."""
+    """Return the signals of a control frame: the control byte, and the fields for each of its values."""
     signals = [_signal("control", 0, 8, conversion=_conversion(choices=KINDS), is_multiplexer=True)]
     for part in PARTS:
         reasons = REASONS if part.name == "reason" else None

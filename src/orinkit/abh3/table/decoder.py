@@ -1,4 +1,4 @@
-"""What the frames on a bus of ABH3 drivers say, whoever sends them: for those who only listen."""
+"""Decoder for all frames on a bus of ABH3 drivers, for programs that only listen."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ UNKNOWN: Final = ""
 
 _FULL: Final = 8
 _REQUEST: Final = 3
-_WANTED: Final = N_("wanted")
+_REQUESTED: Final = N_("requested")
 
 Content: TypeAlias = int | float | str | Flags
-"""What a value of a frame can be."""
+"""The types of a value in a frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class DecodedValue:
-    """One thing that a frame says.
+    """One value of a frame.
 
     Attributes:
-        name: for programs.
-        title: what it is, in English.
-        content: in physical units; a flag word; a word.
-        unit: of the content; ``""`` for none.
-        digits: decimal places that the content has; ``None`` of a single float.
-        note: what the content means, in English.
+        name: Name for programs.
+        title: Name for people, in English.
+        content: A number in physical units, a flag word, or a text.
+        unit: Unit of the content; ``""`` if it has none.
+        digits: Decimal places of the content; ``None`` for a single float.
+        note: Meaning of the content, in English.
     """
 
     name: str
@@ -55,7 +55,7 @@ class DecodedValue:
 
     @property
     def shown(self) -> str:
-        """The content with its unit, flags by their texts, in the language in force."""
+        """The content with its unit, or the texts of its flags, in the current language."""
         content = self.content
         if isinstance(content, Flags):
             texts = ", ".join(_flag_texts(content))
@@ -71,11 +71,11 @@ class DecodedValue:
 
 
 class FrameFault(NamedTuple):
-    """What is wrong or unknown about a frame.
+    """The reason why a frame is wrong or cannot be decoded.
 
     Attributes:
-        message: in English, with placeholders.
-        values: those of the placeholders.
+        message: The text in English, with placeholders.
+        values: Values of the placeholders.
     """
 
     message: str
@@ -83,28 +83,28 @@ class FrameFault(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What is wrong, in the language in force."""
+        """The text, in the current language."""
         return tr(self.message, **dict(self.values))
 
     @property
     def english(self) -> str:
-        """What is wrong, in English."""
+        """The text, in English."""
         return translate("en", self.message, **dict(self.values))
 
 
 @dataclass(frozen=True, slots=True)
 class DecodedFrame:
-    """What a frame says.
+    """A decoded frame.
 
     Attributes:
-        frame: as it came.
+        frame: The frame as received.
         name: ``"DP0S"``, ``"DP0R"``, ``"DP1S"``, ``"DP1R"``, ``"BR0"`` to ``"BR7"``, ``"REQUEST"``, ``"TP.CM"``,
-            ``"TP.DT"``; ``""`` of a frame that is none of these.
-        source: address that it is from.
-        destination: address that it is for; ``None`` where it is for everybody.
-        record: what it says in physical units; ``None`` where there is no record of it, or it is not as it should be.
-        values: what it says, one by one.
-        fault: what is wrong or unknown about it; ``None`` where all is well.
+            ``"TP.DT"``; ``""`` for any other frame.
+        source: Address of the sender.
+        destination: Address of the receiver; ``None`` if the frame is for all.
+        record: The content in physical units; ``None`` if there is no record for this frame, or the frame is not valid.
+        values: The content as separate values.
+        fault: The reason why the frame is wrong or cannot be decoded; ``None`` if there is none.
     """
 
     frame: CanFrame
@@ -125,27 +125,27 @@ class DecodedFrame:
 
     @property
     def content(self) -> str:
-        """What it says, without its heading, in the language in force."""
+        """The content without the heading, in the current language."""
         parts = [*([self.fault.text] if self.fault else []), *map(str, self.values)]
         return ", ".join(parts)
 
     @property
     def text(self) -> str:
-        """One line for people, in the language in force."""
+        """The frame as one line of text, in the current language."""
         return f"{self.heading}: {self.content}" if self.values or self.fault else self.heading
 
 
 class Decoder:
-    """Tells what frames say. It remembers who has sent what: hosts send requests, drivers send broadcasts.
+    """Decodes frames. It learns from the traffic which nodes are hosts: hosts send requests, drivers send broadcasts.
 
     Args:
-        dialect: of the drivers, ``"v1"`` or ``"v2"``.
-        hosts: addresses of hosts. What traffic tells otherwise outweighs them.
-        group: of the drivers' broadcasts; those of others are told, but not decoded. ``None`` for any.
-        load_unit: 1 or 0.1 %.
+        dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
+        hosts: Addresses of hosts; the traffic takes precedence over them.
+        group: Group of the drivers' broadcasts; those of other groups are reported, but not decoded. ``None`` for any group.
+        load_unit: Load per code, 1 or 0.1 %.
 
     Raises:
-        InvalidValue: there is no such dialect, address, group or unit.
+        InvalidValue: If the dialect, an address, the group or the unit is not valid.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class Decoder:
         self._is_host = {ids.check_address("host", host): True for host in hosts}
 
     def decode(self, frame: CanFrame) -> DecodedFrame:
-        """Return what a frame says, whatever is in it; its priority does not matter."""
+        """Decode any frame; its priority is ignored, and a frame that cannot be decoded has a fault."""
         parts = FrameId.parse(frame.id)
         page = None if parts.reserved or not 0 <= frame.id <= MAX_ID else parts.dp
         match parts.pf, page:
@@ -177,7 +177,7 @@ class Decoder:
             case ids.TRANSFER, 0:
                 return _transfer(frame, parts)
         bytes_ = f"{frame.id:08X}#{frame.data.hex().upper()}"
-        fault = FrameFault(N_("no frame of an ABH3: {frame}"), (("frame", bytes_),))
+        fault = FrameFault(N_("not a frame of an ABH3: {frame}"), (("frame", bytes_),))
         return DecodedFrame(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
 
     # --- single packets (sections 2.1 and 2.2) ------------------------------------------------------------------------
@@ -186,25 +186,29 @@ class Decoder:
         from_host = self._from_host(parts)
         if from_host is None:
             data = frame.data.hex(" ").upper() or "-"
-            fault = FrameFault(N_("single packet, not known which of the two is the host: {data}"), (("data", data),))
+            fault = FrameFault(
+                N_("single packet with unknown host: {data}"), (("data", data),)
+            )
             return DecodedFrame(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
         if parts.dp and from_host:
-            values = (DecodedValue("wanted", _WANTED, DP1R),)
-            return DecodedFrame(frame, DP1S, parts.sa, _destination(parts), values=values, fault=_odd(frame, 0))
+            values = (DecodedValue("wanted", _REQUESTED, DP1R),)
+            return DecodedFrame(
+                frame, DP1S, parts.sa, _destination(parts), values=values, fault=_length_fault(frame, 0)
+            )
         return self._data(frame, parts, (DP0S if from_host else DP0R) if not parts.dp else DP1R)
 
     def _from_host(self, parts: FrameId) -> bool | None:
-        """Return whether a single packet is from a host; ``None`` where nothing tells, or all that tells contradicts."""
+        """Return True if a single packet is from a host; ``None`` if this is unknown or contradictory."""
         source, destination = self._is_host.get(parts.sa), self._is_host.get(parts.ps)
         if source is None:
             return None if destination is None else not destination
         return None if destination == source else source
 
     def _data(self, frame: CanFrame, parts: FrameId, name: str) -> DecodedFrame:
-        """Return what a frame of the table says."""
+        """Decode a frame with a layout in the table."""
         destination = _destination(parts)
         if len(frame.data) != _FULL:
-            return DecodedFrame(frame, name, parts.sa, destination, fault=_odd(frame, _FULL))
+            return DecodedFrame(frame, name, parts.sa, destination, fault=_length_fault(frame, _FULL))
         layout = self.dialect.layouts[name]
         record = self._codec.decode(name, frame.data)
         values = tuple(self._values(layout, record))
@@ -221,7 +225,7 @@ class Decoder:
                 yield DecodedValue(field.name, field.title, content, quantity.unit, digits)
 
     def _quantity(self, field: SignalField, quantity: Quantity, record: Record) -> Quantity:
-        """Return what a field holds: a command is a current where the inputs beside it say torque."""
+        """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
         is_current = field.torque and int(record.raw.get("inputs", 0)) & self.dialect.inputs.masks[field.torque]
         return CURRENT if is_current else quantity
 
@@ -243,7 +247,7 @@ class Decoder:
         return self._data(frame, parts, name)
 
     def _request(self, frame: CanFrame, parts: FrameId) -> DecodedFrame:
-        fault = _odd(frame, _REQUEST)
+        fault = _length_fault(frame, _REQUEST)
         destination = _destination(parts)
         if len(frame.data) < _REQUEST:
             return DecodedFrame(frame, REQUEST, parts.sa, destination, fault=fault)
@@ -258,7 +262,7 @@ class Decoder:
             self._learn(parts.sa, is_host=True)
             if destination is not None:
                 self._learn(destination, is_host=False)
-        values = [DecodedValue("wanted", _WANTED, wanted)]
+        values = [DecodedValue("wanted", _REQUESTED, wanted)]
         if group is not None:
             values.append(DecodedValue("group", N_("group"), group))
         return DecodedFrame(frame, REQUEST, parts.sa, destination, values=tuple(values), fault=fault)
@@ -273,7 +277,7 @@ class Decoder:
 def _control(frame: CanFrame, parts: FrameId) -> DecodedFrame:
     data, destination = frame.data, _destination(parts)
     if len(data) != _FULL:
-        return DecodedFrame(frame, CONTROL, parts.sa, destination, fault=_odd(frame, _FULL))
+        return DecodedFrame(frame, CONTROL, parts.sa, destination, fault=_length_fault(frame, _FULL))
     kind = data[0]
     values = [DecodedValue("kind", N_("control"), KINDS.get(kind, f"0x{kind:02X}"))]
     for part in PARTS:
@@ -289,7 +293,7 @@ def _control(frame: CanFrame, parts: FrameId) -> DecodedFrame:
 def _transfer(frame: CanFrame, parts: FrameId) -> DecodedFrame:
     destination = _destination(parts)
     if len(frame.data) != _FULL:
-        return DecodedFrame(frame, TRANSFER, parts.sa, destination, fault=_odd(frame, _FULL))
+        return DecodedFrame(frame, TRANSFER, parts.sa, destination, fault=_length_fault(frame, _FULL))
     values = (
         DecodedValue("number", N_("packet"), frame.data[0]),
         DecodedValue("data", N_("data"), frame.data[1:].hex(" ").upper()),
@@ -297,18 +301,18 @@ def _transfer(frame: CanFrame, parts: FrameId) -> DecodedFrame:
     return DecodedFrame(frame, TRANSFER, parts.sa, destination, values=values)
 
 
-# --- what all of them need --------------------------------------------------------------------------------------------
+# --- helpers ----------------------------------------------------------------------------------------------------------
 
 
 def _destination(parts: FrameId) -> int | None:
     return None if parts.pf >= _FIRST_FOR_ALL or parts.ps == ids.EVERYONE else parts.ps
 
 
-_FIRST_FOR_ALL: Final = 0xF0  # PF from which on PS is no address
+_FIRST_FOR_ALL: Final = 0xF0  # lowest PF whose PS is not an address
 
 
-def _odd(frame: CanFrame, length: int) -> FrameFault | None:
-    """Return what is wrong with a frame's length."""
+def _length_fault(frame: CanFrame, length: int) -> FrameFault | None:
+    """Return the fault of a frame with a wrong length, ``None`` if the length is right."""
     if len(frame.data) == length:
         return None
     data = frame.data.hex(" ").upper() or "-"

@@ -1,4 +1,4 @@
-"""The data of frames from and to records, as the table says."""
+"""Codec between the data of frames and records, driven by the table in :mod:`orinkit.abh3.table.signals`."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _ALL_BITS: Final = 0xFFFFFFFF
 
 
 class Codec:
-    """Frames of one dialect.
+    """Encodes and decodes the frames of one dialect.
 
     Args:
-        dialect: of the drivers.
+        dialect: Dialect of the drivers.
     """
 
     def __init__(self, dialect: Dialect = V1) -> None:
@@ -35,14 +35,14 @@ class Codec:
         """Return the record of a frame.
 
         Args:
-            name: of the frame, as in :attr:`Dialect.layouts`.
-            data: its 8 bytes.
+            name: Name of the frame, as in :attr:`Dialect.layouts`.
+            data: Its 8 bytes.
 
         Raises:
-            ProtocolError: it has another length.
+            ProtocolError: If the length is not 8 bytes.
         """
         if len(data) != _LENGTH:
-            raise ProtocolError(tr("{name} has 8 bytes, not {count}", name=name, count=len(data)))
+            raise ProtocolError(tr("{name} must have 8 bytes, not {count}", name=name, count=len(data)))
         reader = self._readers[name]
         codes = reader.unpack(data)
         if reader.steps:
@@ -53,24 +53,24 @@ class Codec:
         return reader.kind(*values, codes=codes)
 
     def read(self, kind: type[R], name: str, data: bytes) -> R:
-        """Return the record of a frame that is known to be of a type.
+        """Return the record of a frame, typed as the given class.
 
         Raises:
-            ProtocolError: it has another length.
+            ProtocolError: If the length is not 8 bytes.
         """
         record = self.decode(name, data)
         assert isinstance(record, kind)
         return record
 
     def encode(self, record: Record, name: str = "") -> bytes:
-        """Return the data of a record, from its physical values.
+        """Return the data of a frame from the physical values of a record.
 
         Args:
-            record: of this dialect.
-            name: of the frame; by default the one that has such records.
+            record: A record of this dialect.
+            name: Name of the frame; by default that of the record's class.
 
         Raises:
-            InvalidValue: a value has no code, or the dialect has no such record.
+            InvalidValue: If a value has no code, or the dialect has no such record.
         """
         if isinstance(record, BUF):
             return record.data
@@ -80,7 +80,7 @@ class Codec:
         return layout.struct.pack(*codes)
 
     def flags(self, word: Word, value: int) -> Flags:
-        """Return flags of this dialect."""
+        """Return the flags of a word, cut to 32 bits."""
         return Flags(value & _ALL_BITS, word)
 
     def _name_of(self, record: Record) -> str:
@@ -90,7 +90,7 @@ class Codec:
         kinds = ", ".join(kind.__name__ for kind in self._records.values())
         raise InvalidValue(
             tr(
-                "dialect {dialect} has no {kind}; it has {kinds}",
+                "dialect {dialect} has no record {kind}; it has {kinds}",
                 dialect=self.dialect.name,
                 kind=type(record).__name__,
                 kinds=kinds,
@@ -108,14 +108,14 @@ class Codec:
         return self._quantity(layout, field, inputs).encode(value)
 
     def _quantity(self, layout: FrameLayout, field: SignalField, inputs: int) -> Quantity:
-        """Return the quantity of a field: a command is a current where the inputs beside it say torque."""
+        """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
         assert field.quantity is not None
         if field.torque and layout.name == "DP0S" and inputs & self.dialect.inputs.masks[field.torque]:
             return CURRENT
         return field.quantity
 
     def _commands(self, codes: tuple[int, ...]) -> list[float]:
-        """Return the commands of a DP0S, each in the unit that the inputs behind them say."""
+        """Return the commands of a DP0S, each in the unit selected by the inputs of the frame."""
         layout = self.dialect.layouts["DP0S"]
         inputs = codes[2]
         return [
@@ -125,13 +125,13 @@ class Codec:
 
 
 class _FrameReader(NamedTuple):
-    """How a frame is read.
+    """Reads one kind of frame.
 
     Attributes:
-        kind: of its record.
-        unpack: gives the codes of its data.
-        reads: make the value of each of them.
-        steps: codes per unit of each of them, where all of them are numbers with a unit: a shorter way to the values.
+        kind: Class of its record.
+        unpack: Returns the codes of its data.
+        reads: Converters from code to value, one per field.
+        steps: Codes per unit, one per field; empty unless all fields are numbers with a unit. A fast path.
     """
 
     kind: Callable[..., Record]
@@ -141,7 +141,7 @@ class _FrameReader(NamedTuple):
 
     @classmethod
     def of(cls, kind: type[Record], layout: FrameLayout) -> _FrameReader:
-        """Return how a frame is read."""
+        """Return the reader for a layout."""
         quantities = [field.quantity for field in layout.fields]
         steps = tuple(q.steps for q in quantities if q is not None and q.steps and not q.whole)
         reads = tuple(_reader(field) for field in layout.fields)
@@ -157,29 +157,31 @@ def _reader(field: SignalField) -> Callable[[Any], Any]:
     if quantity.whole or not quantity.steps:
         return lambda code: code
     steps = quantity.steps
-    return lambda code: code / steps  # every code of the field's width is one
+    return lambda code: code / steps  # every code of this width is valid
 
 
 def _word(title: str, value: object) -> int:
-    """Return the 32 bits of flags.
+    """Return flags as a 32-bit word.
 
     Raises:
-        InvalidValue: there are more of them, or it is something else.
+        InvalidValue: If the value is not a 32-bit word.
     """
     number = int(value) if isinstance(value, Flags) else value
     if isinstance(number, int) and 0 <= number <= _ALL_BITS:
         return number
-    raise InvalidValue(tr("{name}: a word of 32 bits is needed, not {number}", name=tr(title), number=brief(number)))
+    raise InvalidValue(tr("{name} must be a 32-bit word, not {number}", name=tr(title), number=brief(number)))
 
 
 def _single(field: SignalField, value: float) -> float:
-    """Return a number as the single float that the wire has.
+    """Round a number to a single float, as it is sent.
 
     Raises:
-        InvalidValue: it is beyond those.
+        InvalidValue: If it does not fit in a single float.
     """
     try:
         number: float = struct.unpack("<f", struct.pack("<f", value))[0]
-    except (OverflowError, ValueError, struct.error):  # ValueError of a signalling NaN of decimal
-        raise InvalidValue(tr("{name}: {value} is no single float", name=tr(field.title), value=brief(value))) from None
+    except (OverflowError, ValueError, struct.error):  # ValueError: a signalling NaN of decimal
+        raise InvalidValue(
+            tr("{name}: {value} does not fit in a single float", name=tr(field.title), value=brief(value))
+        ) from None
     return number if not math.isnan(number) else value

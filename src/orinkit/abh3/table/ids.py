@@ -1,7 +1,7 @@
-"""The 29-bit identifiers of ABH3 frames, in the manner of J1939 (section 2).
+"""The 29-bit identifiers of ABH3 frames, as in J1939 (section 2).
 
-``priority(3) R(1) DP(1) PF(8) PS(8) SA(8)``. Where PF is below 240 PS is the address that the frame is for. Receivers pay no
-attention to the priority.
+``priority(3) R(1) DP(1) PF(8) PS(8) SA(8)``. If PF is below 240, PS is the destination address. Receivers ignore the
+priority.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class FrameId(NamedTuple):
         sa: source address.
         dp: data page.
         priority: 0 (first) to 7.
-        reserved: the bit R; 0 in every frame of an ABH3.
+        reserved: The bit R; 0 in every frame of an ABH3.
     """
 
     pf: int
@@ -81,46 +81,46 @@ def broadcast(group: int, number: int, source: int, *, priority: int = 0) -> int
 
 
 def pgn(pf: int, ps: int, *, dp: int = 0) -> bytes:
-    """Return the three bytes by which a request asks for a frame; PS is 0 for a single packet."""
+    """Return the three bytes of a PGN in a request; PS is 0 for a single packet."""
     return bytes((ps, pf, dp))
 
 
 def check_address(name: str, address: object) -> int:
-    """Return the address of a driver or a host.
+    """Check the address of a driver or a host, and return it.
 
     Raises:
-        InvalidValue: it is no whole number of 0 to 253.
+        InvalidValue: If it is not a whole number of 0 to 253.
     """
     return checked(name, address, LAST_ADDRESS)
 
 
 def check_group(group: object) -> int:
-    """Return the group of a driver's broadcasts.
+    """Check the group of a driver's broadcasts, and return it.
 
     Raises:
-        InvalidValue: it is no whole number of 0 to 31.
+        InvalidValue: If it is not a whole number of 0 to 31.
     """
     return checked("group", group, GROUPS - 1)
 
 
 def check_priority(priority: object) -> int:
-    """Return a priority.
+    """Check a priority, and return it.
 
     Raises:
-        InvalidValue: it is no whole number of 0 to 7.
+        InvalidValue: If it is not a whole number of 0 to 7.
     """
     return checked("priority", priority, 7)
 
 
 def broadcast_number(number: object, group: int) -> int:
-    """Return PS of a broadcast: group * 8 + number.
+    """Return the PS of a broadcast: group * 8 + number.
 
     Args:
-        number: 0 to 7 of the group; or, from 8 on, PS itself as the document has it (4.7), of the same group.
-        group: of the drivers.
+        number: 0 to 7 of the group; or, from 8 on, the PS itself as in the document (4.7), of the same group.
+        group: Group of the drivers.
 
     Raises:
-        InvalidValue: there is no such number.
+        InvalidValue: If the number is not valid, or belongs to another group.
     """
     name = tr("broadcast (0 to 6, or group * 8 + number)")
     given = checked(name, number, 0xFF)
@@ -129,7 +129,7 @@ def broadcast_number(number: object, group: int) -> int:
         other, place = divmod(ps, BROADCASTS)
         raise InvalidValue(
             tr(
-                "0x{number:02X} is broadcast {place} of group {other}; the group is {group} here (group=)",
+                "0x{number:02X} is broadcast {place} of group {other}, but the group of this host is {group} (group=)",
                 number=ps,
                 place=place,
                 other=other,

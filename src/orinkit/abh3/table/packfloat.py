@@ -1,10 +1,10 @@
-"""PACK_FLOAT: the decimal floating point numbers of a driver's parameters and monitors, in 32 bits (ABH3 4.9).
+"""PACK_FLOAT: decimal floating-point numbers in 32 bits, used for a driver's parameters and monitors (ABH3 4.9).
 
-No single and no broadcast frame has any: they travel in multi-packet messages (:mod:`orinkit.abh3.session.telabh3`). A word has
-three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The exponent is what is written after an
-``e``, the point what is not, so that ``0.001`` and ``1e-3`` are different words.
+Single packets and broadcasts contain none: they travel in multi-packet messages (:mod:`orinkit.abh3.session.telabh3`). A
+word has three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The exponent is the number after
+``e`` in the text, the point the position of the decimal point, so ``0.001`` and ``1e-3`` are different words.
 
-A word may be any of 32 bits; mantissas beyond six digits mean that it is no number: two of them are the infinities.
+All 32-bit words are valid; those with a mantissa of more than six digits are not numbers: two of them are the infinities.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PLUS_INFINITY: Final = 0x000F_FFFF
 MINUS_INFINITY: Final = 0xFFF0_0000
 """The word of minus infinity, as the document's functions make it."""
 NAN: Final = 0xFFF0_0001
-"""The word of what is no number, as the document's functions make it."""
+"""The word of NaN, as the document's functions make it."""
 
 Rounding = Literal["round", "trunc"]
 
@@ -35,7 +35,7 @@ _PLUS: Final = 0xF_FFFF  # mantissas of the infinities
 _MINUS: Final = -0x10_0000
 _POINTS: Final = range(-8, 8)
 _EXPONENTS: Final = range(-64, 64)
-_USUAL_POINT: Final = -5  # of a number whose own point does not fit
+_USUAL_POINT: Final = -5  # for numbers whose point does not fit
 _SINGLE: Final = struct.Struct("<f")
 _TEXT: Final = re.compile(r"([+-]?)([0-9]*)(\.[0-9]*)?(?:[eE]([+-]?)([0-9]*))?")
 _LIMITS: Final = {"round": (99_999.95, 999_999.5, 0.5), "trunc": (100_000.0, 1_000_000.0, 0.0)}
@@ -45,9 +45,9 @@ class PackFloat(NamedTuple):
     """The fields of a word.
 
     Attributes:
-        mantissa: kasuu (仮数), 21 bits, -999999 to 999999; others are infinities and no numbers.
-        point: shousuutenn (小数点位置), 4 bits, -8 to 7: minus the number of decimals, or how many zeros follow.
-        exponent: shisuu (指数), 7 bits, -64 to 63: what stands after the ``e``.
+        mantissa: kasuu (仮数), 21 bits, -999999 to 999999; other values are infinities and NaN.
+        point: shousuutenn (小数点位置), 4 bits, -8 to 7: minus the number of decimals, or the number of trailing zeros.
+        exponent: shisuu (指数), 7 bits, -64 to 63: the number after the ``e``.
     """
 
     mantissa: int
@@ -56,18 +56,18 @@ class PackFloat(NamedTuple):
 
 
 def make(mantissa: int, point: int, exponent: int) -> int:
-    """Return the word of three fields.
+    """Return the word for three fields.
 
-    A point that does not fit goes into the exponent. An exponent that is too small then makes zero, one that is too
-    great an infinity.
+    A point that does not fit is moved into the exponent. An exponent that is then too small gives zero, one that is too large
+    an infinity.
 
     Raises:
-        InvalidValue: the mantissa has more than 21 bits.
+        InvalidValue: If the mantissa has more than 21 bits.
     """
     if not _MINUS <= mantissa <= _PLUS:
         raise InvalidValue(
             tr(
-                "the mantissa of a PACK_FLOAT is {low} to {high}, not {mantissa}",
+                "the mantissa of a PACK_FLOAT must be {low} to {high}, not {mantissa}",
                 low=_MINUS,
                 high=_PLUS,
                 mantissa=brief(mantissa),
@@ -87,27 +87,30 @@ def parts(word: int) -> PackFloat:
     """Return the fields of a word.
 
     Raises:
-        InvalidValue: the word has more than 32 bits, or is negative.
+        InvalidValue: If the word has more than 32 bits or is negative.
     """
     if not 0 <= word <= 0xFFFF_FFFF:
-        raise InvalidValue(tr("a PACK_FLOAT is a word of 32 bits, 0 to 0xFFFFFFFF, not {word}", word=brief(word)))
+        raise InvalidValue(tr("a PACK_FLOAT must be a 32-bit word, 0 to 0xFFFFFFFF, not {word}", word=brief(word)))
     return PackFloat(_signed(word, 21), _signed(word >> 21, 4), _signed(word >> 25, 7))
 
 
 def from_text(text: str) -> int:
     """Return the word of a text (``str_to_pkflt``).
 
-    A sign, digits, a point with digits, and ``e`` or ``E`` with a sign and digits: each of them may be missing, even
-    all, which makes 0. The first six digits count from the first that is not 0; others are cut off, not rounded. Zeros
-    at the end are kept. Texts of infinities and of no number are not read.
+    The text has a sign, digits, a point with digits, and ``e`` or ``E`` with a sign and digits. Each part may be missing;
+    an empty text is 0. Six digits count, from the first that is not 0; further digits are cut off, not rounded. Trailing
+    zeros are kept. Infinities and NaN are not accepted.
 
     Raises:
-        InvalidValue: the text is something else.
+        InvalidValue: If the text has another form.
     """
     found = _TEXT.fullmatch(text)
     if found is None:
         raise InvalidValue(
-            tr("no number that PACK_FLOAT can hold: {text}. Try: 12.5 or -1.25e+3, without blanks", text=brief(text))
+            tr(
+                "{text} is not a PACK_FLOAT number. Try: a text such as 12.5 or -1.25e+3, without spaces",
+                text=brief(text),
+            )
         )
     sign, whole, decimals, exponent_sign, exponent = found.groups("")
     digits = whole.lstrip("0")
@@ -115,7 +118,7 @@ def from_text(text: str) -> int:
     mantissa = _leading(digits)
     if point == 0:
         mantissa, point = _with_decimals(mantissa, decimals[1:])
-    power = _leading(exponent.lstrip("0"))  # six digits are more than any exponent has
+    power = _leading(exponent.lstrip("0"))  # six digits exceed every valid exponent
     return make(-mantissa if sign == "-" else mantissa, point, -power if exponent_sign == "-" else power)
 
 
@@ -123,7 +126,7 @@ def to_text(word: int) -> str:
     """Return the text of a word (``pkflt_to_str``): ``0.001``, ``1.5e-7``, ``+#INF``, ``-#INF`` or ``#NAN``.
 
     Raises:
-        InvalidValue: the word has more than 32 bits, or is negative.
+        InvalidValue: If the word has more than 32 bits or is negative.
     """
     mantissa, point, exponent = parts(word)
     if abs(mantissa) > _GREATEST:
@@ -138,12 +141,12 @@ def to_text(word: int) -> str:
 
 
 def to_float(word: int) -> float:
-    """Return the value of a word (``pkflt_to_flt``), which is a single precision number, as the document's is.
+    """Return the value of a word (``pkflt_to_flt``) in single precision, as the document's function does.
 
-    What single precision cannot hold becomes an infinity, or 0 with the word's sign.
+    A value beyond single precision becomes an infinity, or 0 with the sign of the word.
 
     Raises:
-        InvalidValue: the word has more than 32 bits, or is negative.
+        InvalidValue: If the word has more than 32 bits or is negative.
     """
     mantissa, point, exponent = parts(word)
     if abs(mantissa) > _GREATEST:
@@ -162,19 +165,19 @@ def to_float(word: int) -> float:
 
 
 def from_float(value: float, *, rounding: Rounding = "round") -> int:
-    """Return the word of a value (``flt_to_pkflt``), six digits of it.
+    """Return the word for a value (``flt_to_pkflt``), with six digits.
 
     Args:
-        value: is taken in single precision first.
-        rounding: ``"round"`` as the document's functions do where they are built for a processor that rounds towards
-            zero: the last digit is the nearest, halves away from zero. ``"trunc"`` as in other builds: what follows the
-            last digit is cut off.
+        value: The value; it is rounded to single precision first.
+        rounding: ``"round"`` rounds the last digit to the nearest, halves away from zero, as the document's functions do when
+            they are built for a processor that rounds towards zero. ``"trunc"`` cuts off what follows the last digit, as in
+            other builds.
 
     Raises:
-        InvalidValue: no such rounding.
+        InvalidValue: If the rounding is not one of these.
     """
     if rounding not in _LIMITS:
-        raise InvalidValue(tr('rounding is "round" or "trunc", not {rounding}', rounding=brief(rounding)))
+        raise InvalidValue(tr('rounding must be "round" or "trunc", not {rounding}', rounding=brief(rounding)))
     value = _single(value)
     if math.isnan(value):
         return NAN
@@ -192,7 +195,7 @@ def from_float(value: float, *, rounding: Rounding = "round") -> int:
 
 
 def _six_digits(value: float, rounding: Rounding) -> tuple[int, int]:
-    """Return a whole number of six digits, and the power of ten that it is to be multiplied with."""
+    """Return a whole number of six digits and the power of ten to multiply it by."""
     least, beyond, half = map(_single, _LIMITS[rounding])
     power = 0
     while value < least:
@@ -205,7 +208,7 @@ def _six_digits(value: float, rounding: Rounding) -> tuple[int, int]:
 
 
 def _placed(power: int, zeros: int) -> tuple[int, int]:
-    """Return point and exponent of a whole number of six digits that has lost zeros at its end."""
+    """Return the point and the exponent for a six-digit number from which trailing zeros were removed."""
     if power + zeros < -6:  # 9.99999e-99
         point = min(zeros - 5, 0)
         return point, power + zeros - point
@@ -215,7 +218,7 @@ def _placed(power: int, zeros: int) -> tuple[int, int]:
 
 
 def _with_decimals(mantissa: int, decimals: str) -> tuple[int, int]:
-    """Return the mantissa with as many decimals as there is room for, and its point."""
+    """Return the mantissa with as many decimals as fit, and its point."""
     leading = len(decimals) - len(decimals.lstrip("0")) if mantissa == 0 else 0
     kept = decimals[: leading + _DIGITS - (len(str(mantissa)) if mantissa else 0)]
     return mantissa * 10 ** (len(kept) - leading) + _leading(kept[leading:]), -len(kept)
@@ -231,7 +234,7 @@ def _signed(field: int, bits: int) -> int:
 
 
 def _single(value: float) -> float:
-    """Round to single precision; beyond its range to an infinity."""
+    """Round to single precision; values beyond its range become infinities."""
     try:
         return float(_SINGLE.unpack(_SINGLE.pack(float(value)))[0])
     except OverflowError:

@@ -1,7 +1,6 @@
-"""What the frames of an ABH3 say, as typed records in physical units (section 4.10).
+"""The contents of ABH3 frames as typed records in physical units (section 4.10).
 
-Each record has the codes of the wire beside its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw["a_velocity"]``
-is -74.
+A record also has the codes of its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw["a_velocity"]`` is -74.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ from orinkit.abh3.table.signals import Bit, Word
 class Flags:
     """A word of 32 flags: ``"servo_on" in flags``, ``flags["ay_start"]``, ``list(flags)``, ``int(flags)``.
 
-    A name without an axis means both of them: it is in the flags if both are.
+    A name without an axis means both axes: it is set if both flags are.
 
     Attributes:
-        value: the word.
-        word: what its bits mean.
+        value: The word.
+        word: Description of its bits.
     """
 
     value: int
@@ -36,24 +35,24 @@ class Flags:
         return self.value != 0
 
     def __contains__(self, name: str) -> bool:
-        """Whether a flag is set, by its name.
+        """Return True if a flag is set, by its name.
 
         Raises:
-            InvalidValue: there is none: a mistyped name is never in any flags.
+            InvalidValue: If there is no such flag, so that a mistyped name is not mistaken for a flag that is off.
         """
         return self[name]
 
     def __getitem__(self, name: str | int) -> bool:
-        """Return whether a flag is set, by its name or its number.
+        """Return True if a flag is set, by its name or its number.
 
         Raises:
-            InvalidValue: there is none.
+            InvalidValue: If there is no such flag.
         """
         mask = self.word.mask(name)
         return self.value & mask == mask
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the flags that are set; ``bit_29`` of one that means nothing."""
+        """Yield the names of the flags that are set; an undefined bit is named like ``bit_29``."""
         for number in range(32):
             if self.value >> number & 1:
                 bit = self.word.by_number.get(number)
@@ -61,12 +60,12 @@ class Flags:
 
     @property
     def bits(self) -> tuple[Bit, ...]:
-        """The bits that are set and mean something."""
+        """The defined bits that are set."""
         return tuple(bit for bit in self.word.bits if self.value >> bit.number & 1)
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """What they say, in the language in force."""
+        """The texts of the flags that are set, in the current language."""
         return tuple(bit.text for bit in self.bits)
 
     def __str__(self) -> str:
@@ -84,14 +83,14 @@ class Record:
     """The base of all records.
 
     Attributes:
-        codes: those of the wire, in the order of the fields; empty of a record that was made by hand.
+        codes: The codes as received, in the order of the fields; empty if the record was not decoded from a frame.
     """
 
     codes: tuple[int | float, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def raw(self) -> Raw:
-        """The codes of the wire by the names of the fields; empty of a record that was made by hand."""
+        """The codes as received, by field name; empty if the record was not decoded from a frame."""
         names = (each.name for each in fields(self) if each.name != "codes")
         return dict(zip(names, self.codes, strict=False))
 
@@ -101,9 +100,9 @@ class DP0S(Record):
     """The command of a host (section 2.1).
 
     Attributes:
-        ay_command: min^-1, or % where the inputs say torque.
-        bx_command: the same.
-        inputs: what the host asks for.
+        ay_command: A/Y command in min^-1, or in % if the inputs select torque.
+        bx_command: B/X command, in the same unit system.
+        inputs: The input word.
     """
 
     ay_command: float
@@ -140,7 +139,7 @@ class DP1R(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR0(Record):
-    """What is wrong (section 2.3)."""
+    """Errors and warnings (section 2.3)."""
 
     errors: Flags
     warnings: Flags
@@ -156,7 +155,7 @@ class BR1(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR1V2(Record):
-    """The states of a driver of 2023: terminals, and what these ask for."""
+    """The states of a driver of 2023: terminals, and the inputs that they select."""
 
     io: Flags
     external: Flags
@@ -184,7 +183,7 @@ class BR3(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR4(Record):
-    """The pulse counts (section 2.7): signed, 32 bits, which wrap."""
+    """The pulse counts (section 2.7): signed 32-bit numbers that wrap around."""
 
     a_pulses: int
     b_pulses: int
@@ -202,7 +201,7 @@ class BR5(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR6(Record):
-    """What the driver's parameters say that it monitors (section 2.9): numbers without a unit."""
+    """The two monitors selected by the driver's parameters (section 2.9): numbers without a unit."""
 
     monitor_0: float
     monitor_1: float
@@ -210,7 +209,7 @@ class BR6(Record):
 
 @dataclass(frozen=True, slots=True)
 class BUF(Record):
-    """A frame of which nothing but its bytes is known (section 4.10)."""
+    """A frame of unknown content (section 4.10)."""
 
     data: bytes
 
@@ -219,9 +218,9 @@ Feedback: TypeAlias = DP0R | DP0RV2
 States: TypeAlias = BR1 | BR1V2
 AnyRecord: TypeAlias = DP0S | DP0R | DP0RV2 | DP1R | BR0 | BR1 | BR1V2 | BR2 | BR3 | BR4 | BR5 | BR6 | BUF
 ALIKE: Final[Mapping[str, type[Record]]] = {kind.__name__: kind for kind in (DP0S, DP1R, BR0, BR2, BR3, BR4, BR5, BR6)}
-"""The records that both dialects have alike, by the names of their frames."""
+"""The records that are the same in both dialects, by frame name."""
 RECORDS: Final[Mapping[str, Mapping[str, type[Record]]]] = {
     "v1": {**ALIKE, "DP0R": DP0R, "BR1": BR1},
     "v2": {**ALIKE, "DP0R": DP0RV2, "BR1": BR1V2},
 }
-"""By dialect and frame the record that it becomes."""
+"""The record classes by dialect and frame name."""

@@ -1,7 +1,7 @@
-"""THE TABLE of ABH3: quantities, flag words, and every frame of the document, for both dialects.
+"""The table of ABH3: quantities, flag words, and every frame of the document, for both dialects.
 
-Codec, host, virtual driver, DBC, documentation and tests come from it. Sections are those of the document. A title is in
-English; ``tr`` translates it where it is shown.
+Codec, host, virtual driver, DBC export, documentation and tests are derived from it. Section numbers are those of the
+document. Titles are in English; ``tr`` translates them for display.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from orinkit.values.pose_numbers import brief
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A physical quantity and its code on the wire.
+    """A physical quantity and its codes in frames.
 
     Attributes:
-        name: for programs.
-        title: what it is.
-        unit: of the value.
-        steps: codes per unit; 0 where the wire has the number itself, a single float.
-        low: least code.
-        high: greatest code.
-        whole: the value is a whole number, an ``int``.
+        name: Name for programs.
+        title: Name for people.
+        unit: Unit of the value.
+        steps: Codes per unit; 0 if the frame contains the number itself as a single float.
+        low: Lowest code.
+        high: Highest code.
+        whole: The value is a whole number, an ``int``.
     """
 
     name: str
@@ -48,21 +48,21 @@ class Quantity:
 
     @property
     def digits(self) -> int:
-        """Decimal places that a value has."""
+        """Decimal places of a value."""
         return math.ceil(math.log10(self.steps)) if self.steps else 6
 
     def decode(self, code: float) -> float:
         """Return the value of a code: the double nearest to it.
 
         Raises:
-            InvalidValue: there is no such code.
+            InvalidValue: If the code is out of range.
         """
         if not self.steps:
             return code
         if not self.low <= code <= self.high:
             raise InvalidValue(
                 tr(
-                    "{name}: {code} is no code; there are {low} to {high}",
+                    "{name}: the code must be {low} to {high}, not {code}",
                     name=tr(self.title),
                     code=brief(code),
                     low=self.low,
@@ -72,29 +72,29 @@ class Quantity:
         return int(code) if self.whole else code / self.steps
 
     def encode(self, value: float) -> int:
-        """Return the code nearest to a value; of two that are equally near the one further from zero.
+        """Return the code nearest to a value; of two equally near, the one further from zero.
 
         Raises:
-            InvalidValue: it has no code, or is no number.
+            InvalidValue: If the value has no code, or is not a number.
         """
         assert self.steps  # a single float is its own code
         number = real(value)
-        if number is None or abs(number) > _FAR:
-            raise self._unusable(value)
+        if number is None or abs(number) > _MAX_MAGNITUDE:
+            raise self._out_of_range(value)
         scaled = abs(number) * self.steps
         whole = int(scaled)
         code = whole + (scaled - whole >= _HALF)
         code = -code if number < 0 else code
         if not self.low <= code <= self.high:
-            raise self._unusable(value)
+            raise self._out_of_range(value)
         return code
 
-    def _unusable(self, value: object) -> InvalidValue:
+    def _out_of_range(self, value: object) -> InvalidValue:
         low, high = self.low / self.steps, self.high / self.steps
         unit = f" {self.unit}" if self.unit else ""
         return InvalidValue(
             tr(
-                "{name}: {value}{unit} cannot be sent; {low:.{digits}f} to {high:.{digits}f}{unit} can",
+                "{name} must be {low:.{digits}f} to {high:.{digits}f}{unit}, not {value}{unit}",
                 name=tr(self.title),
                 value=brief(value),
                 unit=unit,
@@ -106,7 +106,7 @@ class Quantity:
 
 
 _HALF: Final = 0.5
-_FAR: Final = 2.0**40  # beyond every code of every quantity
+_MAX_MAGNITUDE: Final = 2.0**40  # exceeds the codes of all quantities
 _SHORT: Final = (-0x8000, 0x7FFF)
 _USHORT: Final = (0, 0xFFFF)
 VELOCITY: Final = Quantity("velocity", N_("velocity"), "min^-1", 5, *_SHORT)
@@ -126,9 +126,9 @@ class Word:
     """A word of 32 flags.
 
     Attributes:
-        name: for programs.
-        title: what it is.
-        bits: those that mean something.
+        name: Name for programs.
+        title: Name for people.
+        bits: The defined bits.
     """
 
     name: str
@@ -137,17 +137,17 @@ class Word:
 
     @cached_property
     def by_name(self) -> Mapping[str, Bit]:
-        """The bits by their names."""
+        """The bits by name."""
         return {bit.name: bit for bit in self.bits}
 
     @cached_property
     def by_number(self) -> Mapping[int, Bit]:
-        """The bits by their numbers."""
+        """The bits by number."""
         return {bit.number: bit for bit in self.bits}
 
     @cached_property
     def masks(self) -> Mapping[str, int]:
-        """What a name stands for as a mask: one bit, or that of both axes: ``servo_on`` is ``ay_`` and ``bx_servo_on``."""
+        """The masks by name; a name without an axis covers both axes: ``servo_on`` is ``ay_servo_on`` and ``bx_servo_on``."""
         masks = {bit.name: 1 << bit.number for bit in self.bits}
         for name, mask in list(masks.items()):
             axis, _, rest = name.partition("_")
@@ -159,7 +159,7 @@ class Word:
         """Return the mask of a bit by its number, or by a name of :attr:`masks`.
 
         Raises:
-            InvalidValue: there is none.
+            InvalidValue: If there is no such bit.
         """
         number = None if isinstance(name, str) else whole(name)
         if number is not None:
@@ -170,7 +170,7 @@ class Word:
         names = ", ".join(self.masks)
         raise InvalidValue(
             tr(
-                "{name} is no bit of the {word}; there are 0 to 31 and {names}",
+                "{name} is not a bit of the {word}; valid: 0 to 31, {names}",
                 name=brief(name),
                 word=tr(self.title),
                 names=names,
@@ -189,12 +189,12 @@ class SignalField:
     """A field of a frame's data.
 
     Attributes:
-        name: for programs, as in the records.
-        title: what it is.
-        code: of :mod:`struct`, little endian: ``h H i I f``.
-        quantity: what it holds; ``None`` of a flag word.
-        word: the flag word that it is.
-        torque: the flag that makes it a current in %, where there is one.
+        name: Name for programs, as in the records.
+        title: Name for people.
+        code: Format of :mod:`struct`, little endian: ``h H i I f``.
+        quantity: Quantity of the field; ``None`` for a flag word.
+        word: The flag word of the field; ``None`` for a quantity.
+        torque: The input that makes the field a current in %; ``""`` if there is none.
     """
 
     name: str
@@ -210,14 +210,14 @@ class FrameLayout:
     """A frame with data.
 
     Attributes:
-        name: type of the document's section 4.10.
-        title: what it is.
-        section: of the document, where it is told.
-        fields: in order.
-        dp: data page in the identifier, 0 or 1.
-        broadcast: number n of a broadcast 0 to 7, else ``None``.
-        from_host: whether the host sends it.
-        withheld: the document withholds it ("保留").
+        name: Name of the type in section 4.10 of the document.
+        title: Name for people.
+        section: Section of the document that describes it.
+        fields: The fields in order.
+        dp: Data page in the identifier, 0 or 1.
+        broadcast: Number 0 to 7 of a broadcast, otherwise ``None``.
+        from_host: The host sends this frame.
+        withheld: The document withholds this frame ("保留").
     """
 
     name: str
@@ -231,12 +231,12 @@ class FrameLayout:
 
     @property
     def struct(self) -> Struct:
-        """How the bytes are laid out."""
+        """The byte layout."""
         return Struct("<" + "".join(field.code for field in self.fields))
 
     @property
     def starts(self) -> Iterator[tuple[SignalField, int]]:
-        """Each field and the number of its first bit."""
+        """Yield each field and the number of its first bit."""
         start = 0
         for field in self.fields:
             yield field, start
@@ -255,7 +255,7 @@ _COMMANDS: Final = (
     SignalField("ay_command", N_("A/Y command"), "h", VELOCITY, torque="ay_torque"),
     SignalField("bx_command", N_("B/X command"), "h", VELOCITY, torque="bx_torque"),
 )
-_ALIKE: Final = (
+_COMMON: Final = (
     FrameLayout("DP1R", N_("pulse counts"), "2.2",
         _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
         dp=1, withheld=True),
@@ -279,22 +279,22 @@ _ALIKE: Final = (
         _of(MONITOR, "f", ("monitor_0", N_("monitor 0")), ("monitor_1", N_("monitor 1"))),
         broadcast=6),
 )  # fmt: skip
-"""The frames that both dialects have alike."""
+"""The frames that are the same in both dialects."""
 
 # --- dialects ---------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a generation of drivers means by the same frames.
+    """The variant of the protocol that a generation of drivers uses.
 
     Attributes:
         name: ``"v1"``, ``"v2"``.
-        title: what it is.
-        inputs: what the host asks for ("input" in v1, "operation" in v2).
-        control: what the driver makes of it.
-        io: its terminals.
-        layouts: the frames by their names.
+        title: Name for people.
+        inputs: The word that the host sends ("input" in v1, "operation" in v2).
+        control: The control flags: inputs and terminals combined.
+        io: The terminals.
+        layouts: The frames by name.
     """
 
     name: str
@@ -308,18 +308,18 @@ class Dialect:
 
     @cached_property
     def broadcasts(self) -> Mapping[int, FrameLayout]:
-        """The broadcasts by their numbers."""
+        """The broadcasts by number."""
         return {layout.broadcast: layout for layout in self.layouts.values() if layout.broadcast is not None}
 
     def with_load_unit(self, percent: float) -> Dialect:
-        """Return the same with a load that is counted in 1 % or in 0.1 %.
+        """Return this dialect with a load per code of 1 % or 0.1 %.
 
         Raises:
-            InvalidValue: another unit.
+            InvalidValue: If the unit is another one.
         """
         load = _LOADS.get(real(percent) or 0.0)
         if load is None:
-            raise InvalidValue(tr("the unit of the load is 1 or 0.1 %, not {percent}", percent=brief(percent)))
+            raise InvalidValue(tr("the unit of the load must be 1 or 0.1 %, not {percent}", percent=brief(percent)))
         br3 = self.layouts["BR3"]
         fields = tuple(replace(f, quantity=load) if f.quantity in _LOADS.values() else f for f in br3.fields)
         return replace(self, layouts={**self.layouts, "BR3": replace(br3, fields=fields)})
@@ -335,11 +335,11 @@ def _dialect(
     layouts = (
         FrameLayout("DP0S", N_("command"), "2.1", (*_COMMANDS, _flags("inputs", inputs)), from_host=True),
         FrameLayout("DP0R", N_("feedback"), "2.1", feedback),
-        _ALIKE[0],
+        _COMMON[0],
         FrameLayout("BR0", N_("errors and warnings"), "2.3",
                (_flags("errors", errors), _flags("warnings", warnings)), broadcast=0),
         FrameLayout("BR1", N_("states"), "2.4", states, broadcast=1),
-        *_ALIKE[1:],
+        *_COMMON[1:],
     )  # fmt: skip
     return Dialect(name, title, inputs, control, errors, warnings, io, {layout.name: layout for layout in layouts})
 
@@ -379,7 +379,7 @@ V2: Final = _dialect(
     ),
     (_flags("io", _IO_V2), _flags("external", Word("external", N_("input flags"), _bits.INPUTS_V2))),
 )  # fmt: skip
-"""The dialect of 2023, which packs flags otherwise."""
+"""The dialect of 2023, which arranges flags differently."""
 
 DIALECTS: Final[Mapping[str, Dialect]] = {dialect.name: dialect for dialect in (V1, V2)}
 
@@ -388,10 +388,10 @@ def dialect_of(name: object) -> Dialect:
     """Return a dialect by its name.
 
     Raises:
-        InvalidValue: there is none of that name.
+        InvalidValue: If there is no dialect of that name.
     """
     if isinstance(name, Dialect):
         return name
     if not isinstance(name, str) or name not in DIALECTS:
-        raise InvalidValue(tr("there is no dialect {name}; v1 and v2 are there", name=brief(name)))
+        raise InvalidValue(tr("unknown dialect {name}; valid: v1, v2", name=brief(name)))
     return DIALECTS[name]

@@ -1,4 +1,4 @@
-"""What is in the control frames of multi-packet messages, as data (J1939-21)."""
+"""The fields of the control frames of multi-packet messages, as data (J1939-21)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ CTS: Final = 0x11
 END: Final = 0x13
 ABORT: Final = 0xFF
 BAM: Final = 0x20
-"""An announcement to everybody; no driver sends it."""
+"""An announcement to all nodes; no driver sends it."""
 KINDS: Final = {RTS: "RTS", CTS: "CTS", END: "EndOfMsgACK", BAM: "BAM", ABORT: "Abort"}
-"""The control bytes that have a meaning."""
+"""The defined control bytes."""
 BUSY: Final = 1
 RESOURCES: Final = 2
 LATE: Final = 3
@@ -23,28 +23,28 @@ REASONS: Final[dict[int, str]] = {
     BUSY: N_("busy with another message"),
     RESOURCES: N_("out of resources"),
     LATE: N_("time-out"),
-    4: N_("packets were asked for while some were sent"),
-    RESENT: N_("packets were asked for again too often"),
+    4: N_("packets were requested while others were being sent"),
+    RESENT: N_("packets were requested again too often"),
     6: N_("unexpected packet"),
     SEQUENCE: N_("wrong packet number"),
-    8: N_("a packet came twice"),
+    8: N_("duplicate packet"),
     9: N_("message too long"),
 }
-"""Why a side gives up."""
+"""The reasons for an abort."""
 PGN_AT: Final = 5
-"""Where the PGN begins, in bytes: it has the last three."""
+"""Offset of the PGN in bytes: it occupies the last three."""
 
 
 class ControlField(NamedTuple):
     """A number in a control frame, little endian.
 
     Attributes:
-        name: for programs.
-        title: what it is.
-        unit: of the number.
-        start: its first byte, from 0.
-        size: how many bytes it has.
-        kinds: control bytes of the frames that have it.
+        name: Name for programs.
+        title: Name for people.
+        unit: Unit of the number.
+        start: Offset of its first byte, from 0.
+        size: Length in bytes.
+        kinds: Control bytes of the frames that contain it.
     """
 
     name: str
@@ -58,8 +58,8 @@ class ControlField(NamedTuple):
 PARTS: Final = (
     ControlField("size", N_("message"), "byte", 1, 2, (RTS, END, BAM)),
     ControlField("packets", N_("packets"), "", 3, 1, (RTS, END, BAM)),
-    ControlField("most_at_once", N_("most packets for one CTS"), "", 4, 1, (RTS,)),
-    ControlField("allowed", N_("packets that may be sent"), "", 1, 1, (CTS,)),
+    ControlField("most_at_once", N_("maximum packets per CTS"), "", 4, 1, (RTS,)),
+    ControlField("allowed", N_("packets to send"), "", 1, 1, (CTS,)),
     ControlField("next", N_("next packet"), "", 2, 1, (CTS,)),
     ControlField("reason", N_("reason"), "", 1, 1, (ABORT,)),
 )
