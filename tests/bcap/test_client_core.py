@@ -155,7 +155,7 @@ def test_a_request_beyond_the_limit_is_refused_here(conversation):
     """The other side would close the connection on it (VE026A table 3-5)."""
     size = 2**24 - packet.OVERHEAD - 14 - 10
     assert len(Call(conversation, f.variable_put_value, 3, bytes(size)).request) == 2**24
-    with pytest.raises(InvalidValue, match="Variable_PutValue: the arguments make a packet of 16777217 bytes, at most"):
+    with pytest.raises(InvalidValue, match="Variable_PutValue: the packet of 16777217 bytes exceeds the limit of"):
         Call(conversation, f.variable_put_value, 3, bytes(size + 1))
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="パケットが 16777217 バイト"):
@@ -296,7 +296,7 @@ def test_anything_else_lets_the_time_run_on(conversation):
 @pytest.mark.parametrize("junk", [b"\0", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
 def test_junk_before_the_answer_ends_the_call(conversation, junk):
     call = Call(conversation, f.variable_get_value, 3)
-    with pytest.raises(ProtocolError, match="is no b-CAP") as caught:
+    with pytest.raises(ProtocolError, match="is not b-CAP") as caught:
         call.feed(junk + reply(call.serial, 5))
     assert caught.value.fatal
 
@@ -362,7 +362,7 @@ def test_what_is_not_b_cap_is_fatal(conversation):
 def test_limits_hold_for_what_is_received():
     conversation = BcapConversation(PacketLimits(packet=100, depth=1))
     call = Call(conversation, f.variable_get_value, 3)
-    error = call.error(LimitExceeded, reply(call.serial, "x" * 100), "packet of 230 bytes, at most 100")
+    error = call.error(LimitExceeded, reply(call.serial, "x" * 100), "packet of 230 bytes exceeds the limit of 100")
     assert error.fatal
     conversation = BcapConversation(PacketLimits(depth=1))
     call = Call(conversation, f.variable_get_value, 3)

@@ -67,7 +67,9 @@ def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
         assert operation.send(told.executing) == (b"", pytest.approx(wait))
     told.now = 110.5
     assert operation.send(told.executing) == (b"", 0.0)
-    with pytest.raises(CallTimeout, match=r"deadline of 10 s; the controller reported that it was still executing") as late:
+    with pytest.raises(
+        CallTimeout, match=r"deadline of 10 s; the controller reported that it was still executing"
+    ) as late:
         operation.send(None)
     assert (late.value.executing, late.value.seconds) == (True, 10.0)
     again = pickle.loads(pickle.dumps(late.value))

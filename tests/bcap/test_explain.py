@@ -113,7 +113,7 @@ def test_more_arguments_than_the_function_has_are_numbered():
 
 def test_an_unknown_function_is_no_wrong_packet():
     frame = request(200, 1)
-    assert meanings(frame)["function id"] == "200 no such function; a server answers E_NOTIMPL"
+    assert meanings(frame)["function id"] == "200 unknown function; a server returns E_NOTIMPL"
     assert first_error(explain(frame)) is None
     assert one_line(frame) == "function 200?(1)"
 
@@ -145,7 +145,7 @@ def test_a_code_tells_requests_from_replies(code, kind):
 def test_the_kind_can_be_told():
     frame = packet.pack(1, 1, 0, b"")
     assert meanings(frame, kind="reply")["return code"].startswith("0x00000001 S_FALSE")
-    assert meanings(packet.pack(1, 0, 0, b""), kind="request")["function id"].startswith("0 no such function")
+    assert meanings(packet.pack(1, 0, 0, b""), kind="request")["function id"].startswith("0 unknown function")
     assert one_line(frame, request(2)) == "S_FALSE"
 
 
@@ -207,7 +207,7 @@ def test_values_in_short(value, expected):
 def test_the_crc_of_a_serial_line_is_recognised():
     frame = packet.pack(3, 2, 0, b"", crc=True)
     last = explain(frame)[-2]
-    assert (last.name, last.raw, last.meaning) == ("CRC", frame[-3:-1], "right (serial line)")
+    assert (last.name, last.raw, last.meaning) == ("CRC", frame[-3:-1], "correct (serial line)")
 
 
 def test_two_bytes_that_are_no_crc_are_the_reserved_area_with_what_would_be_right():
@@ -215,7 +215,7 @@ def test_two_bytes_that_are_no_crc_are_the_reserved_area_with_what_would_be_righ
     bad = good[:-3] + b"\xab\xcd\x04"
     area = explain(bad)[-2]
     assert (area.name, area.raw) == ("reserved area", b"\xab\xcd")
-    assert area.meaning == f"2 bytes behind the arguments; were it a CRC, {good[-3:-1].hex(' ')} would be right"
+    assert area.meaning == f"2 bytes after the arguments; as a CRC, {good[-3:-1].hex(' ')} would be correct"
     assert first_error(explain(bad)) is None
 
 
@@ -244,17 +244,17 @@ GOOD = request(9, 2, "IO150", "")
 @pytest.mark.parametrize(
     ("frame", "offset", "name", "said"),
     [
-        (b"", 0, "no packet", "a packet begins with SOH 01"),
-        (b"\x02" + GOOD[1:], 0, "no packet", "a packet begins with SOH 01"),
-        (GOOD[:9], 1, "header", "the bytes end inside the header of 15 bytes"),
-        (GOOD[:1], 1, "header", "the bytes end inside the header of 15 bytes"),
-        (GOOD[:15], 1, "length", "68 bytes, but 15 are here"),
-        (GOOD[:40], 1, "length", "68 bytes, but 40 are here"),
-        (GOOD[:-1] + b"\x05", 67, "end (EOT)", "EOT 04 is missing at the end"),
-        (GOOD + b"\xff", 1, "length", "68 bytes, but 69 are here"),
-        (GOOD[:1] + b"\xff\xff\xff\x7f" + GOOD[5:], 1, "length", "2147483647 bytes, at most 16777216 are allowed"),
-        (GOOD[:1] + b"\x01\0\0\0" + GOOD[5:], 1, "length", "1 byte, but 68 are here"),
-        (GOOD[:13] + b"\x04\0" + GOOD[15:], 67, "argument 4", "an argument needs 10 bytes or more, 0 are left at offset 67 (1 more by the argument count)"),
+        (b"", 0, "not a packet", "a packet must begin with SOH 01"),
+        (b"\x02" + GOOD[1:], 0, "not a packet", "a packet must begin with SOH 01"),
+        (GOOD[:9], 1, "header", "the header of 15 bytes is incomplete"),
+        (GOOD[:1], 1, "header", "the header of 15 bytes is incomplete"),
+        (GOOD[:15], 1, "length", "68 bytes, but 15 are present"),
+        (GOOD[:40], 1, "length", "68 bytes, but 40 are present"),
+        (GOOD[:-1] + b"\x05", 67, "end (EOT)", "the final EOT 04 is missing"),
+        (GOOD + b"\xff", 1, "length", "68 bytes, but 69 are present"),
+        (GOOD[:1] + b"\xff\xff\xff\x7f" + GOOD[5:], 1, "length", "2147483647 bytes exceed the limit of 16777216 bytes"),
+        (GOOD[:1] + b"\x01\0\0\0" + GOOD[5:], 1, "length", "1 byte, but 68 are present"),
+        (GOOD[:13] + b"\x04\0" + GOOD[15:], 67, "argument 4", "an argument needs 10 bytes or more, 0 are left at offset 67 (1 missing according to the argument count)"),
         (GOOD[:15] + b"\x0b" + GOOD[16:], 29, "handle", "1 x VT_I4 at offset 15 does not agree with its 5 bytes of data"),
         (GOOD[:15] + b"\xff" + GOOD[16:], 15, "handle: length", "argument length 255 at offset 15 does not fit the 48 bytes present"),
         (GOOD[:15] + b"\x05" + GOOD[16:], 15, "handle: length", "argument length 5 at offset 15 does not fit the 48 bytes present"),
@@ -297,7 +297,7 @@ def test_nesting_deeper_than_allowed_is_an_error_at_that_depth():
 
 def test_bytes_behind_a_packet_are_said_to_be_so():
     last = explain(GOOD + b"\xff\xff")[-1]
-    assert (last.name, last.raw, last.meaning) == ("no packet", b"\xff\xff", "2 bytes behind the end of the packet")
+    assert (last.name, last.raw, last.meaning) == ("not a packet", b"\xff\xff", "2 bytes after the end of the packet")
 
 
 def test_a_crc_stays_apart_from_wrong_arguments():

@@ -136,7 +136,7 @@ GOOD = encode(Packet(1, 9, [2, "IO150", ""]))
 )  # fmt: skip
 def test_what_is_no_packet(spoilt):
     for check in (check_frame, decode):
-        with pytest.raises(ProtocolError, match=rf"{len(spoilt)} bytes .* are no packet") as caught:
+        with pytest.raises(ProtocolError, match=rf"{len(spoilt)} bytes .* are not a packet") as caught:
             check(spoilt)
         assert (caught.value.code, caught.value.fatal) == (hresult.E_INVALIDRCVPACKET, True)
     i18n.use("ja")
@@ -146,7 +146,7 @@ def test_what_is_no_packet(spoilt):
 
 def test_with_crc_a_packet_is_two_bytes_longer():
     check_frame(encode(Packet(1, 2)))
-    with pytest.raises(ProtocolError, match="are no packet"):
+    with pytest.raises(ProtocolError, match="are not a packet"):
         check_frame(encode(Packet(1, 2)), crc=True)
     check_frame(encode(Packet(1, 2), crc=True), crc=True)
 
@@ -155,7 +155,7 @@ def test_a_wrong_crc_says_which_is_right_and_is_not_fatal():
     data = bytearray(encode(Packet(1, 2), crc=True))
     right = data[-3:-1].hex()
     data[-2] ^= 1
-    with pytest.raises(ProtocolError, match=rf"CRC {data[-3:-1].hex()} is wrong, {right} is right") as caught:
+    with pytest.raises(ProtocolError, match=rf"CRC {data[-3:-1].hex()} is wrong, expected {right}") as caught:
         decode(bytes(data), crc=True)
     assert not caught.value.fatal
     i18n.use("ja")
@@ -171,7 +171,7 @@ def test_a_count_that_exceeds_the_bytes(count):
         decode(bytes(data))
     assert (caught.value.code, caught.value.fatal) == (hresult.E_INVALIDRCVPACKET, False)
     if count > 5:
-        assert f"{count} arguments cannot be in the 52 bytes present" in str(caught.value)
+        assert f"{count} arguments do not fit into 52 bytes" in str(caught.value)
     i18n.use("ja")
     with pytest.raises(ProtocolError):
         decode_arguments(bytes(data), count, len(data) - 1)
@@ -199,7 +199,7 @@ def test_a_broken_argument_says_where():
 
 def test_limits_of_one_packet():
     long = encode(Packet(1, 2, ["x" * 100]))
-    with pytest.raises(LimitExceeded, match="packet of 230 bytes, at most 229") as caught:
+    with pytest.raises(LimitExceeded, match="packet of 230 bytes exceeds the limit of 229") as caught:
         decode(long, PacketLimits(packet=229))
     assert (caught.value.code, caught.value.fatal) == (hresult.E_PACKETSIZEOVER, True)
     assert decode(long, PacketLimits(packet=230)).arguments == ["x" * 100]
@@ -288,7 +288,7 @@ def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
             errors.append(error)
     assert errors
     assert {(error.code, error.fatal) for error in errors} == {(hresult.E_INVALIDRCVPACKET, True)}
-    assert all(f"a packet begins with SOH 01, not with {junk[0]:02x}" in str(error) for error in errors)
+    assert all(f"a packet must begin with SOH 01, not {junk[0]:02x}" in str(error) for error in errors)
     assert found == packets
     assert framer.pending == 0
 
@@ -296,12 +296,12 @@ def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
 @pytest.mark.parametrize(
     ("junk", "shown"),
     [
-        (b"\0", r"'\x00' is no b-CAP: a packet begins with SOH 01, not with 00"),
-        (b"\x1b[2J\r\n\xff", r"'\x1b[2J\r\n\xff' is no b-CAP: a packet begins with SOH 01, not with 1b"),
-        (b"\x16\3\1" + bytes(500), r"'\x16\x03\x01" + r"\x00" * 29 + "'... is no b-CAP"),
-        (b"POST / HTTP/1.1\r\nHost: a\r\n", r"'POST / HTTP/1.1\r\nHost: a\r\n' is no b-CAP"),
-        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "not with 48. This is HTTP. Try: an http:// address"),
-        (b"OPTIONS * HTTP/1.1\r\n", "not with 4f. This is HTTP. Try: an http:// address"),
+        (b"\0", r"'\x00' is not b-CAP: a packet must begin with SOH 01, not 00"),
+        (b"\x1b[2J\r\n\xff", r"'\x1b[2J\r\n\xff' is not b-CAP: a packet must begin with SOH 01, not 1b"),
+        (b"\x16\3\1" + bytes(500), r"'\x16\x03\x01" + r"\x00" * 29 + "'... is not b-CAP"),
+        (b"POST / HTTP/1.1\r\nHost: a\r\n", r"'POST / HTTP/1.1\r\nHost: a\r\n' is not b-CAP"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "not 48. This is HTTP. Try: use an http:// address"),
+        (b"OPTIONS * HTTP/1.1\r\n", "not 4f. This is HTTP. Try: use an http:// address"),
     ],
 )
 def test_what_is_no_packet_is_shown_in_short(junk, shown):
@@ -313,7 +313,7 @@ def test_what_is_no_packet_is_shown_in_short(junk, shown):
 def test_junk_is_not_kept():
     framer = Framer()
     for _ in range(100):
-        lost(framer, b"\xff" * 10_000, "is no b-CAP")
+        lost(framer, b"\xff" * 10_000, "is not b-CAP")
         assert framer.pending == 0
 
 
@@ -326,7 +326,7 @@ def lost(framer: Framer, data: bytes, match: str, code: int = hresult.E_INVALIDR
 @pytest.mark.parametrize("length", [0, 1, 15])
 def test_a_length_that_no_packet_can_have(length):
     data = b"\1" + struct.pack("<I", length) + GOOD[5:]
-    lost(Framer(), data, f"a packet cannot be {length} bytes long; 16 is the least")
+    lost(Framer(), data, f"packet of {length} bytes is below the minimum of 16 bytes")
     lost(Framer(), data[:5], f"a packet cannot be {length} bytes long")
     i18n.use("ja")
     lost(Framer(), data, f"パケット長 {length} は不正です")
@@ -339,7 +339,7 @@ def test_a_length_beyond_the_limit_is_refused_before_its_bytes_come(length):
     lost(
         framer,
         b"\1" + struct.pack("<I", length),
-        f"packet of {length} bytes, at most 16777216",
+        f"packet of {length} bytes exceeds the limit of 16777216",
         hresult.E_PACKETSIZEOVER,
     )
     assert framer.pending == 0
@@ -375,7 +375,7 @@ def test_a_packet_of_16_mib_byte_by_byte_at_its_end():
 
 def test_a_terminator_that_is_none():
     data = GOOD[:-1] + b"\5"
-    lost(Framer(), data, f"a packet of {len(data)} bytes ends with 05, not with EOT 04")
+    lost(Framer(), data, f"a packet of {len(data)} bytes must end with EOT 04, not 05")
     lost(Framer(), GOOD + data + GOOD, "ends with 05")
     i18n.use("ja")
     lost(Framer(), data, "末尾が EOT 04 ではなく 05")
@@ -409,7 +409,7 @@ def test_packets_before_the_broken_one_are_given():
 def test_the_limit_can_be_set():
     framer = Framer(PacketLimits(packet=len(GOOD)))
     assert framer.feed(GOOD) is GOOD
-    lost(framer, encode(Packet(1, 2, ["x" * 100])), f"at most {len(GOOD)} are allowed", hresult.E_PACKETSIZEOVER)
+    lost(framer, encode(Packet(1, 2, ["x" * 100])), f"exceeds the limit of {len(GOOD)} bytes", hresult.E_PACKETSIZEOVER)
 
 
 @given(st.lists(st.binary(max_size=40), max_size=10))

@@ -356,7 +356,7 @@ def test_a_result_that_cannot_be_written(caplog):
         call = executed(server, request(1, 101, 3))
         assert packet.decode(server.finish(call, 0, result)) == Packet(1, hresult.E_FAIL)
         assert not server.busy
-        assert "the result of function 101 cannot be sent" in caplog.text
+        assert "cannot encode the result of function 101" in caplog.text
         caplog.clear()
 
 

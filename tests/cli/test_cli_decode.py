@@ -100,13 +100,13 @@ def test_a_wrong_packet_is_explained_and_fails(run):
     done = run("decode", START.replace("10", "11", 1))
     assert done.code == 1
     assert "   1 ! length" in done.out
-    assert done.err == "orinkit: 1 of 1 packets wrong; at offset 1: 17 bytes, but 16 are here\n"
+    assert done.err == "orinkit: 1 of 1 packets wrong; at offset 1: 17 bytes, but 16 are present\n"
     assert run("decode", "ff", "--json").json["packets"][0]["fields"] == [
         {
             "offset": 0,
             "bytes": "ff",
             "name": "no packet",
-            "meaning": "a packet begins with SOH 01",
+            "meaning": "a packet must begin with SOH 01",
             "level": 0,
             "error": True,
         }

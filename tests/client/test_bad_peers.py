@@ -472,7 +472,7 @@ def test_junk_before_the_answer_ends_the_connection(both: Both, peer_class: type
     with peer_class(script) as peer:
         client = both.client(peer.url, tries=1, timeout=PATIENT)
         if peer_class is BadPeer:
-            with pytest.raises(ProtocolError, match="is no b-CAP") as caught:
+            with pytest.raises(ProtocolError, match="is not b-CAP") as caught:
                 ask(both, client, 0)
             assert caught.value.fatal
             with pytest.raises(ConnectionClosed):

@@ -1,1 +1,1 @@
-"""b-CAP, sans-IO: packets and the two sides of a conversation. Nothing here opens a socket or reads a clock."""
+"""b-CAP without I/O: packets, and the client and server sides of a conversation. No sockets, no clock."""

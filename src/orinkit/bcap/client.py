@@ -1,12 +1,12 @@
-"""The client's side of a b-CAP conversation, without I/O.
+"""The client side of a b-CAP conversation, without I/O.
 
-:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``: send these bytes (if any), then wait for bytes
-until that many seconds have passed; ``None`` for the seconds means that the wait in force goes on. What comes back from
-the ``yield`` are the bytes received, ``b""`` when the other side has closed, ``None`` when the time is up. It returns
-the return code and the result. The two drivers in :mod:`orinkit.transport` do the waiting.
+:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``: the caller sends the bytes (if any), then waits
+for received bytes for at most that many seconds; ``None`` for the seconds continues the current wait. The caller sends back
+the bytes received, ``b""`` if the peer has closed the connection, or ``None`` after a time-out. The generator returns the
+return code and the result. The two runners in :mod:`orinkit.transport` do the waiting.
 
-Where packets may be lost (:mod:`orinkit.bcap.profiles`) a request that is not answered is repeated; the controller knows it
-again by the reserved field and carries it out once.
+On unreliable transports (:mod:`orinkit.bcap.profiles`) a request without a reply is repeated. The controller recognizes the
+duplicate by the reserved field and executes the request once.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ _SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # serial, reserved
 _HEADER: Final = packet.HEADER.pack
 _FAILED: Final = 0x8000_0000
 _EXECUTING: Final = hresult.S_EXECUTING
-_FAREWELLS: Final = 3
+_STOP_REPEATS: Final = 3
 
 
 class BcapConversation:
-    """One client's requests and replies over one link, one at a time.
+    """Requests and replies of one client over one link, one at a time.
 
     Args:
-        limits: bounds on a packet; those of the profile count too.
+        limits: bounds on a packet; those of the profile apply too.
         trace: see below.
-        profile: how packets travel.
-        dialect: of the controller; may be set once it is known.
-        clock: tells the time, for deadlines and floods.
+        profile: the b-CAP transport profile.
+        dialect: dialect of the controller; may be set later, when it is known.
+        clock: returns the time, s; for deadlines and the detection of floods.
 
     Attributes:
-        stray_replies: replies that answered no waiting call: late, repeated, or foreign.
-        trace: if set, is told every packet.
-        profile: how packets travel.
-        echoes_reserved: whether the last answer had its request's reserved field, as those of a VE026A have (UDP, serial lines).
+        stray_replies: number of replies that did not belong to the current call: late, repeated, or foreign.
+        trace: callback invoked with every packet; ``None`` for none.
+        profile: the b-CAP transport profile.
+        echoes_reserved: whether the last reply repeated the request's reserved field, as a VE026A does (UDP, serial lines).
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class BcapConversation:
         self._tail = profile.tail
         self._serial = 1
         self.echoes_reserved = False
-        self._stopped = True  # the controller has been told that nobody is here, or never that somebody is
+        self._stopped = True  # no Service_Stop is necessary: one has been sent, or no request at all
         self.dialect = dialect
 
     @property
@@ -91,7 +91,7 @@ class BcapConversation:
 
     @property
     def serial(self) -> int:
-        """Serial number of the next request; may be set where another process has made requests on the same link."""
+        """Serial number of the next request; may be set after another process has sent requests on the same link."""
         return self._serial
 
     @serial.setter
@@ -100,7 +100,7 @@ class BcapConversation:
 
     @property
     def skipped(self) -> int:
-        """Bytes received outside any packet."""
+        """Number of bytes received outside any packet."""
         return self._framer.skipped
 
     def call(
@@ -114,25 +114,26 @@ class BcapConversation:
         later: float = 0.0,
         deadline: float | None = None,
     ) -> Operation:
-        """Call a function; returns a generator, see the module's docstring.
+        """Call a function; return a generator, see the module's docstring.
 
         Args:
             function: an entry of the table.
-            arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
-            seconds: time-out of one try; every S_EXECUTING from the controller starts it anew.
-            exact: give the result as a :class:`~orinkit.values.variant.Variant`.
-            tries: how often the request is sent in all, where packets may be lost (RC8 table 5-1: TORetry); every
-                S_EXECUTING allows as many again.
-            later: least time-out of the tries after the first one: a line that noise has put out of step has to fall
-                silent before the other side finds its place again.
-            deadline: seconds that the call may take in all, whatever the controller says; ``None`` for no such limit.
+            arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
+            seconds: time-out of one attempt, s; every S_EXECUTING from the controller restarts it.
+            exact: return the result as a :class:`~orinkit.values.variant.Variant`.
+            tries: total number of attempts on unreliable transports (RC8 table 5-1: TORetry); every S_EXECUTING restarts
+                the count.
+            later: minimum time-out of all attempts but the first, s: after noise on a serial line, the server finds the next
+                packet only after a period of silence.
+            deadline: limit on the duration of the call, s, regardless of S_EXECUTING; ``None`` for no limit.
 
         Raises:
-            InvalidValue: an argument does not fit; nothing was sent.
-            CallTimeout: no answer in time. An answer that comes later is dropped, it never answers another call.
-            ConnectionLost: the other side closed.
-            ProtocolError: what came is not b-CAP, or not what the function returns; or too much came that is no answer.
-            CallError: the controller answered with an error code.
+            InvalidValue: If an argument does not fit its type; nothing has been sent.
+            CallTimeout: If no reply was received in time. A later reply is dropped and never assigned to another call.
+            ConnectionLost: If the peer has closed the connection.
+            ProtocolError: If the received data is not b-CAP or not what the function returns, or if too many packets were
+                received that are not the reply.
+            CallError: If the controller has returned an error code.
         """
         if self.profile.lossy:
             return self._call_lossy(function, arguments, seconds, exact, tries, later, deadline)
@@ -148,14 +149,14 @@ class BcapConversation:
     ) -> Operation:
         serial = self._take_serial()
         request = self._request(function, arguments, serial, 0)
-        # a call that is answered at once needs no clock
+        # a call with an immediate reply does not need the clock
         patience = None if deadline is None else CallTimer(function.name, deadline, self._clock)
         received = yield request, seconds if patience is None else patience.bound(seconds)
         framer = self._framer
         while True:
             if not received:
-                late = patience.end() if received is None and patience is not None else None
-                raise late or no_answer(function, received, seconds)
+                expired = patience.end() if received is None and patience is not None else None
+                raise expired or no_answer(function, received, seconds)
             wait: float | None = None
             idle = 0
             frame = framer.feed(received)
@@ -199,20 +200,20 @@ class BcapConversation:
         received = yield requests[serial], patience.bound(seconds)
         while True:
             if received is None and framer.pending > seen and framer.partial_serial in requests:
-                seen = framer.pending  # a long answer over a slow line is still coming
+                seen = framer.pending  # a long reply over a slow line is still arriving
                 received = yield b"", patience.bound(SILENCE)
                 continue
             if received == b"":
                 raise no_answer(function, received, seconds)
             seen, executing = 0, False
             idle = 0
-            # noise before an answer may have kept it from being seen until the time was up
+            # noise before a reply may have hidden it until the time-out
             frame = framer.feed(received) if received else framer.timeout()
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
                 answered, reserved, code, count = _SERIAL_AND_CODE(frame, 5)
-                if requests.get(answered, frame) == frame:  # foreign, or a line that gives back what is sent
+                if requests.get(answered, frame) == frame:  # foreign, or an echo of the line
                     self.stray_replies += 1
                     idle += 1
                 elif code == _EXECUTING:
@@ -228,14 +229,14 @@ class BcapConversation:
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
             if not idle and received and not self.profile.shared:
-                idle = 1  # an empty datagram; a serial line brings every byte on its own
+                idle = 1  # an empty datagram; on a serial line, a single byte is normal
             patience.heard(idle, executing=executing)
             if received or executing:
                 received = yield b"", patience.bound(seconds if executing else None)
                 continue
-            late = patience.end(len(requests))
-            if late is not None:
-                raise busy or late
+            expired = patience.end(len(requests))
+            if expired is not None:
+                raise busy or expired
             left -= 1
             if left <= 0:
                 raise busy or CallTimeout(function.name, seconds * tries, tries)
@@ -244,15 +245,15 @@ class BcapConversation:
             received = yield requests[serial], patience.bound(max(seconds, later))
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
-        """Return packets to be sent where a connection is closed that does not tell of its end: Service_Stop.
+        """Return the packets to send before a connectionless link is closed: Service_Stop.
 
-        Beside each how many seconds to wait for an answer: none, so it is said more than once.
+        Each packet comes with the time to wait for a reply, s. That is 0, so the packet is repeated in case it is lost.
         """
         if self._stopped or not self.profile.lossy:
             return []
         self._stopped = True
         first = self._take_serial()
-        serials = [first, *(self._take_serial() for _ in range(_FAREWELLS - 1))]
+        serials = [first, *(self._take_serial() for _ in range(_STOP_REPEATS - 1))]
         return [(self._request(service_stop, (), serial, first), 0.0) for serial in serials]
 
     def _take_serial(self) -> int:
@@ -261,7 +262,7 @@ class BcapConversation:
         return serial
 
     def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:
-        """Return the packet of a try, which the trace is told."""
+        """Return the packet of one attempt, and pass it to the trace."""
         request = encode_request(
             function, arguments, serial, first, crc=self.profile.crc, error_size=self._limits.error_size
         )
@@ -276,24 +277,24 @@ class BcapConversation:
             return None
         if count:
             value, _ = codec.decode(frame, 15, len(frame) - self._tail, self._limits, exact=exact)
-        else:  # a VE026A answers nothing where an RC8 answers VT_EMPTY
+        else:  # a VE026A returns no value if an RC8 returns VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
         return checked(function, value, exact=exact)
 
 
 def sign_of_life(handle: int) -> bytes:
-    """Return a packet that may be sent over a stream while a call is under way, to be heard: Controller_GetName.
+    """Return a keep-alive packet that may be sent over a stream during a call: Controller_GetName.
 
-    Its serial is 0, which no call has, so its answer (E_BUSY_PROC) is dropped.
+    Its serial is 0, which no call has, so its reply (E_BUSY_PROC) is dropped.
     """
     return encode_request(controller_get_name, (handle,), 0)
 
 
 def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, profile: BcapProfile) -> InvalidValue:
-    by_tcp = tr(" ({name}; with TCP there is room)", name=profile.name)
+    by_tcp = tr(" over {name}. Try: use TCP", name=profile.name)
     return InvalidValue(
         tr(
-            "{name}: the arguments make a packet of {length} bytes, at most {most} can be sent",
+            "{name}: the packet of {length} bytes exceeds the limit of {most} bytes",
             name=function.name,
             length=length,
             most=limits.packet,
@@ -315,22 +316,22 @@ def encode_request(
 
     Args:
         function: an entry of the table.
-        arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
-        serial: of this try.
-        reserved: of the first try, where packets may be lost.
-        crc: for a serial line.
-        error_size: bytes of a VT_ERROR.
+        arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
+        serial: serial of this attempt.
+        reserved: serial of the first attempt; 0 on a stream.
+        crc: add a CRC, for a serial line.
+        error_size: size of a VT_ERROR, bytes.
 
     Raises:
-        InvalidValue: an argument does not fit its type; the message names function and argument.
+        InvalidValue: If an argument does not fit its type; the message names the function and the argument.
     """
-    encoders = _ENCODERS.get(function.id) or _learn(function)
+    encoders = _ENCODERS.get(function.id) or _make_encoders(function)
     if error_size != DEFAULT_LIMITS.error_size:
         encoders = tuple(_sized(each, error_size) for each in encoders)
     try:
-        body = b"".join(map(_apply, encoders, arguments))  # stops at the last one given: optional ones may be missing
+        body = b"".join(map(_apply, encoders, arguments))  # stops after the last argument: optional ones may be omitted
     except (InvalidValue, TypeError) as error:
-        raise _explain(function, arguments, error) from None
+        raise _argument_error(function, arguments, error) from None
     if crc:
         return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
     head = _HEADER(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
@@ -346,7 +347,7 @@ _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
 _ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
 
 
-def _learn(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
+def _make_encoders(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
     encoders = _ENCODERS[function.id] = tuple(map(_encoder, function.arguments))
     return encoders
 
@@ -356,14 +357,14 @@ def _encoder(argument: Argument) -> Callable[[Any], bytes]:
 
 
 def _sized(encoder: Callable[[Any], bytes], error_size: int) -> Callable[[Any], bytes]:
-    """Return an encoder for which a VT_ERROR has another size; only in a VARIANT can there be one."""
+    """Return an encoder with another size of VT_ERROR; that type occurs only in a VARIANT."""
     if encoder is not codec.encode:
         return encoder
     return lambda value: codec.encode_variant(variant(value), error_size)
 
 
-def _explain(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:
-    """Say which argument was wrong; only when one was."""
+def _argument_error(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:
+    """Return an exception that names the invalid argument."""
     for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
         try:
             _BY_TYPE[argument.vt](value)

@@ -1,7 +1,7 @@
-"""What the bytes of a packet mean, field by field (VE026A 3.1, 3.2), for people.
+"""Dissection of packets for people: the meaning of each field (VE026A 3.1, 3.2).
 
-:func:`explain` takes any bytes: a packet that is wrong is explained as far as it goes, with the error at the place where
-it shows. :func:`one_line` says the same in one line, :func:`split` finds the packets in a run of bytes.
+:func:`explain` accepts any bytes. It dissects a malformed packet as far as possible and marks the position of the error.
+:func:`one_line` summarizes a packet in one line; :func:`split` finds the packets in a sequence of bytes.
 
 >>> start = bytes.fromhex("01100000000100000001000000000004")
 >>> one_line(start)
@@ -33,7 +33,7 @@ from orinkit.values.variant import Variant
 Kind: TypeAlias = Literal["request", "reply"]
 
 LONGEST_MEANING: Final = 400
-"""How many characters of a value :func:`explain` writes out; the bytes are always complete."""
+"""Limit on the characters of a value that :func:`explain` shows; the raw bytes are always complete."""
 _LONGEST_VALUE: Final = 80
 _LAST_FUNCTION_ID: Final = 255
 _CRC_SIZE: Final = 2
@@ -46,15 +46,15 @@ _ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
 
 @dataclass(frozen=True, slots=True)
 class PacketField:
-    """A few bytes of a packet and what they mean. The bytes of all fields, one after the other, are the packet.
+    """A field of a packet and its meaning. The concatenated bytes of all fields are the packet.
 
     Attributes:
-        offset: where the field begins, counted from the packet's first byte.
-        raw: its bytes; empty for an error between two bytes.
-        name: what it is, in the language in force.
-        meaning: what it says; for a value its VARIANT notation, for an error what is wrong.
-        error: True where the packet is wrong.
-        level: 0 for the packet itself, 1 for an argument, one more for each array that it is nested in.
+        offset: position of the field, counted from the first byte of the packet.
+        raw: bytes of the field; empty for an error between two bytes.
+        name: name of the field, in the current language.
+        meaning: meaning of the field; for a value its VARIANT notation, for an error its description.
+        error: whether the field is an error.
+        level: 0 for the packet itself, 1 for an argument, one more for each enclosing array.
     """
 
     offset: int
@@ -66,12 +66,12 @@ class PacketField:
 
 
 def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None) -> list[PacketField]:
-    """Explain one packet.
+    """Return the fields of one packet.
 
     Args:
-        frame: a packet, or what should be one.
+        frame: a packet, possibly malformed.
         kind: ``"request"`` or ``"reply"``; by default a code of 1 to 255 is a function id and any other a return code.
-        request: for a reply the packet that it answers.
+        request: for a reply: the packet of its request.
     """
     walk = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
     walk.packet()
@@ -79,7 +79,7 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
 
 
 def kind_of(code: int) -> Kind:
-    """Tell a request from a reply by its code: 1 to 255 is a function id, 0 and all others are return codes."""
+    """Return the kind of a packet, from its code: 1 to 255 is a function id, 0 and all others are return codes."""
     return "request" if 1 <= code <= _LAST_FUNCTION_ID else "reply"
 
 
@@ -87,8 +87,8 @@ def one_line(frame: bytes, request: bytes | None = None) -> str:
     """Return a packet in one line: ``Controller_GetVariable(2, "IO150", "")``, ``S_OK -> 3``.
 
     Args:
-        frame: a packet, or what should be one.
-        request: for a reply the packet that it answers.
+        frame: a packet, possibly malformed.
+        request: for a reply: the packet of its request.
     """
     try:
         found = packet.decode(frame, exact=True)
@@ -106,13 +106,13 @@ def one_line(frame: bytes, request: bytes | None = None) -> str:
 
 
 def show(value: Any) -> str:
-    """Return a value in a short form for reading: ``"IO150"``, ``3``, ``[1.5, 2.0]``, ``VT_EMPTY``."""
+    """Return a short text for a value: ``"IO150"``, ``3``, ``[1.5, 2.0]``, ``VT_EMPTY``."""
     text = _show(value)
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 1]}…"
 
 
 def split(data: bytes) -> list[bytes]:
-    """Cut a run of bytes into packets and what lies between them; the pieces, one after the other, are the bytes."""
+    """Split bytes into packets and the data between them; the concatenated pieces are the input."""
     pieces: list[bytes] = []
     start = at = 0
     while 0 <= at < len(data):
@@ -126,7 +126,7 @@ def split(data: bytes) -> list[bytes]:
 
 
 def _packet_size(data: bytes, at: int) -> int:
-    """Return how long the packet at this place is, 0 if there is none."""
+    """Return the length of the packet at this position, 0 if there is none."""
     if data[at] != packet.SOH or at + packet.OVERHEAD > len(data):
         return 0
     size: int = _U32.unpack_from(data, at + 1)[0]
@@ -167,18 +167,18 @@ def _code_name(code: int) -> str:
 
 
 def _notation(vt: int, count: int, data: bytes) -> str:
-    """Return a value in notation, from its own bytes."""
+    """Return the VARIANT notation of a value, from its bytes."""
     value, _ = codec.decode(_ARGUMENT.pack(_HEAD.size + len(data), vt, count) + data, exact=True)
     return printable(format_variant(value), LONGEST_MEANING)
 
 
-# --- the walk ---------------------------------------------------------------------------------------------------------
+# --- dissection ---------------------------------------------------------------------------------------------------------
 
 
 class _Dissector:
-    """Goes once over a packet.
+    """Dissects one packet in a single pass.
 
-    Whether it is right, and what is wrong with it, is the decoder's word; the walk says where its parts lie.
+    The decoder decides whether the packet is valid and describes errors; this class locates the fields.
     """
 
     def __init__(self, frame: bytes, kind: Kind | None, function: Function[..., Any] | None) -> None:
@@ -189,29 +189,29 @@ class _Dissector:
         self.at = 0
 
     def take(self, size: int, name: str, meaning: str, *, error: bool = False, level: int = 0) -> bytes:
-        """Make a field of the next bytes."""
+        """Add a field with the next bytes."""
         raw = self.frame[self.at : self.at + size]
         self.fields.append(PacketField(self.at, raw, name, meaning, error, level))
         self.at += len(raw)
         return raw
 
     def wrong(self, end: int, name: str, meaning: str, level: int = 0) -> None:
-        """Make an error of everything up to ``end``."""
+        """Add an error field with all bytes up to ``end``."""
         self.take(max(end - self.at, 0), name, meaning, error=True, level=level)
 
     def packet(self) -> None:
-        """Explain all of it."""
+        """Dissect the whole packet."""
         frame = self.frame
         if not frame or frame[0] != packet.SOH:
             name, outside = (
-                tr("no packet"),
-                tr("a packet begins with SOH 01"),
+                tr("not a packet"),
+                tr("a packet must begin with SOH 01"),
             )
             self.wrong(len(frame), name, outside)
             return
         if len(frame) < packet.HEADER.size:
             self.take(1, tr("start (SOH)"), "")
-            needed = tr("the bytes end inside the header of {size} bytes", size=packet.HEADER.size)
+            needed = tr("the header of {size} bytes is incomplete", size=packet.HEADER.size)
             self.wrong(len(frame), tr("header"), needed)
             return
         stop = self._stop()
@@ -223,7 +223,7 @@ class _Dissector:
         self._end(end, stop)
 
     def _stop(self) -> int:
-        """Return where the packet ends: where its length says if an EOT is there, else where the bytes end."""
+        """Return the end of the packet: according to its length if there is an EOT, otherwise the end of the bytes."""
         (length,) = packet.LENGTH.unpack_from(self.frame, 1)
         fits = packet.OVERHEAD <= length <= len(self.frame) and self.frame[length - 1] == packet.EOT
         return length if fits else len(self.frame)
@@ -233,14 +233,14 @@ class _Dissector:
         self.take(1, tr("start (SOH)"), "")
         self._length(length)
         self.take(2, tr("serial"), str(serial))
-        retry = tr("{serial}: serial of the first try", serial=reserved)
+        retry = tr("{serial}: serial of the first attempt", serial=reserved)
         self.take(2, tr("reserved"), retry if reserved else "0")
         self.kind = self.kind or kind_of(code)
         if self.kind == "request":
             self.function = FUNCTIONS.get(code)
-            unknown = tr("no such function; a server answers E_NOTIMPL")
-            told = f"{self.function.name}: {self.function.text}" if self.function else unknown
-            self.take(4, tr("function id"), f"{code} {told}")
+            unknown = tr("unknown function; a server returns E_NOTIMPL")
+            meaning = f"{self.function.name}: {self.function.text}" if self.function else unknown
+            self.take(4, tr("function id"), f"{code} {meaning}")
         else:
             self.take(4, tr("return code"), f"{_code_name(code)}: {hresult.lookup(code).text}")
         self.take(2, tr("arguments"), str(count))
@@ -251,9 +251,9 @@ class _Dissector:
         present = len(self.frame)
         if length > DEFAULT_LIMITS.packet:
             most = DEFAULT_LIMITS.packet
-            said = tr("{length} bytes, at most {most} are allowed", length=length, most=most)
+            said = tr("{length} bytes exceed the limit of {most} bytes", length=length, most=most)
         elif length != present:
-            said = tr("{length}, but {present} are here", length=_bytes(length), present=present)
+            said = tr("{length}, but {present} are present", length=_bytes(length), present=present)
         else:
             self.take(4, name, _bytes(length))
             return
@@ -276,7 +276,7 @@ class _Dissector:
         return tr("result {index}", index=index + 1)
 
     def _argument(self, name: str, end: int, missing: int) -> bool:
-        """Explain one argument; False where the next one cannot be found any more."""
+        """Dissect one argument; return False if the next one cannot be located."""
         start = self.at
         wrong: ProtocolError | None = None
         try:
@@ -284,7 +284,7 @@ class _Dissector:
         except ProtocolError as error:
             wrong = error
         if end - start < _ARGUMENT.size:
-            more = tr(" ({missing} more by the argument count)", missing=missing)
+            more = tr(" ({missing} missing according to the argument count)", missing=missing)
             self.wrong(self._before_crc(end), name, f"{wrong}{more}", 1)
             return False
         length, vt, count = _ARGUMENT.unpack_from(self.frame, start)
@@ -295,7 +295,7 @@ class _Dissector:
             end = self._before_crc(end)
             self._data(name, vt, count, end, 1)
             if self.at < end:
-                self.wrong(end, name, tr("where this ends cannot be told"), 1)
+                self.wrong(end, name, tr("the end of this value is unknown"), 1)
             return False
         stop = start + 4 + length
         self._data(name, vt, count, stop, 1)
@@ -308,7 +308,7 @@ class _Dissector:
         self.take(4, _part(name, tr("element count")), str(count), level=level)
 
     def _data(self, name: str, vt: int, count: int, stop: int, level: int) -> bool:
-        """Explain an argument's or element's data as far as they are right; tells whether all of them are."""
+        """Dissect the data of an argument or element as far as they are valid; return True if all of them are."""
         base, array = vt & ~ARRAY, bool(vt & ARRAY)
         if not array and count != 1:
             return False
@@ -351,12 +351,12 @@ class _Dissector:
                 return False
         return True
 
-    # Behind the arguments
+    # After the arguments
 
     def _before_crc(self, end: int) -> int:
-        """Return where the CRC begins, ``end`` if there is none."""
+        """Return the position of the CRC, or ``end`` if there is none."""
         start = end - _CRC_SIZE
-        if end == len(self.frame) or start < self.at:  # what an argument has taken is no CRC, whatever it adds up to
+        if end == len(self.frame) or start < self.at:  # bytes of an argument are never a CRC, even if they match
             return end
         return start if _U16.unpack_from(self.frame, start)[0] == packet.checksum(self.frame[1:start]) else end
 
@@ -364,24 +364,24 @@ class _Dissector:
         crc = self._before_crc(end)
         if self.at < crc:
             area = crc - self.at
-            said = tr("{size} behind the arguments", size=_bytes(area))
+            said = tr("{size} after the arguments", size=_bytes(area))
             if area == _CRC_SIZE and crc == end:
                 right = _U16.pack(packet.checksum(self.frame[1 : self.at])).hex(" ")
-                said = tr("{said}; were it a CRC, {right} would be right", said=said, right=right)
+                said = tr("{said}; as a CRC, {right} would be correct", said=said, right=right)
             self.take(area, tr("reserved area"), said)
         if self.at == crc < end:
-            self.take(_CRC_SIZE, "CRC", tr("right (serial line)"))
+            self.take(_CRC_SIZE, "CRC", tr("correct (serial line)"))
 
     def _end(self, end: int, stop: int) -> None:
         name = tr("end (EOT)")
         if end < stop and self.frame[end] == packet.EOT:
             self.take(1, name, "")
         else:
-            self.wrong(stop, name, tr("EOT 04 is missing at the end"))
+            self.wrong(stop, name, tr("the final EOT 04 is missing"))
         if stop < len(self.frame):
             rest = _bytes(len(self.frame) - stop)
-            said = tr("{size} behind the end of the packet", size=rest)
-            self.wrong(len(self.frame), tr("no packet"), said)
+            said = tr("{size} after the end of the packet", size=rest)
+            self.wrong(len(self.frame), tr("not a packet"), said)
 
 
 def _bytes(count: int) -> str:
@@ -393,5 +393,5 @@ def _part(name: str, part: str) -> str:
 
 
 def first_error(fields: Iterable[PacketField]) -> PacketField | None:
-    """Return the first field that is an error, ``None`` where the packet is right."""
+    """Return the first field that is an error, or ``None`` if the packet is valid."""
     return next((field for field in fields if field.error), None)

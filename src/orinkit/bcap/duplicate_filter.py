@@ -1,10 +1,10 @@
-"""What a client has asked lately, so that a request that comes again is carried out once (reference: duplicates).
+"""Detection of duplicate requests, so that each request is executed once (docs/protocol.md: duplicates).
 
-On UDP and on serial lines a request is known by a number: the serial of its first try, which is in the reserved field
-of every try. Numbers grow with every request, from 65535 to 1. A request whose number is behind the newest one's comes
-late: its client has been answered, or has given it up and asked something else, so it is not carried out any more. Old
-clients leave the field 0: the serial itself is the number then, which may be 0 too, and only the newest request is
-known again.
+On UDP and on serial lines a request is identified by a number: the serial of its first attempt, which is in the reserved
+field of every attempt. Numbers increase with every request and wrap from 65535 to 1. A request with a number below the
+newest one is late: its client has received the reply, or has given up the call and made another one, so the request is not
+executed. Old clients set the field to 0: then the serial itself is the number, which may be 0 too, and only duplicates of
+the newest request are detected.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from typing import Final
 from orinkit.core import hresult
 
 MEMORY: Final = 10.0
-"""Seconds that requests are remembered (reference: UDP clients are dropped after that silence)."""
+"""Seconds for which requests are stored (reference: UDP clients are disconnected after that silence)."""
 
 _SERVICE_START: Final = 1
-_LATE_DATAGRAM: Final = 2.0  # s that a packet may be under way: a Service_Start that is later is another client's
+_LATE_DATAGRAM: Final = 2.0  # s that a packet may travel: a later Service_Start belongs to another client
 _LATE_BYTES: Final = 1.0  # s; the same on a serial line
-_ROUND: Final = 0xFFFF  # serial numbers: 1 to 65535
-_HALF: Final = _ROUND // 2
-_KEPT: Final = 64  # answers
+_MAX_SERIAL: Final = 0xFFFF  # serial numbers: 1 to 65535
+_HALF: Final = _MAX_SERIAL // 2
+_MAX_STORED: Final = 64  # limit on stored replies
 
 
 class Decision(Enum):
-    """What is to be done with a request."""
+    """How to handle a request."""
 
-    NEW = "carry it out"
-    ANEW = "carry it out: a client begins, and the one before it has gone"
-    RUNNING = "it is at work"
-    BUSY = "refuse it: another one is at work"
-    ANSWERED = "say the answer again"
-    STALE = "its client has given it up"
+    NEW = "execute it"
+    RESTART = "execute it: a client begins, and the previous one has disconnected"
+    RUNNING = "it is in progress"
+    BUSY = "refuse it: another one is in progress"
+    ANSWERED = "repeat the reply"
+    STALE = "drop it: its client has given it up"
 
 
 @dataclass(frozen=True, slots=True)
 class CachedReply:
-    """An answer as it was given: all of it but the serial."""
+    """A reply without its serial."""
 
     code: int
     count: int = 0
@@ -53,20 +53,20 @@ _BUSY: Final = CachedReply(hresult.E_BUSY_PROC)
 class _Request:
     content: bytes
     reserved: bool
-    time: float  # when it came, and when it was answered
+    time: float  # when it was received; later: when it was answered
     answer: CachedReply | None = None
 
 
 class DuplicateFilter:
-    """The requests of one client, or of one after the other on the same line.
+    """Detects duplicate requests of one client, or of successive clients on one line.
 
     Args:
-        shared: whether one client follows the other on the same line.
+        shared: whether clients may succeed one another on the same line.
     """
 
     def __init__(self, *, shared: bool) -> None:
         self._shared = shared
-        self._known: dict[int, _Request] = {}  # by number, the oldest first
+        self._known: dict[int, _Request] = {}  # by number, oldest first
         self._newest = 0
         self._running: int | None = None
         self._start = 0  # number of the last Service_Start
@@ -74,22 +74,22 @@ class DuplicateFilter:
         self._stopped = True
 
     def check(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
-        """Tell what is to be done with a request; one that is new is at work from then on, until :meth:`answered`.
+        """Return how to handle a request; a new one is in progress from then on, until :meth:`answered`.
 
         Args:
-            serial: of this try.
-            reserved: of this try.
-            function: its id.
-            content: function and arguments as bytes.
+            serial: serial of this attempt.
+            reserved: reserved field of this attempt.
+            function: function id.
+            content: function id and arguments as bytes.
             now: the time, s.
-            busy: whether a call is at work, so that a new request is refused, now and whenever it comes again.
+            busy: whether a call is in progress, so that a new request and its duplicates are refused.
         """
         number = reserved or serial
         known = self._known.get(number)
         if known is not None and known.content == content:
             if number == self._running:
                 return Decision.RUNNING
-            # who says that this is another try means that very request, however long ago it was
+            # a client that marks a request as another attempt means that very request, regardless of its age
             if (number == self._newest or reserved) and (serial != number or now - known.time < MEMORY):
                 return self._seen(known, function, number, now)
         if function == _SERVICE_START:
@@ -99,56 +99,56 @@ class DuplicateFilter:
         return self._take(number, _Request(content, bool(reserved), now), busy=busy)
 
     def answered(self, answer: CachedReply, now: float) -> None:
-        """Remember the answer to the request that is at work."""
+        """Store the reply to the request in progress."""
         assert self._running is not None
         request = self._known[self._running]
         request.answer, request.time = answer, now
         self._running = None
 
     def answer_to(self, serial: int, reserved: int) -> CachedReply:
-        """Return the answer to a request that has been :attr:`Decision.ANSWERED`."""
+        """Return the stored reply to a request for which :meth:`check` returned :attr:`Decision.ANSWERED`."""
         answer = self._known[reserved or serial].answer
         assert answer is not None
         return answer
 
     def stop(self) -> None:
-        """The client has said goodbye: a Service_Start is another one's beginning from now on."""
+        """Note a Service_Stop: the next Service_Start belongs to another client."""
         self._stopped = True
 
     def _seen(self, known: _Request, function: int, number: int, now: float) -> Decision:
         if function == _SERVICE_START and number != self._newest:
             if not self._is_another(now):
-                return Decision.STALE  # an answer would have a client that begins anew believe that it has begun
-            return self._begin_anew(number, _Request(known.content, known.reserved, now))
+                return Decision.STALE  # with a reply, a restarted client would assume that its session has begun
+            return self._restart(number, _Request(known.content, known.reserved, now))
         return Decision.STALE if known.answer is None else Decision.ANSWERED
 
     def _begin(self, number: int, request: _Request, *, busy: bool) -> Decision:
-        """Judge a Service_Start that is not known."""
+        """Return how to handle an unknown Service_Start."""
         if number == self._start and not self._is_another(request.time):
             return Decision.STALE
-        ahead = 0 < (number - self._newest) % _ROUND <= _HALF
+        ahead = 0 < (number - self._newest) % _MAX_SERIAL <= _HALF
         if self._shared or self._stopped or not ahead:
-            return self._begin_anew(number, request)
-        verdict = self._take(number, request, busy=busy)
-        if self._known[number] is request:  # else it has the number of the call at work, and is nobody's beginning
+            return self._restart(number, request)
+        decision = self._take(number, request, busy=busy)
+        if self._known[number] is request:  # otherwise it has the number of the call in progress, and no session begins
             self._start, self._started = number, request.time
-        return verdict
+        return decision
 
-    def _begin_anew(self, number: int, request: _Request) -> Decision:
-        verdict = Decision.NEW if self._stopped else Decision.ANEW
+    def _restart(self, number: int, request: _Request) -> Decision:
+        decision = Decision.NEW if self._stopped else Decision.RESTART
         self._known.clear()
         self._start, self._started, self._stopped = number, request.time, False
         self._remember(number, request)
         self._running = number
-        return verdict
+        return decision
 
     def _is_another(self, now: float) -> bool:
-        """Whether a Service_Start that seems to be known is that of a client who begins anew with the same number."""
+        """Return True if a seemingly known Service_Start comes from a restarted client with the same number."""
         return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
     def _take(self, number: int, request: _Request, *, busy: bool) -> Decision:
         if busy:
-            if number != self._running:  # whose answer is to come there
+            if number != self._running:  # its reply will be stored there
                 request.answer = _BUSY
                 self._remember(number, request)
             return Decision.BUSY
@@ -161,12 +161,12 @@ class DuplicateFilter:
         self._newest = number
         self._known.pop(number, None)
         self._known[number] = request
-        if len(self._known) > _KEPT:
+        if len(self._known) > _MAX_STORED:
             del self._known[next(each for each in self._known if each != self._running)]
 
     def _is_late(self, number: int, now: float) -> bool:
-        """Whether a request that was never seen, or long ago, is behind the newest one."""
+        """Return True if a request that is unknown or old has a number below the newest one."""
         newest = self._known.get(self._newest)
         if newest is None or not newest.reserved or now - newest.time >= MEMORY:
             return False
-        return 0 < (self._newest - number) % _ROUND <= _HALF
+        return 0 < (self._newest - number) % _MAX_SERIAL <= _HALF

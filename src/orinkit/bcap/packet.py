@@ -1,4 +1,4 @@
-"""b-CAP packets and how they lie in a byte stream (VE026A 3.1).
+"""b-CAP packets, and their framing in a byte stream (VE026A 3.1).
 
 A packet is ``SOH | length u32 | serial u16 | reserved u16 | function id or return code u32 | argument count u16 |
 arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian; the length is that of the whole packet.
@@ -29,21 +29,21 @@ LENGTH: Final = struct.Struct("<I")
 _START: Final = struct.Struct("<BI").unpack_from
 _CRC: Final = struct.Struct("<H")
 _EOT: Final = bytes([EOT])
-_COPIED: Final = 64 * 1024  # bytes of a packet that may be copied: 16 MiB would take 10 ms
-_SHOWN: Final = 32  # bytes of what is no packet
+_COPIED: Final = 64 * 1024  # bytes of a packet up to which it is copied: 16 MiB would take 10 ms
+_SHOWN: Final = 32  # bytes shown of data that is not a packet
 _HTTP: Final = re.compile(rb"HTTP/\d|[A-Z]{3,7} [/*]")
 
 
 @dataclass(slots=True)
 class Packet:
-    """One packet.
+    """A b-CAP packet.
 
     Attributes:
-        serial: 1 to 65535; the reply has the request's.
+        serial: 1 to 65535; a reply has the serial of its request.
         code: function id of a request, return code of a reply; unsigned.
-        arguments: plain values, or :class:`~orinkit.values.variant.Variant` objects if read with ``exact=True``.
-        reserved: 0 on TCP; on UDP and serial lines the serial of the first try.
-        trailer: the reserved area behind the arguments (VE026A 3.1), nearly always empty.
+        arguments: plain values, or :class:`~orinkit.values.variant.Variant` objects if decoded with ``exact=True``.
+        reserved: 0 on TCP; on UDP and serial lines the serial of the first attempt.
+        trailer: the reserved area after the arguments (VE026A 3.1), nearly always empty.
     """
 
     serial: int
@@ -54,7 +54,7 @@ class Packet:
 
 
 def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, crc: bool = False) -> bytes:
-    """Return a packet from its parts; ``body`` are ``count`` encoded arguments."""
+    """Return a packet from its parts; ``body`` contains ``count`` encoded arguments."""
     if not crc:
         return b"%b%b\x04" % (HEADER.pack(SOH, len(body) + OVERHEAD, serial, reserved, code, count), body)
     head = HEADER.pack(SOH, len(body) + OVERHEAD + 2, serial, reserved, code, count)
@@ -62,7 +62,7 @@ def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, 
 
 
 def with_room(body: bytes) -> bytearray:
-    """Return encoded arguments with room for what is around them in a packet, to be filled by :func:`pack_around`."""
+    """Return encoded arguments with room for the header and EOT of a packet, to be filled by :func:`pack_around`."""
     room = bytearray(_BODY + len(body) + 1)
     room[_BODY:-1] = body
     room[-1] = EOT
@@ -70,7 +70,7 @@ def with_room(body: bytes) -> bytearray:
 
 
 def pack_around(room: bytearray, serial: int, code: int, count: int, reserved: int = 0) -> bytearray:
-    """Return what :func:`with_room` has made as a packet of ``count`` arguments, without a CRC; nothing is copied."""
+    """Complete a buffer from :func:`with_room` to a packet of ``count`` arguments, without a CRC and without copying."""
     HEADER.pack_into(room, 0, SOH, len(room), serial, reserved, code, count)
     return room
 
@@ -79,7 +79,7 @@ def encode(packet: Packet, *, crc: bool = False) -> bytes:
     """Return a packet as bytes.
 
     Raises:
-        InvalidValue: an argument cannot be a VARIANT.
+        InvalidValue: If an argument cannot be converted to a VARIANT.
     """
     body = b"".join(map(codec.encode, packet.arguments)) + packet.trailer
     return pack(packet.serial, packet.code, len(packet.arguments), body, packet.reserved, crc=crc)
@@ -91,10 +91,10 @@ def checksum(data: bytes) -> int:
 
 
 def decode(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False, crc: bool = False) -> Packet:
-    """Read one whole packet, for example one that :class:`Framer` has cut out.
+    """Decode one complete packet, for example one from :class:`Framer`.
 
     Raises:
-        ProtocolError: it is none; ``code`` is what a server answers.
+        ProtocolError: If the bytes are not a valid packet; ``code`` is the return code of a server.
     """
     check_frame(frame, limits, crc=crc)
     end = len(frame) - (3 if crc else 1)
@@ -106,15 +106,13 @@ def decode(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool =
 def decode_arguments(
     frame: bytes, count: int, end: int, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False
 ) -> tuple[list[Any], int]:
-    """Read ``count`` arguments of a packet; returns them and the position behind the last.
+    """Decode ``count`` arguments of a packet; return them and the position after the last.
 
     Raises:
-        ProtocolError: they are not what count and lengths say.
+        ProtocolError: If the arguments do not match the count and the lengths.
     """
     if count * 10 > end - _BODY:
-        raise ProtocolError(
-            tr("{count} arguments cannot be in the {present} bytes present", count=count, present=end - _BODY)
-        )
+        raise ProtocolError(tr("{count} arguments do not fit into {present} bytes", count=count, present=end - _BODY))
     arguments = []
     position = _BODY
     budget = [limits.variants]
@@ -125,27 +123,27 @@ def decode_arguments(
 
 
 def is_whole(frame: bytes) -> bool:
-    """Whether bytes are one packet from SOH to EOT, whatever it holds; without a CRC."""
+    """Return True if the bytes are one packet from SOH to EOT, without a CRC; the content is not checked."""
     return len(frame) >= OVERHEAD and frame[-1] == EOT and _START(frame) == (SOH, len(frame))
 
 
 def is_right(frame: bytes) -> bool:
-    """Whether the CRC of a packet is right."""
+    """Return True if the CRC of a packet is correct."""
     return bool(_CRC.unpack_from(frame, len(frame) - 3)[0] == checksum(frame[1:-3]))
 
 
 def check_frame(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, crc: bool = False) -> None:
-    """Check a whole packet's outside: SOH, length, EOT, CRC.
+    """Check the frame of a complete packet: SOH, length, EOT, CRC.
 
     Raises:
-        ProtocolError: one of them is wrong.
+        ProtocolError: If one of them is wrong.
     """
     length = len(frame)
     smallest = OVERHEAD + 2 if crc else OVERHEAD
     if length < smallest or frame[-1] != EOT or _START(frame) != (SOH, length):
         raise ProtocolError(
             tr(
-                "{count} bytes {begin}... are no packet: SOH 01, the length, and EOT 04 at its end are needed",
+                "{count} bytes {begin}... are not a packet: SOH 01 and the length must come first, EOT 04 last",
                 count=len(frame),
                 begin=frame[:8].hex(" "),
             ),
@@ -156,7 +154,7 @@ def check_frame(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, crc: boo
     if crc and not is_right(frame):
         raise ProtocolError(
             tr(
-                "CRC {found} is wrong, {right} is right",
+                "CRC {found} is wrong, expected {right}",
                 found=frame[-3:-1].hex(),
                 right=_CRC.pack(checksum(frame[1:-3])).hex(),
             )
@@ -165,19 +163,19 @@ def check_frame(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, crc: boo
 
 def _too_long(length: int, limits: PacketLimits) -> LimitExceeded:
     return LimitExceeded(
-        tr("packet of {length} bytes, at most {most} are allowed", length=length, most=limits.packet),
+        tr("packet of {length} bytes exceeds the limit of {most} bytes", length=length, most=limits.packet),
         hresult.E_PACKETSIZEOVER,
         fatal=True,
     )
 
 
 def _no_packet(data: bytes | bytearray) -> ProtocolError:
-    """Return the exception for bytes of a stream that do not begin with SOH; it shows the first ones in printable form."""
+    """Return the exception for data of a stream that does not begin with SOH; it shows the first bytes in printable form."""
     shown = ascii(bytes(data[:_SHOWN]))[1:] + ("..." if len(data) > _SHOWN else "")
-    hint = tr(". This is HTTP. Try: an http:// address, and a server of e-CAP") if _HTTP.match(data) else ""
+    hint = tr(". This is HTTP. Try: use an http:// address and an e-CAP server") if _HTTP.match(data) else ""
     return ProtocolError(
         tr(
-            "{shown} is no b-CAP: a packet begins with SOH 01, not with {first:02x}{hint}",
+            "{shown} is not b-CAP: a packet must begin with SOH 01, not {first:02x}{hint}",
             shown=shown,
             first=data[0],
             hint=hint,
@@ -187,15 +185,15 @@ def _no_packet(data: bytes | bytearray) -> ProtocolError:
 
 
 class Framer:
-    """Cuts packets out of a byte stream that may be split anywhere.
+    """Extracts packets from a byte stream that may be split anywhere.
 
-    Every packet begins where the one before ends. Anything else is refused: a first byte other than SOH, a length that no
-    packet can have, a last byte other than EOT. No packet is searched for behind it, because a web page can have a browser
-    send bytes of its choice, but only behind an HTTP header. Every later call refuses too.
+    Every packet must begin where the previous one ends. Anything else is refused: a first byte other than SOH, an impossible
+    length, a last byte other than EOT. The framer does not search for another packet after that, because a web page can make
+    a browser send bytes of its choice, but only after an HTTP header. All later calls fail too.
     """
 
     skipped = 0
-    """Nothing is passed over in a stream."""
+    """Always 0: no bytes are skipped in a stream."""
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         self.limits = limits
@@ -204,41 +202,41 @@ class Framer:
 
     @property
     def pending(self) -> int:
-        """How many bytes are kept that are no whole packet yet."""
+        """Number of buffered bytes of an incomplete packet."""
         return len(self._buffer)
 
     @property
     def partial_serial(self) -> int:
-        """Nobody asks for it of a stream."""
+        """Always 0: not used for a stream."""
         return 0
 
     def resync(self) -> bytes | None:
-        """Return nothing: a stream has no other packet inside a packet."""
+        """Return None: in a stream there is no other packet inside a packet."""
         return None
 
     def timeout(self) -> bytes | None:
-        """Return nothing: in a stream the rest of a packet comes, however late."""
+        """Return None: in a stream the rest of a packet is never lost."""
         return None
 
     def feed(self, data: bytes) -> bytes | None:
-        """Take the next bytes of the stream and return the first whole packet; :meth:`next_frame` gives the others.
+        """Add the next bytes of the stream and return the first complete packet; :meth:`next_frame` returns the others.
 
         Raises:
-            ProtocolError: as :meth:`next_frame`.
+            ProtocolError: See :meth:`next_frame`.
         """
         if not self._buffer and self._error is None and len(data) >= OVERHEAD:
             soh, length = _START(data)
             if soh == SOH and length == len(data) and data[-1] == EOT and length <= self.limits.packet:
-                return data  # nearly always one whole packet arrives: nothing to keep, nothing to copy
+                return data  # the usual case: exactly one packet, without buffering or copying
         if self._error is None:
             self._buffer += data
         return self.next_frame()
 
     def next_frame(self) -> bytes | None:
-        """Return the next whole packet, ``None`` when more bytes are needed.
+        """Return the next complete packet, or ``None`` if more bytes are needed.
 
         Raises:
-            ProtocolError: the stream is no longer a stream of packets (``fatal`` is set).
+            ProtocolError: If the data is not a packet (``fatal`` is set).
         """
         if self._error is not None:
             raise self._error
@@ -258,7 +256,7 @@ class Framer:
             raise self._lost(
                 ProtocolError(
                     tr(
-                        "a packet of {length} bytes ends with {last:02x}, not with EOT 04",
+                        "a packet of {length} bytes must end with EOT 04, not {last:02x}",
                         length=length,
                         last=buffer[length - 1],
                     ),
@@ -267,7 +265,7 @@ class Framer:
             )
         if len(buffer) == length and length > _COPIED:
             self._buffer = bytearray()
-            return cast("bytes", buffer)  # is read like bytes, and nobody changes it any more
+            return cast("bytes", buffer)  # read like bytes, and not modified any more
         with memoryview(buffer) as view:
             frame = bytes(view[:length])
         del buffer[:length]
@@ -278,7 +276,7 @@ class Framer:
             return self._lost(_too_long(length, self.limits))
         return self._lost(
             ProtocolError(
-                tr("a packet cannot be {length} bytes long; {least} is the least", length=length, least=OVERHEAD),
+                tr("packet of {length} bytes is below the minimum of {least} bytes", length=length, least=OVERHEAD),
                 fatal=True,
             )
         )

@@ -1,8 +1,8 @@
-"""How packets travel: in a stream (TCP), one to a datagram (UDP), or over a serial line (b-CAP/COM).
+"""Transport profiles of b-CAP: stream (TCP), datagrams (UDP), serial line (b-CAP/COM).
 
-A :class:`BcapProfile` has all that differs. On a stream nothing is lost, and anything but packets ends the connection. On the other two a packet may be, so that a client
-repeats a request that is not answered: with a new serial, and with the serial of its first try in the reserved field, by
-which a server knows it again (:mod:`orinkit.bcap.duplicate_filter`).
+A :class:`BcapProfile` describes the differences. On a stream nothing is lost, and anything but packets ends the connection.
+On the other two a packet may be lost, so a client repeats a request without a reply: with a new serial, and with the serial
+of its first attempt in the reserved field, by which a server recognizes it (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ from orinkit.cao.transport_profile import TransportProfile
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 SILENCE: Final = 0.05
-"""Seconds without a byte after which a packet that has begun on a serial line is not coming to its end any more."""
+"""Seconds without a byte after which a partial packet on a serial line is abandoned."""
 
 
 class Framing(Protocol):
-    """Cuts packets out of what is received.
+    """Extracts packets from received data.
 
     Attributes:
-        skipped: bytes received outside any packet that were passed over.
+        skipped: number of bytes received outside any packet and skipped.
     """
 
     skipped: int
 
     @property
     def pending(self) -> int:
-        """How many bytes are kept that are no whole packet yet."""
+        """Number of buffered bytes of an incomplete packet."""
 
     @property
     def partial_serial(self) -> int:
-        """Serial of the packet that they seem to be the beginning of; 0 where that cannot be told."""
+        """Probable serial of the incomplete packet; 0 if unknown."""
 
     def feed(self, data: bytes) -> bytes | None:
-        """Take what was received and return the first whole packet; :meth:`next_frame` gives the others."""
+        """Add received data and return the first complete packet; :meth:`next_frame` returns the others."""
 
     def next_frame(self) -> bytes | None:
-        """Return the next whole packet, ``None`` when more bytes are needed."""
+        """Return the next complete packet, or ``None`` if more bytes are needed."""
 
     def resync(self) -> bytes | None:
-        """Return a whole packet behind the head of one that is not whole."""
+        """Return a complete packet that follows the header of an incomplete one."""
 
     def timeout(self) -> bytes | None:
-        """Nothing more comes for what has begun; returns a whole packet that is found inside it."""
+        """Abandon the incomplete packet, and return a complete packet found inside it."""
 
 
 class DatagramFramer:
-    """One datagram, one packet; anything else is dropped.
+    """Accepts datagrams that contain exactly one packet, and drops all others.
 
     Attributes:
-        skipped: bytes of dropped datagrams.
+        skipped: number of bytes of dropped datagrams.
     """
 
     pending = 0
@@ -66,33 +66,33 @@ class DatagramFramer:
         self.skipped = 0
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the packet that a datagram is; one that is too long too, for it is to be answered."""
+        """Return the packet in a datagram, even if it is too long, so that the server can send a reply."""
         if packet.is_whole(data):
             return data
         self.skipped += len(data)
         return None
 
     def next_frame(self) -> bytes | None:
-        """Return nothing: there is only one packet."""
+        """Return None: a datagram contains only one packet."""
         return None
 
     def resync(self) -> bytes | None:
-        """Return nothing: no packet is ever incomplete."""
+        """Return None: no packet is ever incomplete."""
         return None
 
     def timeout(self) -> bytes | None:
-        """Return nothing: no packet is ever incomplete."""
+        """Return None: no packet is ever incomplete."""
         return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BcapProfile(TransportProfile):
-    """One way for packets to travel.
+    """A transport profile of b-CAP.
 
     Attributes:
-        framer: cuts packets out of what is received, within limits.
+        framer: factory of a client's framer; its argument are the bounds on packets.
         server_framer: the same for a server.
-        crc: packets have a checksum (VE026A 3.1).
+        crc: whether packets have a CRC (VE026A 3.1).
     """
 
     framer: Callable[[PacketLimits], Framing]
@@ -101,11 +101,11 @@ class BcapProfile(TransportProfile):
 
     @property
     def tail(self) -> int:
-        """Bytes of a packet behind its last argument."""
+        """Number of bytes of a packet after its last argument."""
         return 3 if self.crc else 1
 
     def bound(self, limits: PacketLimits) -> PacketLimits:
-        """Return limits of which none is beyond what can travel."""
+        """Return the limits, reduced to the packet size of the transport."""
         return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
 
 
@@ -123,4 +123,4 @@ LINE: Final = BcapProfile(
 LEAST_TRIES: Final = 1
 MOST_TRIES: Final = 7
 DEFAULT_TRIES: Final = 5
-"""How often a request is sent in all where packets may be lost (RC8 table 5-1: TORetry)."""
+"""Total number of attempts per request on unreliable transports (RC8 table 5-1: TORetry)."""

@@ -1,4 +1,4 @@
-"""Packets on a serial line (b-CAP/COM, VE026A 3.1), where bytes may be lost, changed, or come from nowhere."""
+"""Framing on a serial line (b-CAP/COM, VE026A 3.1), where bytes may be lost, corrupted, or added by noise."""
 
 from __future__ import annotations
 
@@ -13,65 +13,65 @@ from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 LEAST: Final = packet.OVERHEAD + 2
 """Bytes of a packet without arguments."""
 
-_MOST_WORK: Final = 1 << 20  # bytes to compute checksums of for nothing, before all that is kept is thrown away
+_MAX_WORK: Final = 1 << 20  # bytes of wrong checksums computed before the buffer is discarded
 _LAST_FUNCTION: Final = 137
-_MOST_ARGUMENTS: Final = 8
+_MAX_ARGUMENTS: Final = 8
 _HEAD: Final = packet.HEADER.size
 
 
 class LineFramer:
-    """Finds packets between noise: each has to be whole and its checksum right.
+    """Finds packets between noise: each must be complete and have a correct CRC.
 
-    Where something is no packet the next one is looked for right behind its first byte, so that no packet is lost with
-    the noise before it. A length that was made by noise may announce bytes that never come; :meth:`timeout` is told
-    when the line has fallen silent.
+    If a sequence of bytes is not a packet, the search continues right after its first byte, so that no packet is lost with
+    the noise before it. A length caused by noise may announce bytes that never arrive; the caller calls :meth:`timeout`
+    after a period of silence on the line.
 
     Args:
         limits: bounds on a packet.
-        tells: raise where a request is announced that is longer than the limit, for a server to answer it; a client
-            takes it for noise.
+        tells: raise an exception if a request is announced that exceeds the limit, so that a server can send a reply; a
+            client treats it as noise.
 
     Attributes:
         limits: bounds on a packet.
-        skipped: bytes received outside any packet.
+        skipped: number of bytes received outside any packet.
     """
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, tells: bool = False) -> None:
         self.limits = limits
         self.skipped = 0
         self._tells = tells
-        self._told = False  # of what is still kept
+        self._reported = False  # whether the buffered data has been reported
         self._buffer = bytearray()
         self._work = 0
 
     @property
     def pending(self) -> int:
-        """How many bytes are kept that are no whole packet yet."""
+        """Number of buffered bytes of an incomplete packet."""
         return len(self._buffer)
 
     @property
     def partial_serial(self) -> int:
-        """Serial of the packet that they seem to be the beginning of; 0 where that cannot be told."""
+        """Probable serial of the incomplete packet; 0 if unknown."""
         if len(self._buffer) < _HEAD:
             return 0
         serial: int = packet.HEADER.unpack_from(self._buffer)[2]
         return serial
 
     def feed(self, data: bytes) -> bytes | None:
-        """Take the next bytes and return the first whole packet; :meth:`next_frame` gives the others.
+        """Add received bytes and return the first complete packet; :meth:`next_frame` returns the others.
 
         Raises:
-            LimitExceeded: as :meth:`next_frame`.
+            LimitExceeded: See :meth:`next_frame`.
         """
         self._buffer += data
         return self.next_frame()
 
     def next_frame(self) -> bytes | None:
-        """Return the next whole packet, ``None`` when more bytes are needed.
+        """Return the next complete packet, or ``None`` if more bytes are needed.
 
         Raises:
-            LimitExceeded: a request is announced that is longer than the limit; its first byte is passed over. Not told
-                twice of the same noise.
+            LimitExceeded: If a request is announced that exceeds the limit; its first byte is skipped. Raised once for the
+                same buffered data.
         """
         buffer = self._buffer
         while buffer:
@@ -95,10 +95,10 @@ class LineFramer:
         return None
 
     def resync(self) -> bytes | None:
-        """Return a whole packet behind the head of one that is not whole, which is then passed over with all before it.
+        """Return a complete packet that follows the header of an incomplete one, and skip everything before it.
 
-        For a head that noise has made, where the line never falls silent. A packet that carries others in its content
-        looks the same, so it is to be asked for only when one takes far too long.
+        This is for a header caused by noise, on a line that is never silent. A packet that contains other packets in its
+        arguments looks the same, so call this only if a packet takes far too long.
         """
         buffer = self._buffer
         start = buffer.find(packet.SOH, 1)
@@ -115,10 +115,10 @@ class LineFramer:
         return None
 
     def timeout(self) -> bytes | None:
-        """Give up what has begun, and return a whole packet that is found inside it.
+        """Abandon the incomplete packet, and return a complete packet found inside it.
 
         Raises:
-            LimitExceeded: as :meth:`next_frame`.
+            LimitExceeded: See :meth:`next_frame`.
         """
         while self._buffer:
             self._skip(1)
@@ -128,30 +128,30 @@ class LineFramer:
         return None
 
     def _whole(self, length: int) -> bytes | None:
-        """Return the packet at the beginning of what is kept, or pass over its first byte if it is none."""
+        """Return the packet at the beginning of the buffer; if it is not valid, skip its first byte."""
         buffer = self._buffer
         if buffer[length - 1] == packet.EOT:
             frame = bytes(buffer[:length])
             if packet.is_right(frame):
                 del buffer[:length]
                 self._work = 0
-                self._told = False
+                self._reported = False
                 return frame
             self._work += length
-        self._skip(len(buffer) if self._work > _MOST_WORK else 1)
+        self._skip(len(buffer) if self._work > _MAX_WORK else 1)
         return None
 
     def _refuse(self, length: int) -> None:
-        """Pass over the beginning of what is too long to be a packet; noise, unless it looks like a request."""
+        """Skip the first byte of an announced packet that exceeds the limit: noise, unless it looks like a request."""
         _, _, serial, _, function, count = packet.HEADER.unpack_from(self._buffer)
-        request = serial and 1 <= function <= _LAST_FUNCTION and count <= _MOST_ARGUMENTS
+        request = serial and 1 <= function <= _LAST_FUNCTION and count <= _MAX_ARGUMENTS
         self._skip(1)
-        if not (self._tells and request) or self._told:
+        if not (self._tells and request) or self._reported:
             return
-        self._told = True
+        self._reported = True
         raise LimitExceeded(
             tr(
-                "a packet of {length} bytes is announced, at most {most} are allowed",
+                "the announced packet of {length} bytes exceeds the limit of {most} bytes",
                 length=length,
                 most=self.limits.packet,
             ),
@@ -163,4 +163,4 @@ class LineFramer:
         del self._buffer[:count]
         if not self._buffer:
             self._work = 0
-            self._told = False
+            self._reported = False

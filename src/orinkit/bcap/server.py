@@ -1,11 +1,11 @@
-"""The server's side of a b-CAP conversation, without I/O and without a clock.
+"""The server side of a b-CAP conversation, without I/O and without a clock.
 
-:class:`ServerConversation` is fed with the bytes received and says what to do: :class:`Send` bytes, :class:`Execute` a
-call, :class:`Decode` a large packet first, :class:`Close` the link, :class:`Reset` what the client has. The shell around it
-executes the call, hands the answer to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` when
-:meth:`~ServerConversation.deadline` has come. One call is executed at a time; another one meanwhile is answered with
-E_BUSY_PROC (reference behaviour: docs/protocol.md). Where packets may be lost, a request that comes again is not
-executed again (:mod:`orinkit.bcap.duplicate_filter`).
+:class:`ServerConversation` receives bytes and yields actions: :class:`Send` bytes, :class:`Execute` a call, :class:`Decode`
+a large packet first, :class:`Close` the link, :class:`Reset` the client's session. The caller executes the call, passes the
+result to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` at
+:meth:`~ServerConversation.deadline`. One call is executed at a time; further calls meanwhile return E_BUSY_PROC (reference
+behaviour: docs/protocol.md). On unreliable transports, duplicates are not executed again
+(:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -30,40 +30,40 @@ from orinkit.values.variant import Variant
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
-_MOST_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
+_MAX_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
 _FAILED: Final = 0x8000_0000
-_OVERDUE: Final = 0.5  # s that the rest of a packet may take on a serial line before one behind its head is believed
+_OVERDUE: Final = 0.5  # s that the rest of a packet may take on a serial line before a packet inside it is accepted
 _NEVER: Final = float("inf")
 LARGE: Final = 16 * 1024
-"""Bytes of a packet, or of a result, that take long enough to be read or written beside the event loop."""
+"""Size in bytes from which packets are decoded, and results encoded, outside the event loop."""
 
 logger = logging.getLogger("orinkit.bcap.server")
 
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Send these bytes."""
+    """Send bytes."""
 
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Close:
-    """Close the link once everything has been sent; ``reason`` is for the log."""
+    """Close the link after pending data has been sent; ``reason`` is for the log."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """Release every object of the client and end what it has at work, as if it had gone; the line goes on."""
+    """Release the client's objects and cancel its call, as if it had disconnected; the line stays open."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Execute:
-    """Execute a call, then hand its answer to :meth:`ServerConversation.finish` with this object."""
+    """Execute a call, then pass this object and the result to :meth:`ServerConversation.finish`."""
 
     serial: int
     function_id: int
@@ -72,9 +72,9 @@ class Execute:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decode:
-    """Read a large packet where nobody else has to wait for it; the client is busy meanwhile.
+    """Decode a large packet in a worker thread, so that other clients do not wait; the client is busy meanwhile.
 
-    Hand what ``read`` returns to :meth:`ServerConversation.decoded`, with this object.
+    Pass this object and the result of ``read`` to :meth:`ServerConversation.decoded`.
     """
 
     serial: int
@@ -83,12 +83,12 @@ class Decode:
 
 
 class Encoded(NamedTuple):
-    """A result as bytes, or the code that says why it cannot be sent.
+    """An encoded result, or the error code if it cannot be sent.
 
     Attributes:
-        code: ``None`` where nothing is wrong with it.
+        code: the error code; ``None`` if the result can be sent.
         body: one encoded argument.
-        room: the same with room for the rest of a packet around it, of a large one: it would be copied otherwise.
+        room: for a large result: the same with room for the rest of the packet, to avoid a copy.
     """
 
     code: int | None
@@ -100,24 +100,24 @@ Action: TypeAlias = Send | Execute | Decode | Close | Reset
 
 
 class ServerConversation:
-    """One client's requests and their answers.
+    """Requests and replies of one client.
 
     Args:
         limits: bounds on a packet.
-        invoke_timeout: seconds that a call may take before it is answered with E_TIMEOUT; a client may set its own with
+        invoke_timeout: seconds after which a call returns E_TIMEOUT; a client can set another limit with
             ``InvokeTimeout=<ms>``.
-        profile: how packets travel.
-        dialect: that is spoken.
+        profile: the b-CAP transport profile.
+        dialect: dialect of the controller.
 
     Attributes:
-        timed_out: True once the call being executed has been answered with E_TIMEOUT.
-        wdt: seconds between S_EXECUTING packets while a call is at work, ``None`` for none; set by ``WDT=<ms>``.
-        stopped: True from an answered Service_Stop to the next request.
-        packets: how many whole packets have come.
-        calls: how many of them were calls to be executed.
-        alive: seconds within which the client wants to be heard, ``None`` for no limit; set by ``Alive=<ms>``.
-        heard: when the last whole request came.
-        answered: when a call was last answered.
+        timed_out: whether E_TIMEOUT has been sent for the call in progress.
+        wdt: seconds between S_EXECUTING packets during a call, ``None`` for none; set by ``WDT=<ms>``.
+        stopped: True from the reply to Service_Stop until the next request.
+        packets: number of complete packets received.
+        calls: number of packets that were calls to execute.
+        alive: the client's own limit on silence, s, ``None`` for no limit; set by ``Alive=<ms>``.
+        heard: time of the last complete request.
+        answered: time of the last reply to a call.
     """
 
     def __init__(
@@ -137,54 +137,54 @@ class ServerConversation:
         self._framer = profile.server_framer(self._limits)
         self._requests = DuplicateFilter(shared=profile.shared) if profile.lossy else None
         self._current: Execute | Decode | None = None
-        self._serial = 0  # of the latest try of the current call
+        self._serial = 0  # of the latest attempt of the current call
         self._reserved = 0
-        self._next: Action | None = None  # what is to follow what has just been said
-        self._pending_since = _NEVER  # when what is pending was found to be no packet yet
+        self._next: Action | None = None  # the action after the one just yielded
+        self._pending_since = _NEVER  # since when the buffer contains an incomplete packet
         self.stopped = False
         self.packets = 0
         self.calls = 0
         self.timed_out = False
         self._next_wdt = 0.0
         self._now = self.heard = self.answered = 0.0
-        self._give_up = 0.0
+        self._expires_at = 0.0
 
     @property
     def busy(self) -> bool:
-        """True while a call is being executed."""
+        """True while a call is in progress."""
         return self._current is not None
 
     @property
     def pending(self) -> int:
-        """How many bytes have come that are no whole packet yet; where they may stay so, :meth:`timeout` is for it."""
+        """Number of bytes of an incomplete packet that may never be completed, see :meth:`timeout`; 0 on a stream."""
         return self._framer.pending if self._profile.lossy else 0
 
     @property
     def incomplete(self) -> int:
-        """How many bytes have come of a packet that is not whole yet, whatever it travels by."""
+        """Number of bytes of an incomplete packet, on any transport."""
         return self._framer.pending
 
     def refuse_packet(self) -> bytes:
-        """Return the answer to a packet that is too long to be taken: to whom it is sent the connection is closed."""
+        """Return the reply to a packet that is too long to be received; the caller then closes the connection."""
         return self._pack(0, 0, hresult.E_PACKETSIZEOVER)
 
     def receive(self, data: bytes, now: float) -> Iterator[Action]:
-        """Take bytes of the stream; yields what to do, one thing after the other.
+        """Process received bytes; yield the actions, one at a time.
 
-        An :class:`Execute` that is finished before the next action is asked for is not busy any more.
+        If an :class:`Execute` is finished before the next action is requested, the next call is not refused as busy.
 
         Args:
-            data: what has been received.
-            now: the time, in seconds of any steady clock.
+            data: the bytes received.
+            now: the time on a monotonic clock, s.
         """
         self._now = now
         return self._actions(lambda: self._framer.feed(data), self._framer.next_frame)
 
     def timeout(self, now: float) -> Iterator[Action]:
-        """Nothing has come for :data:`~orinkit.bcap.profiles.SILENCE` seconds; yields what to do, as :meth:`receive`.
+        """Abandon an incomplete packet on a serial line; yield the actions, as :meth:`receive` does.
 
-        What a serial line has brought of a packet is given up then: its rest will not come. Something may still be
-        pending afterwards.
+        To be called after :data:`~orinkit.bcap.profiles.SILENCE` seconds without data. There may still be an incomplete
+        packet afterwards.
         """
         self._now = now
         return self._actions(self._framer.timeout, self._framer.next_frame)
@@ -207,9 +207,9 @@ class ServerConversation:
             if frame is None:
                 return
             take, took = following, True
-            yield from self._one_after_the_other(self._request(frame))
+            yield from self._with_next(self._request(frame))
 
-    def _one_after_the_other(self, action: Action | None) -> Iterator[Action]:
+    def _with_next(self, action: Action | None) -> Iterator[Action]:
         if action is not None:
             yield action
         while self._next is not None:
@@ -217,7 +217,7 @@ class ServerConversation:
             yield action
 
     def _inside(self, took: bool) -> bytes | None:
-        """Return a packet that waits behind the head of one that has not come to its end for long (a serial line)."""
+        """Return a packet that follows the header of an overdue incomplete one (on a serial line)."""
         if not self.pending:
             self._pending_since = _NEVER
         elif took or self._pending_since == _NEVER:
@@ -228,49 +228,49 @@ class ServerConversation:
         return None
 
     def go_on(self, now: float) -> None:
-        """Tell the time where some has passed: before going on with what :meth:`receive` yields, before an answer."""
+        """Update the time: before further actions of :meth:`receive` are requested, and before a reply."""
         self._now = now
 
     def _request(self, frame: bytes) -> Action | None:
         self.packets += 1
         _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
         self.heard = self._now
-        if len(frame) > self._limits.packet:  # a datagram; a stream would have lost its place
+        if len(frame) > self._limits.packet:  # a datagram; in a stream the framer raises an error
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
         end = len(frame) - self._profile.tail
         if self._requests is not None:
-            if not function_id or function_id & _FAILED:  # an answer: to answer it could go on for ever
+            if not function_id or function_id & _FAILED:  # a reply; replying to it could cause an endless loop
                 return None
-            goodbye = function_id == _SERVICE_STOP  # there is no connection whose end would say so
-            busy = self._current is not None and not goodbye
-            verdict = self._requests.check(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
-            if verdict is Decision.ANEW or (verdict is Decision.NEW and self._current is not None):
+            stopping = function_id == _SERVICE_STOP  # there is no connection that would be closed
+            busy = self._current is not None and not stopping
+            decision = self._requests.check(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
+            if decision is Decision.RESTART or (decision is Decision.NEW and self._current is not None):
                 self._current = None
                 self._next = self._take(frame, serial, reserved, function_id, count, end)
-                return Reset("it stops while a call is at work" if goodbye else "a client begins")
-            if verdict is not Decision.NEW:
-                return self._not_new(self._requests, verdict, serial, reserved)
+                return Reset("Service_Stop during a call" if stopping else "a new client begins")
+            if decision is not Decision.NEW:
+                return self._not_new(self._requests, decision, serial, reserved)
         elif self._current is not None:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         return self._take(frame, serial, reserved, function_id, count, end)
 
-    def _not_new(self, requests: DuplicateFilter, verdict: Decision, serial: int, reserved: int) -> Action | None:
-        """Answer a request that is not to be carried out."""
-        if verdict is Decision.STALE:
+    def _not_new(self, requests: DuplicateFilter, decision: Decision, serial: int, reserved: int) -> Action | None:
+        """Handle a request that must not be executed."""
+        if decision is Decision.STALE:
             return None
-        if verdict is Decision.ANSWERED:
+        if decision is Decision.ANSWERED:
             answer = requests.answer_to(serial, reserved)
             return Send(self._pack(serial, reserved, answer.code, answer.count, answer.body))
-        if verdict is Decision.BUSY:
+        if decision is Decision.BUSY:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
-        self._serial, self._reserved = serial, reserved  # its client waits for this one now
+        self._serial, self._reserved = serial, reserved  # the client now waits for the reply to this attempt
         return Send(self._pack(serial, reserved, hresult.S_EXECUTING))
 
     def _take(self, frame: bytes, serial: int, reserved: int, function_id: int, count: int, end: int) -> Action:
-        """Read a new request, to be executed or refused."""
+        """Decode a new request, to be executed or refused."""
         self.stopped = False
         self._serial, self._reserved = serial, reserved
-        if _MOST_ARGUMENTS < count <= len(frame) // 10:  # not worth reading: no function has so many
+        if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many
             return Send(self._answer(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
         read = partial(self._read, frame, count, end)
         action: Action
@@ -279,22 +279,22 @@ class ServerConversation:
         else:
             action = self._call(serial, function_id, read())
         self.timed_out = False
-        self._give_up = self._now + self.invoke_timeout
+        self._expires_at = self._now + self.invoke_timeout
         if self.wdt is not None:
             self._next_wdt = self._now + self.wdt
         return action
 
     def _read(self, frame: bytes, count: int, end: int) -> list[Variant] | ProtocolError:
-        """Read the arguments of a packet; changes nothing, so it may be called from any thread."""
+        """Decode the arguments of a packet; has no side effects, so it may be called from any thread."""
         try:
             return packet.decode_arguments(frame, count, end, self._limits, exact=True)[0]
         except ProtocolError as error:
             return error
 
     def decoded(self, decode: Decode, arguments: list[Variant] | ProtocolError, now: float) -> Iterator[Action]:
-        """Take what a large packet has in it; yields what to do, as :meth:`receive`.
+        """Process the arguments of a large packet; yield the actions, as :meth:`receive` does.
 
-        Nothing is executed whose client has been told that it took too long.
+        The call is not executed if E_TIMEOUT has already been sent for it.
         """
         self._now = now
         if decode is not self._current:
@@ -303,10 +303,10 @@ class ServerConversation:
         if self.timed_out:
             self.timed_out = False
             return
-        yield from self._one_after_the_other(self._call(decode.serial, decode.function_id, arguments))
+        yield from self._with_next(self._call(decode.serial, decode.function_id, arguments))
 
     def _call(self, serial: int, function_id: int, arguments: list[Variant] | ProtocolError) -> Action:
-        """Return the call of a request whose arguments have been read, or its refusal."""
+        """Return the call of a decoded request, or its refusal."""
         if isinstance(arguments, ProtocolError):
             error = arguments
             if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
@@ -327,12 +327,12 @@ class ServerConversation:
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
     def finish(self, call: Execute, code: int, result: Variant | Encoded | None) -> bytes | bytearray:
-        """Return the packet that answers a call; nothing where it has been answered already, by E_TIMEOUT or here.
+        """Return the reply to a call, or no bytes if a reply has already been sent (here or by E_TIMEOUT).
 
         Args:
-            call: what has been executed.
+            call: the call that has been executed.
             code: return code.
-            result: the result, ``None`` where there is none; a large one by way of :meth:`encode`.
+            result: the result, ``None`` if there is none; use :meth:`encode` for a large one.
         """
         if call is not self._current:
             return b""
@@ -349,11 +349,11 @@ class ServerConversation:
         return data
 
     def encode(self, call: Execute, result: Variant) -> Encoded:
-        """Return a result for :meth:`finish`; changes nothing, so it may be called from any thread."""
+        """Encode a result for :meth:`finish`; has no side effects, so it may be called from any thread."""
         try:
             body = codec.encode_variant(result, self._limits.error_size)
         except Exception:
-            logger.exception("the result of function %d cannot be sent", call.function_id)
+            logger.exception("cannot encode the result of function %d", call.function_id)
             return Encoded(hresult.E_FAIL)
         if len(body) + packet.OVERHEAD + self._profile.tail - 1 > self._limits.packet:
             return Encoded(hresult.E_TOO_MUCH_DATA)
@@ -370,7 +370,7 @@ class ServerConversation:
         return self._answer(code, 1, result.body) if result.code is None else self._answer(result.code)
 
     def _answer(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
-        """Return the answer to the current request, which is kept where it may be lost."""
+        """Return the reply to the current request, and store it on unreliable transports."""
         if self._requests is not None:
             self._requests.answered(CachedReply(code, count, body), self._now)
         return self._pack(self._serial, self._reserved, code, count, body)
@@ -381,7 +381,7 @@ class ServerConversation:
         return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._profile.crc)
 
     def abandon(self) -> None:
-        """Have nobody wait for the call that is at work: its client is taken to have gone."""
+        """Discard the call in progress: its client has become unreachable."""
         self._current = None
         self.alive = None
 
@@ -390,21 +390,21 @@ class ServerConversation:
         return self._reserved if self._dialect.echoes_reserved else 0
 
     def deadline(self) -> float | None:
-        """Return when :meth:`tick` is due next, ``None`` while it is not."""
+        """Return the time of the next :meth:`tick`, or ``None`` if none is due."""
         if self._current is None or self.timed_out:
             return None
-        return self._give_up if self.wdt is None else min(self._next_wdt, self._give_up)
+        return self._expires_at if self.wdt is None else min(self._next_wdt, self._expires_at)
 
     def tick(self, now: float) -> bytes:
-        """Return what is due now: S_EXECUTING, E_TIMEOUT, or nothing yet.
+        """Return the packet that is due now (S_EXECUTING or E_TIMEOUT), or no bytes.
 
-        After E_TIMEOUT the client is answered, but the device is still at work: calls are E_BUSY_PROC until it is done.
+        After E_TIMEOUT the call may still be executing: further calls return E_BUSY_PROC until it is complete.
         """
         self._now = now
         due = self.deadline()
         if self._current is None or due is None or now < due:
             return b""
-        if now >= self._give_up:
+        if now >= self._expires_at:
             self.timed_out = True
             return self._answer(hresult.E_TIMEOUT)
         assert self.wdt is not None
