@@ -190,7 +190,7 @@ def test_whatis_loopback(host, expected):
         (["--permission", "me=rw"], "'me' is not an IP address or network"),
         (["--count", "I"], "--count I: CLASS=NUMBER is needed, as I=200"),
         (["--count", "I=-1"], "--count I=-1: CLASS=NUMBER is needed"),
-        (["--count", "Q=1"], "no variable class Q"),
+        (["--count", "Q=1"], "unknown variable class Q"),
         (["--io-points", "-1"], "IO"),
         (["--clients", "0"], "--clients must be 1 or more, not 0"),
         (["--objects", "0"], "--objects must be 1 or more, not 0"),

@@ -232,7 +232,7 @@ def test_a_directory_that_cannot_be_made(tmp_path):
 def test_an_empty_file_has_lost_its_values_and_is_refused(start, path):
     written_file(start)
     path.write_bytes(b"")
-    with pytest.raises(StateError, match=r"0 bytes.*backup.*move it away to begin anew") as caught:
+    with pytest.raises(StateError, match=r"0 bytes.*backup.*move it away to start without values") as caught:
         start()
     assert str(path) in str(caught.value)
     assert path.read_bytes() == b""
@@ -274,7 +274,7 @@ def test_a_directory_that_was_moved_away_and_back(start, refused, path, caplog):
     assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
     away.rename(path.parent)
     put(controller, "I1", Variant(VarType.I4, 3))
-    assert "there again" in caplog.text
+    assert "available again" in caplog.text
     device.close()
     _, controller = start()
     assert get(controller, "I1").value == 3

@@ -1,7 +1,7 @@
-"""The controller's file store, and the File objects that clients hold.
+"""The file store of the controller.
 
-``store`` keeps the files below one directory, ``names`` reads names so that none leads out of it, ``disk`` is what touches the
-disk, ``refusals`` what is refused, ``served`` the objects.
+``store`` keeps the files below one directory, ``names`` checks names so that none leads out of it, ``disk`` accesses
+the disk, ``errors`` makes the exceptions.
 """
 
 from orinkit.virtual.rc8.files.store import MOST_BYTES, MOST_ENTRIES, PROGRAM, FileDates, FileStore

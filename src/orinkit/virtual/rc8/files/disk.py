@@ -1,7 +1,7 @@
-"""What the file store asks of the disk: one file or folder at a time, never through a link.
+"""Disk access of the file store: one file or folder at a time, without following links.
 
-A path is that of a directory entry whose folders have been looked at already. A symbolic link, a device, a pipe is
-never opened; whatever the system refuses is its ``OSError``.
+Paths are those of directory entries whose folders have been checked already. Symbolic links, devices and pipes are
+never opened; an error of the system is raised as ``OSError``.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from typing import Final
 from orinkit.virtual.rc8.files.names import TEMPORARY_PREFIX, name_on_disk, part_key
 
 _ALWAYS: Final = getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
-_READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # a pipe that somebody planted must not wait
+_READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # opening a planted pipe must not block
 _CREATE: Final = _ALWAYS | os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _MODE: Final = 0o600
-_JUNCTION: Final = 0xA0000003  # a link of Windows that calls itself a directory
+_JUNCTION: Final = 0xA0000003  # a link of Windows that has the attribute of a directory
 _EARLIEST: Final = datetime(1980, 1, 1)
 _LATEST: Final = datetime(2099, 12, 31, 23, 59, 59)
 _SECOND: Final = 1_000_000_000
 
 
 def status_of(path: Path) -> os.stat_result | None:
-    """Return the status of an entry itself, not of what it links to; ``None`` where there is none."""
+    """Return the status of an entry without following a link; ``None`` if it does not exist."""
     try:
         return os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -35,19 +35,19 @@ def status_of(path: Path) -> os.stat_result | None:
 
 
 def is_folder(status: os.stat_result) -> bool:
-    """Return whether a status is that of a folder."""
+    """Return True if a status is that of a folder."""
     return stat.S_ISDIR(status.st_mode) and getattr(status, "st_reparse_tag", 0) != _JUNCTION
 
 
 def is_file(status: os.stat_result) -> bool:
-    """Return whether a status is that of an ordinary file."""
+    """Return True if a status is that of an ordinary file."""
     return stat.S_ISREG(status.st_mode)
 
 
 def spelling(folder: Path, part: str) -> str:
-    """Return how an entry is spelled in a folder, in upper or lower case; the part itself where there is none.
+    """Return the spelling of an entry in a folder, ignoring case; ``part`` itself if it does not exist.
 
-    The same spelling goes before another; of several others, the first one in order.
+    An identical spelling is preferred; of several others, the first in sorted order.
     """
     if status_of(folder / part) is not None:
         return part
@@ -57,7 +57,7 @@ def spelling(folder: Path, part: str) -> str:
 
 
 def listing(folder: Path) -> list[tuple[str, bool, str]]:
-    """Return what a name can reach in a folder, in order: its name, whether it is a folder, its spelling on the disk."""
+    """Return the accessible entries of a folder, sorted: name, True if it is a folder, spelling on the disk."""
     found: dict[str, tuple[str, bool, str]] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -69,7 +69,7 @@ def listing(folder: Path) -> list[tuple[str, bool, str]]:
 
 
 def survey(root: Path, *, clean: bool = False) -> int:
-    """Return how many entries there are in a folder and all below it; with ``clean``, remove half-written files."""
+    """Return the number of entries in a folder and all below it; with ``clean``, remove temporary files."""
     count, folders = 0, [root]
     while folders:
         with os.scandir(folders.pop()) as entries:
@@ -84,10 +84,10 @@ def survey(root: Path, *, clean: bool = False) -> int:
 
 
 def read_file(path: Path, most: int) -> bytes:
-    """Return the content of a file, or its first ``most + 1`` bytes where it has more than ``most``.
+    """Return the content of a file; if it is larger than ``most`` bytes, its first ``most + 1`` bytes.
 
     Raises:
-        FileNotFoundError: it is no ordinary file any more.
+        FileNotFoundError: If it is no longer an ordinary file.
     """
     with os.fdopen(os.open(path, _READ), "rb") as file:
         if not is_file(os.fstat(file.fileno())):
@@ -96,7 +96,7 @@ def read_file(path: Path, most: int) -> bytes:
 
 
 def write_temporary(folder: Path, data: bytes) -> Path:
-    """Write a new temporary file in a folder and return its path; :func:`put_in_place` gives it its name."""
+    """Write a new temporary file in a folder and return its path; :func:`put_in_place` renames it."""
     temporary = folder / f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}"
     try:
         with os.fdopen(os.open(temporary, _CREATE, _MODE), "wb") as file:
@@ -108,7 +108,7 @@ def write_temporary(folder: Path, data: bytes) -> Path:
 
 
 def put_in_place(temporary: Path, path: Path, moment: datetime) -> None:
-    """Set the content of a file and its dates, in one step: it has the old content or the new one."""
+    """Replace a file by a temporary file and set its dates, atomically: it has the old content or the new one."""
     try:
         stamp(temporary, moment)
         temporary.replace(path)
@@ -118,13 +118,13 @@ def put_in_place(temporary: Path, path: Path, moment: datetime) -> None:
 
 
 def discard(temporary: Path) -> None:
-    """Delete a temporary file, if it is still there."""
+    """Delete a temporary file if it still exists."""
     with suppress(OSError):
         temporary.unlink()
 
 
 def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> None:
-    """Set when an entry was accessed and when it was modified; both are the same moment unless told otherwise."""
+    """Set the access and modification times of an entry; the latter defaults to the former."""
     ns = round(accessed.timestamp() * 1_000_000) * 1000
     times = (ns, ns if modified_ns is None else modified_ns)
     if os.utime in os.supports_follow_symlinks:
@@ -134,7 +134,7 @@ def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> Non
 
 
 def moment_of(ns: int) -> datetime:
-    """Return a file date in local time, the nearest one of the controller's years (1980 to 2099) where it is none."""
+    """Return a file date in local time, limited to the years of the controller (1980 to 2099)."""
     seconds, rest = divmod(ns, _SECOND)
     try:
         moment = datetime.fromtimestamp(seconds).replace(microsecond=rest // 1000)
@@ -144,7 +144,7 @@ def moment_of(ns: int) -> datetime:
 
 
 def born_ns(status: os.stat_result) -> int:
-    """Return when an entry was created where the system tells, else when it was modified; never after that."""
+    """Return the creation time of an entry if the system has it, otherwise the modification time; never a later one."""
     born = getattr(status, "st_birthtime", None)
     return status.st_mtime_ns if born is None else min(status.st_mtime_ns, int(born * _SECOND))
 

@@ -1,4 +1,4 @@
-"""What the file store refuses, as exceptions that name the file; its module tells which code means what."""
+"""The exceptions of the file store; each names the file. The meaning of the codes is described in ``store``."""
 
 from __future__ import annotations
 
@@ -16,51 +16,51 @@ logger = logging.getLogger("orinkit.virtual.rc8")
 
 @contextmanager
 def reported(name: FileName) -> Iterator[None]:
-    """Turn what the system refuses into codes; its own words go into the log.
+    """Convert errors of the system to return codes, and log their text.
 
     Raises:
         CallError: FILE_NOT_FOUND, E_FAIL.
     """
     try:
         yield
-    except FileNotFoundError:  # it went while we looked
+    except FileNotFoundError:  # it was deleted in the meantime
         raise not_found(name) from None
-    except (OSError, UnicodeEncodeError) as error:  # the second: not in this system's encoding of names
-        logger.error("%s: %s", name, error)  # noqa: TRY400 - the reason is all there is to tell
+    except (OSError, UnicodeEncodeError) as error:  # the latter: not in the system's encoding of names
+        logger.error("%s: %s", name, error)  # noqa: TRY400 - the traceback does not help
         reason = getattr(error, "strerror", None) or str(error)
         raise error_for(hresult.E_FAIL, f"{name}: {reason}") from error
 
 
 def not_found(name: FileName) -> CallError:
-    """Nothing of that name is there."""
+    """Return the exception for a name that does not exist."""
     return error_for(hresult.FILE_NOT_FOUND, str(name))
 
 
 def taken(name: FileName) -> CallError:
-    """Something of that name is there."""
+    """Return the exception for a name that exists already."""
     return error_for(hresult.E_CAO_COLLECTION_REGISTERED, str(name))
 
 
 def only_a_folder(name: FileName) -> CallError:
-    """The name is that of a folder, the thing is none."""
+    """Return the exception for a name of a folder where a file is expected."""
     return error_for(
         hresult.E_INVALIDARG,
-        tr("{name}: a file is wanted, not a folder", name=name),
+        tr("{name} is the name of a folder, expected a file", name=name),
     )
 
 
 def into_itself(name: FileName) -> CallError:
-    """A folder would be moved below itself."""
-    return error_for(hresult.E_INVALIDARG, tr("{name} cannot go into itself", name=name))
+    """Return the exception for moving a folder below itself."""
+    return error_for(hresult.E_INVALIDARG, tr("the folder {name} cannot be moved into itself", name=name))
 
 
 def no_content(name: FileName) -> CallError:
-    """A folder is read, written or copied as if it were a file."""
+    """Return the exception for reading, writing or copying a folder like a file."""
     return error_for(hresult.E_ACCESSDENIED, tr("{name} is a folder", name=name))
 
 
 def not_empty(name: FileName) -> CallError:
-    """A folder has something in it."""
+    """Return the exception for a folder that is not empty."""
     return error_for(
         hresult.E_ACCESSDENIED,
         tr("the folder {name} is not empty", name=name),
@@ -68,32 +68,36 @@ def not_empty(name: FileName) -> CallError:
 
 
 def root_stays() -> CallError:
-    """The root folder is deleted or moved."""
+    """Return the exception for deleting or moving the root folder."""
     return error_for(
         hresult.E_ACCESSDENIED,
-        tr("the root folder can be neither deleted nor moved"),
+        tr("the root folder cannot be deleted or moved"),
     )
 
 
 def in_the_way(name: FileName) -> CallError:
-    """Something that is never followed lies where something would be changed or made."""
+    """Return the exception for a change at the place of a link or special file, which is never followed."""
     return error_for(
         hresult.E_ACCESSDENIED,
-        tr("{name} is a link, or something else that is no file, on the disk", name=name),
+        tr("{name} is a link or another special file on the disk", name=name),
     )
 
 
 def too_large(name: FileName, most: int) -> CallError:
-    """A file has, or would have, more than ``most`` bytes."""
+    """Return the exception for a file of more than ``most`` bytes."""
     return error_for(
         hresult.E_TOO_MUCH_DATA,
-        tr("{name}: more than {most} bytes", name=name, most=most),
+        tr("{name} exceeds the limit of {most} bytes", name=name, most=most),
     )
 
 
 def too_many(count: int, most: int) -> CallError:
-    """There is no room for one more file or folder."""
+    """Return the exception for one file or folder too many."""
     return error_for(
         hresult.E_MAX_OBJECT,
-        tr("the controller has {count} files and folders, {most} at most; delete some", count=count, most=most),
+        tr(
+            "the controller has {count} files and folders, the limit is {most}. Try: delete some",
+            count=count,
+            most=most,
+        ),
     )

@@ -1,22 +1,21 @@
 """The controller's files: programs and data, in folders below one directory of the disk.
 
-Names are those of :mod:`orinkit.virtual.rc8.files.names`. What is below the directory and is no file or folder with such
-a name is treated as not there: symbolic links, devices, names that the controller does not have. A link is never
-followed, neither to read nor to write; the directory itself may be reached through one, as its owner likes.
+Names are those of :mod:`orinkit.virtual.rc8.files.names`. Entries below the directory that are not files or folders
+with such a name are ignored: symbolic links, devices, names that the controller does not allow. A link is never
+followed, neither to read nor to write; the directory itself may be a link.
 
-A write is one step: whoever reads sees the old content or the new one, and so does the next start after a sudden end.
-Like the variables, the store belongs to one process; half-written files that an earlier one left are removed at the
-start.
+A write is atomic: a reader, or the next start after a crash, finds the old content or the new one. Like the variables,
+the store belongs to one process; temporary files left by an earlier process are removed at the start.
 
 ============================  ==========================================================================================
-E_INVALIDARG                  a name that cannot be, or not for this
-FILE_NOT_FOUND                nothing there, or no folder for it
-E_CAO_COLLECTION_REGISTERED   the name is taken
-E_ACCESSDENIED                not with what is there: a folder has no content, is not empty, is the root; a link, a pipe
-                              is in the way
+E_INVALIDARG                  the name is not valid, or not valid for this operation
+FILE_NOT_FOUND                the file, or the folder for it, does not exist
+E_CAO_COLLECTION_REGISTERED   the name exists already
+E_ACCESSDENIED                not possible with this entry: a folder has no content, is not empty, or is the root; a
+                              link or a pipe has that name
 E_TOO_MUCH_DATA               more than 16 MiB in a file
 E_MAX_OBJECT                  more than 10,000 files and folders
-E_FAIL                        the system refuses, for example because the disk is full; the log says why
+E_FAIL                        an error of the system, for example a full disk; the log has the reason
 ============================  ==========================================================================================
 """
 
@@ -50,13 +49,13 @@ from orinkit.virtual.rc8.variables.database import StateError
 logger = logging.getLogger("orinkit.virtual.rc8")
 
 MOST_BYTES: Final = 16 * 1024 * 1024
-"""Bytes of one file."""
+"""Largest size of one file, bytes."""
 
 MOST_ENTRIES: Final = 10_000
-"""Files and folders of a store, all together."""
+"""Largest number of files and folders of a store."""
 
 PROGRAM: Final = "pcs"
-"""Extension of the programs that can run, in lower case."""
+"""Extension of programs, in lower case."""
 
 _Parts: TypeAlias = tuple[str, ...]
 _ROOT: Final = FileName((), folder=True)
@@ -64,13 +63,13 @@ _ROOT: Final = FileName((), folder=True)
 
 @dataclass(frozen=True, slots=True)
 class FileDates:
-    """When something happened to a file, controller's local time.
+    """The dates of a file, in the controller's local time.
 
     Attributes:
-        created: when it was created; where the system does not tell (Linux does not) and the controller has been
-            restarted since, when its content was written.
-        accessed: when it was read or written through the store.
-        modified: when its content was written.
+        created: Creation; if the system does not record it (Linux does not) and the controller has been restarted
+            since, the last write of the content.
+        accessed: Last read or write through the store.
+        modified: Last write of the content.
     """
 
     created: datetime
@@ -80,18 +79,18 @@ class FileDates:
 
 @dataclass(frozen=True, slots=True)
 class Staged:
-    """Content that has been written to the disk and belongs to no file yet; see :meth:`FileStore.stage`."""
+    """Content that has been written to the disk but does not belong to a file yet; see :meth:`FileStore.stage`."""
 
     path: Path
 
     def discard(self) -> None:
-        """Delete it, if it has not become a file."""
+        """Delete it unless it has become a file."""
         disk.discard(self.path)
 
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where a name leads; ``status`` is that of the file or folder there, ``None`` for nothing."""
+    """The location of a name; ``status`` is that of the file or folder, or ``None`` if it does not exist."""
 
     name: FileName
     path: Path
@@ -103,19 +102,19 @@ class _Place:
 
 
 class FileStore:
-    """The files of one controller. The codes that it refuses with are those of this module.
+    """The files of one controller. The return codes are described in this module.
 
     Args:
-        root: directory; made if it does not exist.
-        now: gives the controller's local date and time.
+        root: Directory; created if it does not exist.
+        now: Callback that returns the controller's local date and time.
 
     Attributes:
-        root: the directory, absolute.
-        changed: each is called with the controller's name of a file that has been written, created, deleted or moved
-            (its old name, then its new one), after it has happened.
+        root: The directory, absolute.
+        changed: Callbacks invoked with the controller's name of a file after it was written, created, deleted or moved
+            (with its old name, then its new one).
 
     Raises:
-        StateError: the directory cannot be used.
+        StateError: If the directory cannot be used.
     """
 
     def __init__(self, root: Path, now: Callable[[], datetime]) -> None:
@@ -129,16 +128,16 @@ class FileStore:
         except OSError as error:
             raise StateError(
                 tr(
-                    "{root} cannot be used for the files: {error}. Give a directory that can be read and written",
+                    "{root} cannot be used for the files: {error}. Try: a directory that can be read and written",
                     root=root,
                     error=error,
                 )
             ) from error
 
-    # --- what is there --------------------------------------------------------------------------------------------
+    # --- queries --------------------------------------------------------------------------------------------------
 
     def exists(self, name: str) -> bool:
-        """Return whether there is a file or folder of that name; only a folder if the name ends in a separator.
+        """Return True if a file or folder exists; if the name ends in a separator, only a folder counts.
 
         Raises:
             CallError: E_INVALIDARG; E_FAIL.
@@ -148,7 +147,7 @@ class FileStore:
             return self._locate(wanted).status is not None
 
     def is_folder(self, name: str) -> bool:
-        """Return whether there is a folder of that name.
+        """Return True if a folder of that name exists.
 
         Raises:
             CallError: E_INVALIDARG; E_FAIL.
@@ -158,7 +157,7 @@ class FileStore:
             return self._locate(wanted).is_folder
 
     def path(self, name: str) -> str:
-        r"""Return the whole name as it was created, ``dir\Pro1.pcs``; the root folder is ``\``.
+        r"""Return the full name as it was created, ``dir\Pro1.pcs``; the root folder is ``\``.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND; E_FAIL.
@@ -166,10 +165,10 @@ class FileStore:
         return str(self._existing(read_name(name)).name)
 
     def names(self, folder: str = "") -> list[str]:
-        r"""Return what is in a folder, sorted without regard to case; names of folders end in ``\``.
+        r"""Return the names in a folder, sorted without regard to case; names of folders end in ``\``.
 
         Raises:
-            CallError: E_INVALIDARG; FILE_NOT_FOUND, no folder of that name; E_FAIL.
+            CallError: E_INVALIDARG; FILE_NOT_FOUND if the folder does not exist; E_FAIL.
         """
         wanted = read_name(folder)
         place = self._existing(wanted)
@@ -180,7 +179,7 @@ class FileStore:
         return [name + SEPARATOR if is_folder else name for name, is_folder, _ in found]
 
     def programs(self) -> list[str]:
-        r"""Return all programs (``*.pcs``) in all folders as names of tasks: ``Pro1``, ``dir\Pro1``.
+        r"""Return all programs (``*.pcs``) in all folders by their task names: ``Pro1``, ``dir\Pro1``.
 
         Raises:
             CallError: E_FAIL.
@@ -190,7 +189,7 @@ class FileStore:
             return [name[: -len(PROGRAM) - 1] for name in names if extension(name) == PROGRAM]
 
     def size(self, name: str) -> int:
-        """Return the bytes of a file; 0 for a folder.
+        """Return the size of a file in bytes; 0 for a folder.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND; E_FAIL.
@@ -213,21 +212,21 @@ class FileStore:
         """Return the content of a file.
 
         Raises:
-            CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED, a folder; E_TOO_MUCH_DATA; E_FAIL.
+            CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED for a folder; E_TOO_MUCH_DATA; E_FAIL.
         """
         place = self._content(read_name(name))
         assert place.status is not None
         data = _read(place)
-        with suppress(OSError):  # a file that may be read but not touched
+        with suppress(OSError):  # the access time of a read-only file may not be changeable
             disk.stamp(place.path, self._now(), place.status.st_mtime_ns)
         return data
 
     # --- changes --------------------------------------------------------------------------------------------------
 
     def stage(self, name: str, data: bytes) -> Staged:
-        """Write the content of a file to the disk for :meth:`write` or :meth:`copy`, which then only rename it.
+        """Write content to the disk for a later :meth:`write` or :meth:`copy`, which then only renames it.
 
-        Writing a large file takes long; this method may be called from any thread, without the controller's lock.
+        Writing a large file takes long; this method is thread-safe and does not need the controller's lock.
 
         Raises:
             CallError: E_INVALIDARG; E_TOO_MUCH_DATA; E_FAIL.
@@ -239,43 +238,43 @@ class FileStore:
             return Staged(disk.write_temporary(self.root, data))
 
     def write(self, name: str, data: bytes | Staged) -> None:
-        """Set the content of a file; it is created if it is not there. What is refused leaves all as it was.
+        """Set the content of a file, which is created if it does not exist; nothing changes if an exception is raised.
 
         Args:
-            name: its name.
-            data: the content, or what :meth:`stage` has returned, which is used up in any case.
+            name: Name of the file.
+            data: Content, or the result of :meth:`stage`, which is consumed in any case.
 
         Raises:
-            CallError: E_INVALIDARG; FILE_NOT_FOUND, no folder for it; E_ACCESSDENIED; E_TOO_MUCH_DATA; E_MAX_OBJECT;
-                E_FAIL.
+            CallError: E_INVALIDARG; FILE_NOT_FOUND if its folder does not exist; E_ACCESSDENIED; E_TOO_MUCH_DATA;
+                E_MAX_OBJECT; E_FAIL.
         """
-        with _used_up(data):
+        with _consumed(data):
             wanted = read_name(name)
             with reported(wanted):
                 place = self._locate(wanted, change=True)
                 if place.is_folder:
                     raise errors.no_content(wanted)
                 self._put(_for_file(place), data)
-        self._tell([str(place.name)])
+        self._notify([str(place.name)])
 
     def create(self, name: str) -> None:
         """Create an empty file.
 
         Raises:
-            CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND, no folder for it; E_ACCESSDENIED;
-                E_MAX_OBJECT; E_FAIL.
+            CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND if its folder does not exist;
+                E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
         place = _for_file(self._free(read_name(name)))
         with reported(place.name):
             self._put(place, b"")
-        self._tell([str(place.name)])
+        self._notify([str(place.name)])
 
     def make_folder(self, name: str) -> None:
-        """Create a folder in one that exists; the name may end in a separator.
+        """Create a folder in an existing folder; the name may end in a separator.
 
         Raises:
-            CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND, no folder for it; E_ACCESSDENIED;
-                E_MAX_OBJECT; E_FAIL.
+            CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND if its folder does not exist;
+                E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
         place = self._free(read_name(name))
         with reported(place.name):
@@ -287,11 +286,11 @@ class FileStore:
         """Delete a file or folder.
 
         Args:
-            name: its name.
-            recursive: whether a folder goes with all that is in it; else only an empty one goes.
+            name: Name of the file or folder.
+            recursive: Delete a folder with all its content; otherwise only an empty folder can be deleted.
 
         Raises:
-            CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED, the root, a folder that is not empty; E_FAIL.
+            CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED for the root or a folder that is not empty; E_FAIL.
         """
         place = self._existing(read_name(name))
         _check_not_root(place)
@@ -310,56 +309,56 @@ class FileStore:
             self._created = {key: moment for key, moment in self._created.items() if not _within(key, old)}
         else:
             self._created.pop(place.name.key, None)
-            self._tell([str(place.name)])
+            self._notify([str(place.name)])
 
     def copy(self, name: str, new: str, data: Staged | None = None) -> None:
-        """Copy a file to a name that is free; a folder is not copied.
+        """Copy a file to a name that does not exist; folders cannot be copied.
 
         Args:
-            name: its name.
-            new: the name of the copy.
-            data: its content, if it has been staged; it is used up in any case.
+            name: Name of the file.
+            new: Name of the copy.
+            data: The staged content of the file, if any; it is consumed in any case.
 
         Raises:
-            CallError: as :meth:`read` and :meth:`create`.
+            CallError: As for :meth:`read` and :meth:`create`.
         """
-        with _used_up(data):
+        with _consumed(data):
             source = self._content(read_name(name))
             place = _for_file(self._free(read_name(new)))
             content = _read(source) if data is None else data
             with reported(place.name):
                 self._put(place, content)
-        self._tell([str(place.name)])
+        self._notify([str(place.name)])
 
     def move(self, name: str, new: str) -> None:
-        """Move or rename a file, or a folder with all that is in it, to a name that is free; the dates stay.
+        """Move or rename a file, or a folder with its content, to a name that does not exist; the dates are kept.
 
-        The new name may be the old one in other letters of upper and lower case.
+        The new name may differ from the old one in case only.
 
         Raises:
-            CallError: E_INVALIDARG, also for a folder into itself; FILE_NOT_FOUND, it or the new folder;
-                E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
+            CallError: E_INVALIDARG, also for a folder into itself; FILE_NOT_FOUND if it or the new folder does not
+                exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
         """
         place, target = self._existing(read_name(name)), read_name(new)
         _check_not_root(place)
         with reported(place.name):
-            inside = list(_below(place.path, place.name.parts)) if place.is_folder else [(place.name.parts, False)]
+            entries = list(_below(place.path, place.name.parts)) if place.is_folder else [(place.name.parts, False)]
         goal = self._goal(place, target)
         goal = goal if place.is_folder else _for_file(goal)
         depth, moved = len(place.name.parts), list[str]()
-        for parts, is_folder in inside:
-            later = join((*goal.name.parts, *parts[depth:]))
-            read_name(later)  # it may be too long or too deep there
-            moved += [] if is_folder else [join(parts), later]
+        for parts, is_folder in entries:
+            moved_to = join((*goal.name.parts, *parts[depth:]))
+            read_name(moved_to)  # the new name may be too long or too deep
+            moved += [] if is_folder else [join(parts), moved_to]
         with reported(goal.name):
             place.path.rename(goal.path)
         self._note_moved(place, goal)
-        self._tell(moved)
+        self._notify(moved)
 
-    # --- finding --------------------------------------------------------------------------------------------------
+    # --- locating -------------------------------------------------------------------------------------------------
 
     def _locate(self, wanted: FileName, *, change: bool = False) -> _Place:
-        """Find where a name leads, part by part; with ``change``, refuse what cannot be changed or made there."""
+        """Resolve a name part by part; with ``change``, refuse a place where nothing can be changed or created."""
         path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):
@@ -401,7 +400,7 @@ class FileStore:
         return place
 
     def _goal(self, place: _Place, target: FileName) -> _Place:
-        """Where something moves to: a free place, or its own in another spelling."""
+        """Return the destination of a move: a free place, or its own place in another spelling."""
         if target.key != place.name.key:
             if place.is_folder and _within(target.key, place.name.key):
                 raise errors.into_itself(place.name)
@@ -409,8 +408,8 @@ class FileStore:
         last = target.parts[-1]
         goal = _Place(FileName((*place.name.parts[:-1], last), target.folder), place.path.with_name(last), None)
         with reported(target):
-            there = disk.status_of(goal.path)
-        if there is not None and place.status is not None and not os.path.samestat(there, place.status):
+            existing = disk.status_of(goal.path)
+        if existing is not None and place.status is not None and not os.path.samestat(existing, place.status):
             raise errors.taken(target)
         return goal
 
@@ -429,11 +428,11 @@ class FileStore:
             self._note_new(place)
 
     def _delete_tree(self, place: _Place) -> None:
-        inside = _files(place)
+        entries = _files(place)
         try:
             shutil.rmtree(place.path)  # follows no link
-        finally:  # some of it may be gone even where it fails
-            self._tell(map(join, inside))
+        finally:  # a part may be deleted even if it fails
+            self._notify(map(join, entries))
             self._entries = disk.survey(self.root)
 
     def _note_new(self, place: _Place) -> None:
@@ -450,7 +449,7 @@ class FileStore:
         self._stamp_folder_of(goal)
 
     def _stamp_folder_of(self, place: _Place) -> None:
-        with suppress(OSError):  # its dates are not worth a refusal
+        with suppress(OSError):  # its dates do not justify an error
             disk.stamp(place.path.parent, self._now())
 
     def _creation(self, place: _Place) -> datetime:
@@ -460,21 +459,21 @@ class FileStore:
 
     def _check_room(self) -> None:
         if self._entries >= MOST_ENTRIES:
-            self._entries = disk.survey(self.root)  # somebody may have deleted some on the disk
+            self._entries = disk.survey(self.root)  # entries may have been deleted on the disk
         if self._entries >= MOST_ENTRIES:
             raise errors.too_many(self._entries, MOST_ENTRIES)
 
-    def _tell(self, names: Iterable[str]) -> None:
+    def _notify(self, names: Iterable[str]) -> None:
         for name in names:
             for listener in tuple(self.changed):
                 try:
                     listener(name)
-                except Exception:  # the file has changed all the same
+                except Exception:  # the file has been changed nevertheless
                     logger.exception("%s has changed", name)
 
 
 def _below(folder: Path, parts: _Parts) -> Iterator[tuple[_Parts, bool]]:
-    """The parts of all that a name can reach in a folder and those below it, in order, and whether it is a folder."""
+    """Yield the parts of all accessible entries in a folder and below it, in order, and whether each is a folder."""
     if len(parts) >= MOST_PARTS:
         return
     for name, is_folder, spelling in disk.listing(folder):
@@ -490,7 +489,7 @@ def _files(place: _Place) -> list[_Parts]:
 
 
 @contextmanager
-def _used_up(data: bytes | Staged | None) -> Iterator[None]:
+def _consumed(data: bytes | Staged | None) -> Iterator[None]:
     try:
         yield
     finally:

@@ -1,8 +1,8 @@
-"""What a client writes, as the value a variable keeps: types that convert are taken, nothing is lost unsaid.
+"""Converts the values written by clients to the values of variables, without silent loss.
 
-Clients write numbers as any numeric VARIANT, as text or as a one-element array, and poses as arrays of any numeric
+Clients write numbers as any numeric VARIANT, as a string or as a one-element array, and poses as arrays of any numeric
 type. A type that cannot be converted is DISP_E_TYPEMISMATCH, a number out of range DISP_E_OVERFLOW. A fraction for a
-whole number, NaN, infinity and an array of another length are E_INVALIDARG: no silent rounding, no filling up.
+whole number, NaN, infinity and an array of another length are E_INVALIDARG: no silent rounding or padding.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from orinkit.values.variant import Variant
 
 _NUMBERS: Final = NUMERIC | {int(VarType.BOOL), int(VarType.BSTR)}
 _STRING_BYTES: Final = 255
-_SHOWN: Final = 10**20  # a larger number is not written out
+_SHOWN: Final = 10**20  # larger numbers are not printed
 
 
 def number(given: Variant) -> int | float:
-    """Return a number from a numeric VARIANT, VT_BOOL (-1, 0), text or a one-element array of these."""
+    """Return a number from a numeric VARIANT, VT_BOOL (-1, 0), a string or a one-element array of these."""
     element = coerce.single(given)
     if element.type not in _NUMBERS:
         raise _mismatch(given, tr("a number"))
@@ -40,13 +40,13 @@ def number(given: Variant) -> int | float:
 def whole(given: Variant) -> int:
     """Return a whole number of any size."""
     value = number(given)
-    if isinstance(value, float) and not value.is_integer():  # infinity and NaN are no integer either
-        raise error_for(hresult.E_INVALIDARG, tr("{value} is no whole number", value=value))
+    if isinstance(value, float) and not value.is_integer():  # nor are infinity and NaN
+        raise error_for(hresult.E_INVALIDARG, tr("{value} is not a whole number", value=value))
     return int(value)
 
 
 def whole_within(low: int, high: int) -> Callable[[Variant], int]:
-    """Return what reads a whole number from ``low`` to ``high``."""
+    """Return a converter to a whole number from ``low`` to ``high``."""
 
     def convert(given: Variant) -> int:
         value = whole(given)
@@ -61,7 +61,7 @@ _TRUTH: Final = whole_within(-1, 1)
 
 
 def boolean(given: Variant) -> bool:
-    """Return a truth value from VT_BOOL or a number -1, 0, 1."""
+    """Return a boolean from VT_BOOL or a number -1, 0, 1."""
     return bool(_TRUTH(given))
 
 
@@ -80,14 +80,14 @@ def single(given: Variant) -> float:
 
 
 def singles(length: int) -> Callable[[Variant], tuple[float, ...]]:
-    """Return what reads an array of ``length`` numbers, rounded to single precision."""
+    """Return a converter to a tuple of ``length`` numbers, rounded to single precision."""
 
     def convert(given: Variant) -> tuple[float, ...]:
         values = _elements(given)
         if len(values) != length:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("{count} values were given, {length} are wanted", count=len(values), length=length),
+                tr("got {count} values, expected {length}", count=len(values), length=length),
             )
         return tuple(_single(_finite(value)) for value in values)
 
@@ -95,10 +95,10 @@ def singles(length: int) -> Callable[[Variant], tuple[float, ...]]:
 
 
 def string(given: Variant) -> str:
-    """Return a text of at most 255 bytes.
+    """Return a string of at most 255 bytes.
 
     The bytes are those of Shift_JIS (code page 932), the 8-bit encoding of Japanese controllers, so 127 kanji fit; a
-    character that it lacks counts as one byte. The text itself is kept as it is.
+    character without a code in it counts as one byte. The string itself is not changed.
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH; STRING_TOO_LONG.
@@ -107,9 +107,9 @@ def string(given: Variant) -> str:
     if element.type != VarType.BSTR:
         raise _mismatch(given, "VT_BSTR")
     text = str(element.value)
-    length = len(text) if len(text) > _STRING_BYTES else len(text.encode("cp932", "replace"))  # at least so many
+    length = len(text) if len(text) > _STRING_BYTES else len(text.encode("cp932", "replace"))  # a lower bound suffices
     if length > _STRING_BYTES:
-        raise error_for(hresult.STRING_TOO_LONG, tr("{length} bytes", length=length))
+        raise error_for(hresult.STRING_TOO_LONG, tr("the string has {length} bytes", length=length))
     return text
 
 
@@ -120,7 +120,7 @@ def moment(given: Variant) -> datetime:
         raise _mismatch(given, "VT_DATE")
     value = plain_date(element.value)
     if not isinstance(value, datetime):
-        raise error_for(hresult.E_INVALIDARG, tr("{value} days is no date", value=value))
+        raise error_for(hresult.E_INVALIDARG, tr("{value} days is not a valid date", value=value))
     return value
 
 
@@ -137,7 +137,7 @@ def _elements(given: Variant) -> list[float]:
 
 def _finite(value: float) -> float:
     if not math.isfinite(value):
-        raise error_for(hresult.E_INVALIDARG, tr("{value} is no usable number", value=value))
+        raise error_for(hresult.E_INVALIDARG, tr("{value} is not a finite number", value=value))
     return value
 
 
@@ -152,14 +152,14 @@ def _single(value: float) -> float:
 def _mismatch(given: Variant, wanted: str) -> CallError:
     return error_for(
         hresult.DISP_E_TYPEMISMATCH,
-        tr("{type} was given, {wanted} is wanted", type=type_name(given.type), wanted=wanted),
+        tr("got {type}, expected {wanted}", type=type_name(given.type), wanted=wanted),
     )
 
 
 def _overflow(shown: str, low: int, high: int) -> CallError:
     return error_for(
         hresult.DISP_E_OVERFLOW,
-        tr("{shown} is not within {low} to {high}", shown=shown, low=low, high=high),
+        tr("{shown} is out of range; expected {low} to {high}", shown=shown, low=low, high=high),
     )
 
 

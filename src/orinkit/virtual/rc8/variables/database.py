@@ -1,12 +1,12 @@
-"""Variables on disk: one SQLite file in the state directory, one row per variable that was ever written.
+"""Storage of variables: one SQLite file in the state directory, one row per variable that was ever written.
 
-A write is committed before it is answered, so an answered write survives the end of the process, however sudden (not
-the loss of power: the file is not flushed to the medium on every write). The process that has the file open has it
-alone; another one is refused. A file that is not ours, empty, or damaged, is refused and left as it is. A new one comes into
-being whole, under its name, so an empty one has lost what it held.
+A write is committed before its reply, so it survives a crash of the process (but not necessarily a power failure: the
+file is not flushed to the medium on every write). Only one process can open the file. A file that is not a database of
+this program, empty, or damaged is refused and not changed. A new file is created completely before it gets its name, so
+an empty one has lost its content.
 
-If the file is deleted under the running process, writes are refused. As soon as its directory is there again, the next write
-makes a new file of everything that was written so far.
+If the file is deleted while the process runs, writes are refused. When its directory exists again, the next write
+creates a new file with all variables written so far.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _CREATE: Final = """
     ) WITHOUT ROWID
 """
 _ONE_ROW: Final = "(?, ?, ?, ?)"
-_NEW: Final = (".variables-", ".new")  # around the name of a file that is being made
+_NEW: Final = (".variables-", ".new")  # prefix and suffix of a file that is being created
 _OWN_FILE: Final = 0o600
 _OWN_DIRECTORY: Final = 0o700
 
@@ -52,13 +52,13 @@ class StateError(OrinError):
 
 @dataclass(frozen=True, slots=True)
 class StoredVariable:
-    """One variable as it is kept.
+    """One stored variable.
 
     Attributes:
-        kind: name of its class; each I/O point is one of class IO.
-        index: its index.
+        kind: Name of its class; each I/O point is a variable of class IO.
+        index: Its index.
         value: bool, int, float, str, or the numbers of an array.
-        written: controller's local date and time of the write.
+        written: Time of the write, in the controller's local time.
     """
 
     kind: str
@@ -68,13 +68,13 @@ class StoredVariable:
 
 
 class VariableDatabase:
-    """The open file.
+    """The open database.
 
     Args:
-        directory: state directory; made if it does not exist.
+        directory: State directory; created if it does not exist.
 
     Raises:
-        StateError: it cannot be used.
+        StateError: If the directory cannot be used.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -92,7 +92,7 @@ class VariableDatabase:
         """Return every row.
 
         Raises:
-            StateError: a row cannot be read.
+            StateError: If a row cannot be read.
         """
         try:
             found = self._connection.execute("SELECT class, number, value, written FROM variable").fetchall()
@@ -101,12 +101,12 @@ class VariableDatabase:
         return [self._row(*columns) for columns in found]
 
     def save(self, kind: str, values: Mapping[int, object], written: datetime) -> None:
-        """Write the values of some variables of one class, by index, all or none; when this returns they are kept.
+        """Save values of variables of one class by index, all or none; when this returns they are saved.
 
         Raises:
-            CallError: E_FAIL, nothing was written; also as long as the file is gone.
+            CallError: E_FAIL if nothing was written, also while the file is missing.
         """
-        self._find_again()
+        self._ensure_file()
         stamp = written.isoformat()
         columns: list[object] = []
         for index, value in values.items():
@@ -117,63 +117,63 @@ class VariableDatabase:
                 columns,
             )
         except sqlite3.Error as error:
-            logger.error("%s: %s", self.path, error)  # noqa: TRY400 - the reason is all there is to tell
+            logger.error("%s: %s", self.path, error)  # noqa: TRY400 - the traceback does not help
             raise self._not_written(error) from error
 
-    def _find_again(self) -> None:
-        """See to it that the file is still the one under its name; make it again where only its directory is left.
+    def _ensure_file(self) -> None:
+        """Check that the open file still has its name; if it was deleted but its directory exists, create it again.
 
         Raises:
-            CallError: E_FAIL, it is gone, or another one.
+            CallError: E_FAIL if the file is missing or was replaced.
         """
         found = _identity(self.path)
         if found == self._identity:
             if self._lost:
                 self._lost = False
-                logger.warning("%s is there again", self.path)
+                logger.warning("%s is available again", self.path)
             return
-        reason: object = tr("another file has taken its place")
+        reason: object = tr("it was replaced by another file")
         if found is None:
-            reason = tr("{parent} has no such file any more", parent=self.path.parent)
+            reason = tr("{parent} no longer contains the file", parent=self.path.parent)
             if self.path.parent.is_dir():
                 try:
-                    self._make_again()
+                    self._recreate()
                 except (OSError, sqlite3.Error) as error:
                     reason = error
                 else:
                     self._lost = False
-                    logger.warning("%s was gone; it was written again with all variables", self.path)
+                    logger.warning("%s was missing; it was written again with all variables", self.path)
                     return
         if not self._lost:
             self._lost = True
             logger.error(
-                "%s: %s. Variables cannot be written until it is there again, or its directory, empty",
+                "%s: %s. Variables cannot be written until the file, or its empty directory, exists again",
                 self.path,
                 reason,
             )
         raise self._not_written(reason)
 
-    def _make_again(self) -> None:
+    def _recreate(self) -> None:
         _make(self.path, self._connection)
-        again = _open(self.path)
+        connection = _open(self.path)
         with suppress(sqlite3.Error):
             self._connection.close()
-        self._connection = again
+        self._connection = connection
         self._identity = _identity(self.path)
 
     def _not_written(self, reason: object) -> OrinError:
-        return error_for(hresult.E_FAIL, tr("not written to {path}: {reason}", path=self.path, reason=reason))
+        return error_for(hresult.E_FAIL, tr("cannot write to {path}: {reason}", path=self.path, reason=reason))
 
     def close(self) -> None:
-        """Close the file and let others have it; closing twice is no error."""
+        """Close the file, so that other processes can open it; does nothing the second time."""
         self._connection.close()
 
     def damaged(self, kind: str, index: int, reason: object) -> StateError:
-        """Return the exception for a row whose value cannot be that of its variable."""
+        """Return the exception for a row whose value is not valid for its variable."""
         return StateError(
             tr(
-                "{path}: the stored value of {kind}{index} cannot be read ({reason}). The file was left "
-                "as it is; repair it or move it away",
+                "{path}: the stored value of {kind}{index} cannot be read ({reason}). The file was not "
+                "changed. Try: repair it or move it away",
                 path=self.path,
                 kind=kind,
                 index=index,
@@ -189,21 +189,21 @@ class VariableDatabase:
 
 
 class _NotOurs(sqlite3.DatabaseError):
-    """A good SQLite file that another program has written, or a newer version of this one."""
+    """A valid SQLite file of another program, or of a newer version of this one; or a file that lost its content."""
 
 
 def _open(path: Path) -> sqlite3.Connection:
     journal = path.with_name(path.name + "-wal")
     if journal.exists() and journal.stat().st_size and not (path.exists() and path.stat().st_size):
-        # SQLite would take the journal for a left-over and throw it away, with every write that is only there
-        raise _NotOurs(tr("it is missing or empty, but {name} beside it holds writes", name=journal.name))
+        # SQLite would discard the journal as a leftover, with every write that is only there
+        raise _NotOurs(tr("it is missing or empty, but {name} contains writes", name=journal.name))
     if not path.exists():
         _make(path)
     elif not path.stat().st_size:
-        raise _NotOurs(tr("it is empty (0 bytes): what it held is lost, as after a power failure or a full disk"))
+        raise _NotOurs(tr("it is empty (0 bytes); its content was lost, for example by a power failure or a full disk"))
     for each in (path, journal):
-        _keep_to_ourselves(each)
-    # One thread at a time uses it, though not always the one that opened it. No waiting: who has the file keeps it.
+        _make_private(each)
+    # Used by one thread at a time, but not always the one that opened it. No time-out: another process keeps the file.
     connection = sqlite3.connect(path, timeout=0, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -215,14 +215,14 @@ def _open(path: Path) -> sqlite3.Connection:
     except BaseException:
         connection.close()
         raise
-    for left in path.parent.glob("*".join(_NEW)):  # by a process that was killed
+    for left in path.parent.glob("*".join(_NEW)):  # of a killed process
         with suppress(OSError):
             left.unlink()
     return connection
 
 
 def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
-    """Make a file, without variables or with those of another one; under its name it is there whole or not at all."""
+    """Create a file without variables or with those of another one; it gets its name when it is complete."""
     descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=_NEW[0], suffix=_NEW[1])  # mode 0600
     os.close(descriptor)
     new = Path(name)
@@ -239,7 +239,7 @@ def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
                 connection.execute("COMMIT")
         try:
             os.link(new, path)
-        except FileExistsError:  # another process was quicker
+        except FileExistsError:  # another process was faster
             pass
         except OSError:  # a file system without links
             if not path.exists():
@@ -250,7 +250,7 @@ def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what tells a file from another one of its name, ``None`` where there is none."""
+    """Return the device and inode of a file, or ``None`` if it does not exist."""
     try:
         status = path.stat()
     except OSError:
@@ -258,9 +258,9 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def _keep_to_ourselves(path: Path) -> None:
-    """Let nobody else read or write a file."""
-    with suppress(OSError):  # it belongs to somebody else, or is not there
+def _make_private(path: Path) -> None:
+    """Remove the access rights of other users to a file."""
+    with suppress(OSError):  # it belongs to another user, or does not exist
         if stat.S_IMODE(path.stat().st_mode) & 0o077:
             path.chmod(_OWN_FILE)
 
@@ -268,46 +268,45 @@ def _keep_to_ourselves(path: Path) -> None:
 def _warn_of_others(directory: Path) -> None:
     if os.name == "posix" and directory.stat().st_mode & 0o077:
         logger.warning(
-            "%s can be used by others on this machine (mode %o); chmod 700 keeps it to yourself",
+            "%s is accessible to other users of this machine (mode %o). Try: chmod 700",
             directory,
             stat.S_IMODE(directory.stat().st_mode),
         )
 
 
 def _check(connection: sqlite3.Connection) -> None:
-    def ask(sql: str) -> Any:
+    def query(sql: str) -> Any:
         return connection.execute(sql).fetchone()[0]
 
-    application, version = ask("PRAGMA application_id"), ask("PRAGMA user_version")
+    application, version = query("PRAGMA application_id"), query("PRAGMA user_version")
     if (application, version) == (_APPLICATION_ID, _VERSION):
-        verdict = ask("PRAGMA quick_check(1)")
+        verdict = query("PRAGMA quick_check(1)")
         if verdict != "ok":
             raise sqlite3.DatabaseError(verdict)
     elif application == _APPLICATION_ID:
         raise _NotOurs(
             tr(
-                "written by a newer version of orinkit (format {version}, this one reads {readable})",
+                "it was written by a newer version of orinkit (format {version}, supported: {readable})",
                 version=version,
                 readable=_VERSION,
             )
         )
     else:
-        raise _NotOurs(tr("a database of another program"))
+        raise _NotOurs(tr("it is a database of another program"))
 
 
 def _refused(path: Path, error: Exception) -> StateError:
     if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
         return StateError(
             tr(
-                "{path} is in use by another process; give each virtual controller a state directory of its own",
+                "{path} is in use by another process. Try: a separate state directory for each virtual controller",
                 path=path,
             )
         )
     return StateError(
         tr(
-            "{path} cannot be used for the variables: {error}. It was left as it is. Try: repair it, "
-            "or restore it from a backup; move it away to begin anew, without any values; or give "
-            "another state directory",
+            "{path} cannot be used for the variables: {error}. It was not changed. Try: repair it or restore it "
+            "from a backup; move it away to start without values; or use another state directory",
             path=path,
             error=error,
         )

@@ -1,4 +1,4 @@
-"""The user variables and I/O points: their values, when each was written, and the way to disk."""
+"""The user variables and I/O points: their values, the times of their writes, and their storage on disk."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ _UNSIGNED_FORMATS: Final = {8: "<B", 16: "<H", 32: "<I"}
 
 
 class VariableTable:
-    """All of them, shared by all clients. Only what has been written is held; the rest has its class's default.
+    """All variables, shared by all clients. Only written values are stored; the others have the default of their class.
 
     Args:
-        counts: how many of each class I F D V P J T S there are; 100 of one that is not named.
-        io_points: how many I/O points there are.
-        store: where writes go before they are answered, ``None`` for nowhere.
-        now: controller's local date and time.
+        counts: Number of variables of each class I F D V P J T S; 100 for a class that is not listed.
+        io_points: Number of I/O points.
+        store: Database to which a write is saved before its reply, or ``None``.
+        now: Callback that returns the controller's local date and time.
 
     Raises:
-        ValueError: an unknown class, or a count out of range.
-        StateError: the store has a value that is not its variable's.
+        ValueError: If a class is unknown, or a count is out of range.
+        StateError: If the store has a value that is not valid for its variable.
     """
 
     def __init__(
@@ -50,22 +50,22 @@ class VariableTable:
         self._made = now()
         self._values: dict[tuple[str, int], Any] = {}
         self._written: dict[tuple[str, int], datetime] = {}
-        self._points = 0  # bit n is I/O point n: any group of points is a shift and a mask, changed in one step
+        self._points = 0  # bit n is I/O point n, so that a group of points is read and changed in one step
         if store is not None:
             self._load(store)
 
     def check(self, kind: VariableClass, index: int) -> None:
-        """Check that a variable exists, all its points if it is of I/O.
+        """Check that a variable exists; for I/O, that all its points exist.
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID.
         """
         count = self.io_points - kind.bits + 1 if kind.bits else self.counts[kind.name]
         if not 0 <= index < count:
-            there_are = f"0..{count - 1}" if count > 0 else tr("none")
+            indices = f"0..{count - 1}" if count > 0 else tr("none")
             raise error_for(
                 hresult.VARIABLE_INDEX_INVALID,
-                tr("{name}{index}; there are {range}", name=kind.name, index=index, range=there_are),
+                tr("{name}{index} does not exist; valid indices: {range}", name=kind.name, index=index, range=indices),
             )
 
     def read(self, kind: VariableClass, index: int) -> Variant:
@@ -81,11 +81,11 @@ class VariableTable:
         return trusted(int(kind.vt), list(value) if isinstance(value, tuple) else value)
 
     def write(self, kind: VariableClass, index: int, given: Variant) -> None:
-        """Set the value; when this returns it is kept, when it raises nothing has changed.
+        """Set the value and save it; nothing changes if an exception is raised.
 
         Raises:
-            CallError: VARIABLE_INDEX_INVALID; the value does not convert (:mod:`orinkit.virtual.rc8.variables.conversion`);
-                E_FAIL where it cannot be stored.
+            CallError: VARIABLE_INDEX_INVALID; errors of conversion (:mod:`orinkit.virtual.rc8.variables.conversion`);
+                E_FAIL if it cannot be saved.
         """
         self.check(kind, index)
         value = kind.convert(given)
@@ -98,7 +98,7 @@ class VariableTable:
         self._written[kind.name, index] = written
 
     def written(self, kind: VariableClass, index: int) -> datetime:
-        """Return when the value was written, the newest of its points if it is of I/O; else the controller's start.
+        """Return the time of the last write (for I/O, of any of its points), or of the controller's start.
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID.
@@ -110,14 +110,14 @@ class VariableTable:
         return max(moments, default=self._made)
 
     def points(self, first: int, count: int) -> int:
-        """Return the states of I/O points as bits, the first one lowest; 0 for points that there are not."""
+        """Return the states of I/O points as bits; the lowest bit is the first point. Missing points are 0."""
         return self._points >> first & (1 << count) - 1
 
     def set_points(self, first: int, count: int, states: int) -> None:
-        """Set I/O points, which must be there, to bits, the first one lowest; those that do not change are not written.
+        """Set existing I/O points to bits; the lowest bit is the first point. Unchanged points are not saved.
 
         Raises:
-            CallError: E_FAIL where they cannot be stored.
+            CallError: E_FAIL if they cannot be saved.
         """
         changed = self.points(first, count) ^ states
         numbers = [first + bit for bit in range(count) if changed >> bit & 1]
@@ -146,7 +146,7 @@ class VariableTable:
     def _load(self, store: VariableDatabase) -> None:
         for row in store.rows():
             if not 0 <= row.index < self._count(row.kind):
-                continue  # of a class or beyond a count that this controller does not have: stays in the file
+                continue  # a class or an index that this controller does not have: keep it in the file
             value = _stored_value(store, row)
             self._written[row.kind, row.index] = row.written
             if row.kind == "IO":
@@ -191,15 +191,15 @@ def _repack(given: str, wanted: str, value: Any) -> Any:
 
 
 def _read_counts(counts: Mapping[str, int]) -> dict[str, int]:
-    wanted = {name.strip().upper(): count for name, count in counts.items()}
-    unknown = ", ".join(sorted(wanted.keys() - set(USER_CLASSES)))
+    given = {name.strip().upper(): count for name, count in counts.items()}
+    unknown = ", ".join(sorted(given.keys() - set(USER_CLASSES)))
     if unknown:
         classes = " ".join(USER_CLASSES)
-        raise ValueError(tr("no variable class {unknown}; the classes are {classes}", unknown=unknown, classes=classes))
-    return {name: _within(wanted.get(name, DEFAULT_COUNT), name, _MOST) for name in USER_CLASSES}
+        raise ValueError(tr("unknown variable class {unknown}. Try: {classes}", unknown=unknown, classes=classes))
+    return {name: _within(given.get(name, DEFAULT_COUNT), name, _MOST) for name in USER_CLASSES}
 
 
 def _within(count: int, name: str, most: int) -> int:
     if not 0 <= count <= most:
-        raise ValueError(tr("the count of {name} is 0 to {most}, not {count}", name=name, most=most, count=count))
+        raise ValueError(tr("the count of {name} must be 0 to {most}, not {count}", name=name, most=most, count=count))
     return count

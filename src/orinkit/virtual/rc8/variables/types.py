@@ -1,7 +1,7 @@
-"""The classes of user variables and I/O: types, shapes, what they take, and how their names are written.
+"""The classes of user variables and I/O: types, shapes, accepted values, and the syntax of their names.
 
-I/O points are bits. ``IO`` is one of them, ``IOB``, ``IOW``, ``IOD`` and ``IOF`` are 8, 16 or 32 from the given point
-on, lowest bit first. Every point can be written here, inputs too: nothing else feeds them in a virtual controller.
+I/O points are bits. ``IO`` is one point; ``IOB``, ``IOW``, ``IOD`` and ``IOF`` are 8, 16 or 32 points from the given
+one, lowest bit first. Every point can be written here, inputs too: a virtual controller has no other source of inputs.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ R4_ARRAY: Final = int(VarType.R4) | ARRAY
 
 @dataclass(frozen=True, slots=True)
 class VariableClass:
-    """One class.
+    """A class of variables.
 
     Attributes:
-        name: as it is written before the index.
+        name: Name before the index.
         vt: VARIANT type of its values.
-        convert: reads what a client writes.
-        default: value of a variable that nobody has written; an array as a tuple.
-        text: what it is, in English.
-        bits: how many I/O points it covers; 0 for a variable of its own.
+        convert: Converts the value written by a client.
+        default: Value of a variable that was never written; an array as a tuple.
+        text: Description in English.
+        bits: Number of I/O points that it covers; 0 for a user variable.
     """
 
     name: str
@@ -39,7 +39,7 @@ class VariableClass:
     bits: int = 0
 
 
-# A pose nobody has taught has no figure: Fig -1 is "undefined", 0 would be a valid figure.
+# A pose that was never written has no figure: Fig -1 is "undefined", 0 would be a valid figure.
 _P_DEFAULT: Final = (0.0,) * 6 + (-1.0,)
 _T_DEFAULT: Final = (0.0,) * 9 + (-1.0,)
 _I4: Final = conversion.whole_within(-(2**31), 2**31 - 1)
@@ -70,7 +70,7 @@ CLASSES: Final[dict[str, VariableClass]] = {
 
 USER_CLASSES: Final = tuple(name for name, kind in CLASSES.items() if not kind.bits)
 
-# The mini allocation: first point, last point, what it is.
+# The mini allocation: first point, last point, use.
 _IO_AREAS: Final = (
     (0, 15, N_("input")),
     (16, 31, N_("output")),
@@ -82,7 +82,7 @@ IO_ALLOCATION_MINI: Final = 0
 
 
 def io_area(point: int) -> str:
-    """Return what an I/O point is in the mini allocation, in English."""
+    """Return the use of an I/O point in the mini allocation, in English."""
     for first, last, text in _IO_AREAS:
         if first <= point <= last:
             return text
@@ -96,14 +96,14 @@ _BEYOND: Final = 10**_DIGITS
 
 @dataclass(frozen=True, slots=True)
 class VariableName:
-    """A user variable's name, read: its class and index, ``None`` for ``*``."""
+    """The parsed name of a user variable: its class and index; the index of ``*`` is ``None``."""
 
     kind: VariableClass
     index: int | None
 
 
 def read_name(text: str) -> VariableName | None:
-    """Return what a name such as ``I1``, ``io128`` or ``P*`` means; ``None`` when it is no user variable's."""
+    """Parse a name such as ``I1``, ``io128`` or ``P*``; return ``None`` if it is not a name of a user variable."""
     found = _NAME.fullmatch(text.strip())
     if not found:
         return None
