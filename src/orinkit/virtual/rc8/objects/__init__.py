@@ -1,1 +1,1 @@
-"""The CAO objects that clients of the virtual RC8 hold."""
+"""The CAO objects of the virtual RC8 that clients use."""

@@ -1,7 +1,8 @@
-"""Command objects (Controller_GetCommand): a command that is started, watched, cancelled and given a time-out.
+"""Command objects (Controller_GetCommand): commands that can be started, monitored, cancelled, and have a time-out.
 
-A name is that of any command of Controller_Execute or of the robot, or one with its owner in front: ``Robot.Motor``,
-``Hand0.Chuck``. States, and what a cancelled command answers, are this project's rulings: the documents name none.
+A name is that of a command of Controller_Execute or of the robot, optionally with its owner as a prefix:
+``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states and the return codes of a cancelled command;
+those used here are specific to orinkit.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _NOT_SIMULATED: Final = frozenset(command.name for command in HAND_COMMANDS if n
 
 
 class CommandState(IntEnum):
-    """What Command_GetState answers."""
+    """The values of Command_GetState."""
 
     IDLE = 0
     EXECUTING = 1
@@ -41,11 +42,11 @@ class CommandState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class CommandRoute:
-    """Where a command goes.
+    """The functions that execute and stop a command.
 
     Attributes:
-        run: executes it.
-        stop: brings to rest what it has begun, so that its promise is broken; returns whether there was such a thing.
+        run: Executes the command.
+        stop: Stops the motion that the command has started, so that its Deferred fails; returns False if there is none.
     """
 
     run: Callable[[ClientContext, Variant], Any]
@@ -53,7 +54,7 @@ class CommandRoute:
 
 
 class RC8Command(CommandObject):
-    """One client's command."""
+    """The Command object of one client."""
 
     def __init__(self, caller: ClientContext, name: str, route: CommandRoute) -> None:
         super().__init__(name, attribute=int(caller.access), help=caller.state.say("Command") + f" {name}")
@@ -64,41 +65,43 @@ class RC8Command(CommandObject):
         self._state = CommandState.IDLE
         self._result: Any = None
         self._error: BaseException | None = None
-        self._ending = 0  # the code with which it is being cancelled
+        self._cancel_code = 0  # the code with which the execution is being cancelled, else 0
         self._inner: Deferred[Any] | None = None
-        self._over = Deferred[None]()
+        self._finished = Deferred[None]()
         self._timer: Timer | None = None
 
     def execute(self, mode: int) -> Deferred[None] | None:
-        """Execute it with its parameters: 0 answers when it is over, with its error if it failed, 1 at once.
+        """Execute the command with its parameters.
+
+        In mode 0 the call completes with the command, and fails if the command fails; in mode 1 it completes at once.
 
         Raises:
-            CallError: E_INVALIDARG, another mode; E_CAO_CMD_EXECUTE, it is being executed.
+            CallError: E_INVALIDARG if the mode is unknown; E_CAO_CMD_EXECUTE if the command is executing.
         """
         if mode not in (WAIT, AT_ONCE):
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("mode {mode}; 0 waits, 1 returns at once", mode=mode),
+                tr("mode {mode} is not 0 (wait) or 1 (return at once)", mode=mode),
             )
         if self._state is CommandState.EXECUTING:
             raise error_for(hresult.E_CAO_CMD_EXECUTE, self.name)
-        self._begin()
-        return self._over if mode == WAIT else None
+        self._start()
+        return self._finished if mode == WAIT else None
 
     def cancel(self) -> Deferred[None] | None:
-        """Cancel it; answers when what it has begun is at rest. One that is not being executed stays as it is."""
-        return self._end(hresult.E_CANCEL) if self._state is CommandState.EXECUTING else None
+        """Cancel the execution; completes when its motion is at standstill. Without an execution this has no effect."""
+        return self._cancel(hresult.E_CANCEL) if self._state is CommandState.EXECUTING else None
 
     def get_state(self) -> int:
-        """What it is doing (:class:`CommandState`)."""
+        """Return the state (:class:`CommandState`)."""
         return self._state
 
     def get_result(self) -> Any:
-        """The result of the last execution; VT_EMPTY before the first one.
+        """Return the result of the last execution; VT_EMPTY before the first one.
 
         Raises:
-            CallError: what the command failed with: E_CANCEL where it was cancelled, E_TIMEOUT where its time was up;
-                E_CAO_CMD_EXECUTE, it is being executed.
+            CallError: E_CAO_CMD_EXECUTE if the command is executing; E_CANCEL if it was cancelled; E_TIMEOUT if it
+                timed out; other codes with which the command failed.
         """
         if self._state is CommandState.EXECUTING:
             raise error_for(hresult.E_CAO_CMD_EXECUTE, self.name)
@@ -107,103 +110,103 @@ class RC8Command(CommandObject):
         return self._result
 
     def get_parameters(self) -> Variant:
-        """The parameter that it is executed with."""
+        """Return the parameter of the command."""
         return self._parameters
 
     def put_parameters(self, parameters: Variant) -> None:
-        """Set the parameter, as it is given to Execute; for the next execution."""
+        """Set the parameter for the next execution, in the form used by Controller_Execute and Robot_Execute."""
         self._parameters = parameters
 
     def get_timeout(self) -> int:
-        """Time-out in ms; 0 for none."""
+        """Return the time-out in ms; 0 for none."""
         return self._timeout
 
     def put_timeout(self, timeout: int) -> None:
-        """Set the time-out in ms of the controller's time, for the next execution; 0 for none.
+        """Set the time-out for the next execution, in ms of the controller's time; 0 for none.
 
         Raises:
-            CallError: E_INVALIDARG, it is negative.
+            CallError: E_INVALIDARG if the time-out is negative.
         """
         if timeout < 0:
-            raise error_for(hresult.E_INVALIDARG, tr("time-out {timeout} ms", timeout=timeout))
+            raise error_for(hresult.E_INVALIDARG, tr("the time-out is negative: {timeout} ms", timeout=timeout))
         self._timeout = timeout
 
     def release(self) -> None:
-        """Let go: it is cancelled."""
+        """Release the object and cancel the execution."""
         if self._state is CommandState.EXECUTING:
-            self._end(hresult.E_CANCEL)
+            self._cancel(hresult.E_CANCEL)
 
-    # --- from beginning to end ----------------------------------------------------------------------------------
+    # --- execution ----------------------------------------------------------------------------------------------
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         self._state = CommandState.EXECUTING
-        self._result, self._error, self._ending = None, None, 0
-        self._over = Deferred[None]()
+        self._result, self._error, self._cancel_code = None, None, 0
+        self._finished = Deferred[None]()
         try:
             answer = self._route.run(self._caller, self._parameters)
-        except Exception as error:  # noqa: BLE001 - it is the command that has failed, not Command_Execute
-            self._settle(CommandState.FAILED, error=error)
+        except Exception as error:  # noqa: BLE001 - the error of the command, not of Command_Execute
+            self._finish(CommandState.FAILED, error=error)
             return
         if not isinstance(answer, Deferred):
-            self._settle(CommandState.DONE, answer)
+            self._finish(CommandState.DONE, answer)
             return
         if self._timeout and not answer.done():
-            self._timer = self._caller.state.timers.after(self._timeout, lambda: self._time_up(answer))
+            self._timer = self._caller.state.timers.after(self._timeout, lambda: self._on_timeout(answer))
         self._inner = answer
-        answer.add_done_callback(lambda: self._answered(answer))
+        answer.add_done_callback(lambda: self._on_done(answer))
 
-    def _time_up(self, inner: Deferred[Any]) -> None:
+    def _on_timeout(self, inner: Deferred[Any]) -> None:
         if inner is self._inner:
-            self._end(hresult.E_TIMEOUT)
+            self._cancel(hresult.E_TIMEOUT)
 
-    def _end(self, code: int) -> Deferred[None]:
-        """Cancel what is being executed; returns what is kept when it is over."""
-        over = Deferred[None]()
-        self._over.add_done_callback(over.set_result)
-        if not self._ending:
-            self._ending = code
+    def _cancel(self, code: int) -> Deferred[None]:
+        """Cancel the execution; return a Deferred that resolves when it has ended."""
+        ended = Deferred[None]()
+        self._finished.add_done_callback(ended.set_result)
+        if not self._cancel_code:
+            self._cancel_code = code
             if not self._route.stop(self._caller, code):
-                self._cancelled()
-        return over
+                self._finish_cancelled()
+        return ended
 
-    def _answered(self, inner: Deferred[Any]) -> None:
-        if inner is not self._inner:  # it was given up
+    def _on_done(self, inner: Deferred[Any]) -> None:
+        if inner is not self._inner:  # of an earlier, cancelled execution
             return
-        if self._ending:
-            self._cancelled()
+        if self._cancel_code:
+            self._finish_cancelled()
             return
         try:
             result = inner.result()
-        except Exception as error:  # noqa: BLE001 - as in _begin
-            self._settle(CommandState.FAILED, error=error)
+        except Exception as error:  # noqa: BLE001 - as in _start
+            self._finish(CommandState.FAILED, error=error)
         else:
-            self._settle(CommandState.DONE, result)
+            self._finish(CommandState.DONE, result)
 
-    def _cancelled(self) -> None:
-        self._settle(CommandState.CANCELLED, error=error_for(self._ending, self.name))
+    def _finish_cancelled(self) -> None:
+        self._finish(CommandState.CANCELLED, error=error_for(self._cancel_code, self.name))
 
-    def _settle(self, state: CommandState, result: Any = None, error: BaseException | None = None) -> None:
+    def _finish(self, state: CommandState, result: Any = None, error: BaseException | None = None) -> None:
         self._state, self._result, self._error, self._inner = state, result, error, None
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if error is None:
-            self._over.set_result()
+            self._finished.set_result()
         else:
-            self._over.set_exception(error)
+            self._finished.set_exception(error)
 
 
 def find_command(caller: ClientContext, name: str) -> RC8Command:
-    """Return the command of a name, in upper or lower case.
+    """Return a command by its name; case-insensitive.
 
     Raises:
-        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
     """
     return RC8Command(caller, name, _route(name))
 
 
 def command_names() -> list[str]:
-    """Return the names of all commands: those of the controller alone, the others with their owner."""
+    """Return the names of all commands; those of robot and hand with their owner as a prefix."""
     return [
         *(command.name for command in controller_commands.COMMANDS.values() if command.name not in _NOT_SIMULATED),
         *(f"Robot.{command.name}" for command in robot_commands.ROBOT_COMMANDS.values()),

@@ -1,4 +1,4 @@
-"""The Controller object of one client: the door to variables, commands and events."""
+"""The Controller object of a client: access to its other objects, commands and events."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ ROBOT_NAME: Final = "Arm0"
 
 
 class RC8Controller(ControllerObject):
-    """One client's view of the controller.
+    """The Controller object of one client.
 
-    Its attribute is what this client may do: bit 1 read, bit 2 write.
+    Its attribute has the client's access rights: bit 1 read, bit 2 write.
 
     Args:
-        caller: the client.
-        option: of Controller_Connect; ``@EventDisable=true`` means no events, others are passed over.
+        caller: The client.
+        option: Option of Controller_Connect; ``@EventDisable=true`` disables events, other options are ignored.
 
     Attributes:
-        events: the events that wait for this client, ``None`` where it wants none.
+        events: Pending events of this client, None if events are disabled.
     """
 
     def __init__(self, caller: ClientContext, option: str) -> None:
@@ -56,7 +56,7 @@ class RC8Controller(ControllerObject):
         self._connected = True
         state.log(Operation.CONNECT, state.say("Client connected"), caller.origin)
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - has none that matters
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - options have no effect
         """Connect to a variable.
 
         Raises:
@@ -65,46 +65,46 @@ class RC8Controller(ControllerObject):
         return find_variable(self._caller, name)
 
     def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the system variables, and the pattern of each class of user variables (``I*``)."""
+        """Return the names of the system variables, and the pattern of each class of user variables (``I*``)."""
         return variable_names()
 
     def get_robot(self, name: str, option: str) -> RobotObject:
-        """Connect to the robot; its name is free, there is one arm (``ID=0``).
+        """Connect to the robot; any name is accepted, because there is only one arm (``ID=0``).
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND, another arm is asked for.
+            CallError: E_CAO_OBJECT_NOTFOUND if the option names another arm.
         """
         if Options(option).text_of("ID", "0").strip() not in ("0", "True"):
             raise not_found(f"{name} {option}")
         return RC8Robot(self._caller, name or ROBOT_NAME)
 
     def get_robot_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the robots: one."""
+        """Return the names of the robots; there is one."""
         return [ROBOT_NAME]
 
     def get_task(self, name: str, option: str) -> TaskObject:  # noqa: ARG002
         r"""Connect to the task of a program: ``Pro1``, ``folder\Pro1``.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND, there is no such program.
+            CallError: E_CAO_OBJECT_NOTFOUND if the program does not exist.
         """
         return find_task(self._caller, name)
 
     def get_task_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the tasks: one for each program in the file store."""
+        """Return the names of the tasks, one for each program in the file store."""
         self._caller.require_read()
         return self._caller.state.tasks.names()
 
     def get_file(self, name: str, option: str) -> FileObject:
-        """Connect to a file or folder; ``@Create=1`` makes one that there is not.
+        """Connect to a file or folder; with ``@Create=1`` it is created if it does not exist.
 
         Raises:
-            CallError: FILE_NOT_FOUND; E_INVALIDARG, it cannot be a name.
+            CallError: FILE_NOT_FOUND; E_INVALIDARG if the name is invalid.
         """
         return find_file(self._caller, self._caller.state.files, name, option, run_file)
 
     def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the files and folders at the root of the store."""
+        """Return the names of the files and folders in the root folder."""
         self._caller.require_read()
         return self._caller.state.files.names("")
 
@@ -112,24 +112,24 @@ class RC8Controller(ControllerObject):
         """Connect to an extension: the hand, ``Hand0``.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
         """
         return find_extension(self._caller, name)
 
     def get_extension_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the extensions: one."""
+        """Return the names of the extensions; there is one."""
         return [HAND_NAME]
 
     def get_command(self, name: str, option: str) -> CommandObject:  # noqa: ARG002
         """Connect to a command of Controller_Execute, of the robot (``Robot.Motor``) or of the hand (``Hand0.Chuck``).
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
         """
         return find_command(self._caller, name)
 
     def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the commands."""
+        """Return the names of the commands."""
         return command_names()
 
     def execute(self, command: str, parameter: Variant) -> Any:
@@ -137,10 +137,10 @@ class RC8Controller(ControllerObject):
         return controller_commands.execute(self._caller, command, parameter)
 
     def get_message(self) -> MessageObject:
-        """Fetch the oldest waiting event.
+        """Remove the oldest pending event and return it.
 
         Raises:
-            CallError: NO_READ_RIGHT; E_CAO_OBJECT_NOTFOUND, none waits.
+            CallError: NO_READ_RIGHT; E_CAO_OBJECT_NOTFOUND if no event is pending.
         """
         self._caller.require_read()
         event = self.events.take() if self.events else None
@@ -149,23 +149,23 @@ class RC8Controller(ControllerObject):
         return EventMessage(event, self._caller.state.identity.type, self.name)
 
     def is_moving(self) -> bool:
-        """Whether the client has the arm and motions of it run, wait, or are paused."""
+        """Return True if the client holds the arm and has running, queued or paused motions."""
         arm = self._caller.state.arm
         return arm.holder is self._caller and arm.busy
 
     def stop_moving(self) -> None:
-        """Bring the arm to rest, if the client has it; its motions are forgotten."""
+        """Stop the arm and discard its motions, if the client holds the arm."""
         arm = self._caller.state.arm
         if arm.holder is self._caller:
             arm.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     def release(self) -> None:
-        """Let go: no more events."""
+        """Release the object: unsubscribe from events, and release the arm if the client holds it."""
         if not self._connected:
             return
         self._connected = False
         state = self._caller.state
-        state.arm.forget(self._caller)  # it may have taken it with a Command object
+        state.arm.forget(self._caller)  # the client may have taken the arm with a Command object
         if self.events is not None:
             state.events.unsubscribe(self.events)
         state.log(Operation.DISCONNECT, state.say("Client disconnected"), self._caller.origin)

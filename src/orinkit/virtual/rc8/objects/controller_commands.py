@@ -1,7 +1,7 @@
-"""The extended commands of Controller_Execute: THE TABLE of names, what each does, and whether it changes anything.
+"""The extended commands of Controller_Execute: a table of names, functions and required rights.
 
-A parameter is taken as clients send it: a scalar, a one-element array, a number as text. A command without parameters
-takes any and ignores it, as clients send VT_EMPTY, 0 or "". What a command does not return is ``None``.
+A parameter may be a scalar, a one-element array or a number as text. A command without parameters accepts any and
+ignores it, because clients send VT_EMPTY, 0 or "". A command without a result returns None.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _BATTERY_PASSED: Final = -1
 
 @dataclass(frozen=True, slots=True)
 class ControllerCommand:
-    """One command.
+    """An extended command.
 
     Attributes:
-        name: as documented; clients write it in any case.
-        run: does it.
-        writes: whether it needs the right to write; else it needs that to read.
+        name: Name as documented; case-insensitive for clients.
+        run: Executes the command.
+        writes: If True, the command requires the right to write, else the right to read.
     """
 
     name: str
@@ -44,8 +44,7 @@ def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
-        CallError: E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT, NO_WRITE_RIGHT; what the command itself
-            refuses.
+        CallError: E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT; NO_WRITE_RIGHT; errors of the command.
     """
     command = COMMANDS.get(name.strip().lower())
     if command is None:
@@ -66,7 +65,7 @@ def _clear_error(caller: ClientContext, _: Variant) -> Value:
 def _error_description(caller: ClientContext, parameter: Variant) -> Value:
     code = conversion.whole(parameter)
     if not -(2**31) <= code < 2**32:
-        raise error_for(hresult.E_INVALIDARG, tr("{code} has more than 32 bits", code=code))
+        raise error_for(hresult.E_INVALIDARG, tr("{code} exceeds 32 bits", code=code))
     return caller.state.faults.describe(code)
 
 
@@ -102,18 +101,18 @@ def _system_info(caller: ClientContext, parameter: Variant) -> Value:
         return _BATTERY_PASSED if state.battery_passed else state.battery_due
     raise error_for(
         hresult.E_INVALIDARG,
-        tr("no item {item}; 0 serial number, 15 battery date", item=item),
+        tr("unknown item {item}; valid items: 0 serial number, 15 battery date", item=item),
     )
 
 
 def system_state(state: RC8State) -> int:
-    """Return the 32 bits of SysState; a bit of what this controller does not have yet is 0."""
+    """Return the 32 bits of SysState; bits of features that are not simulated are 0."""
     switches = state.switches
     bits = {
         0: state.programs_running > 0,
         1: state.faults.code != 0,
         2: state.arm.motor.on,
-        3: True,  # initialised: a client that asks is past the start
+        3: True,  # initialised: clients connect only after the start
         4: switches.mode is ModeSwitch.AUTOMATIC,
         5: switches.mode is ModeSwitch.AUTOMATIC and switches.token.kind is not TokenKind.TP,
         6: state.battery_passed,
@@ -121,7 +120,7 @@ def system_state(state: RC8State) -> int:
         11: switches.auto_enable,
         12: switches.protective_stop,
         13: state.arm.stopping,
-        17: True,  # CALSET: a virtual arm has nothing to adjust
+        17: True,  # CALSET done: a virtual arm needs no calibration
         18: switches.mode is ModeSwitch.MANUAL,
         19: state.tasks.cycle_complete,
         20: state.arm.busy,
@@ -136,7 +135,7 @@ def _system_state(caller: ClientContext, _: Variant) -> Value:
 
 
 def _manual_reset(caller: ClientContext, _: Variant) -> Value:
-    """Leave the safety state: here the stop itself is all there is to leave."""
+    """Leave the safety state; this succeeds if no emergency or protective stop is active."""
     switches = caller.state.switches
     if switches.emergency_stop:
         raise error_for(hresult.EMERGENCY_STOP_NOT_RELEASED)

@@ -1,6 +1,6 @@
-"""The commands of the electric hand: those of Controller_Execute, and the extension ``Hand0``, in two tables.
+"""The commands of the electric hand in two tables: those of Controller_Execute and those of the extension ``Hand0``.
 
-A movement answers when it is over; with the option ``NEXT`` as its last parameter it answers at once.
+A movement completes at its end; with ``NEXT`` as the last parameter the command completes at once.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from orinkit.virtual.rc8.variables import conversion
 HAND_NAME: Final = "Hand0"
 
 NOT_SIMULATED: Final = ("Pallet", "Comm")
-"""Extensions of real controllers that are answered with E_NOTIMPL."""
+"""Extensions of real controllers that return E_NOTIMPL here."""
 
 _NEXT: Final = "next"
-_MOST_PARAMETERS: Final = 8
+_MAX_PARAMETERS: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
 class HandCommand:
-    """One command of the hand.
+    """A command of the hand.
 
     Attributes:
-        name: as documented; clients write it in any case.
-        run: does it.
-        writes: whether it needs the right to write; else it needs that to read.
-        simulated: whether there is such a thing here; else it is answered with E_NOTIMPL.
+        name: Name as documented; case-insensitive for clients.
+        run: Executes the command.
+        writes: If True, the command requires the right to write, else the right to read.
+        simulated: If False, the command returns E_NOTIMPL.
     """
 
     name: str
@@ -45,10 +45,10 @@ class HandCommand:
     simulated: bool = True
 
     def execute(self, caller: ClientContext, parameter: Variant) -> Any:
-        """Execute it for a client.
+        """Execute the command for a client.
 
         Raises:
-            CallError: NO_READ_RIGHT, NO_WRITE_RIGHT; what the hand refuses.
+            CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; errors of the hand.
         """
         if self.writes:
             caller.require_write()
@@ -58,7 +58,7 @@ class HandCommand:
 
 
 class Hand0(ExtensionObject):
-    """One client's view of the hand as an extension."""
+    """The hand as an Extension object of one client."""
 
     def __init__(self, caller: ClientContext, name: str) -> None:
         super().__init__(name, attribute=int(caller.access), help=caller.state.say("Electric hand"))
@@ -68,7 +68,7 @@ class Hand0(ExtensionObject):
         """Execute a command: Chuck, UnChuck, CurPos ...
 
         Raises:
-            CallError: E_INVALID_CMD_NAME; what the command refuses.
+            CallError: E_INVALID_CMD_NAME; errors of the command.
         """
         found = EXTENSION_COMMANDS.get(command.strip().lower())
         if found is None:
@@ -77,10 +77,10 @@ class Hand0(ExtensionObject):
 
 
 def find_extension(caller: ClientContext, name: str) -> Hand0:
-    """Return an extension by its name, in upper or lower case.
+    """Return an extension by its name; case-insensitive.
 
     Raises:
-        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL, real controllers have it.
+        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
     """
     wanted = name.strip().lower()
     if wanted == HAND_NAME.lower():
@@ -90,52 +90,52 @@ def find_extension(caller: ClientContext, name: str) -> Hand0:
     raise not_found(name)
 
 
-# --- what the commands do ---------------------------------------------------------------------------------------------
+# --- commands ---------------------------------------------------------------------------------------------------------
 
 
-def _begun(move: Deferred[None], at_once: bool) -> Deferred[None] | None:
+def _completion(move: Deferred[None], at_once: bool) -> Deferred[None] | None:
     return None if at_once else move
 
 
 def _options(parameter: Variant) -> tuple[list[Variant], bool]:
-    """Return the elements of a parameter without a last ``NEXT``, and whether that was there."""
+    """Return the elements of a parameter without a trailing ``NEXT``, and True if there was one."""
     given = parameters.elements(parameter)
-    if len(given) == 1 and isinstance(given[0].value, str):  # all of it as one text
-        given = [Variant(VarType.BSTR, part) for part in parameters.short(given[0].value).split(",", _MOST_PARAMETERS)]
+    if len(given) == 1 and isinstance(given[0].value, str):  # all elements in one string
+        given = [Variant(VarType.BSTR, part) for part in parameters.short(given[0].value).split(",", _MAX_PARAMETERS)]
     last = given[-1].value if given else None
     at_once = isinstance(last, str) and parameters.short(last).strip().lower() == _NEXT
     return (given[:-1] if at_once else given), at_once
 
 
 def _numbers(parameter: Variant, *names: str) -> tuple[list[float], bool]:
-    """Return one number for each name, and whether to answer at once."""
+    """Return one number for each name, and True if the command completes at once."""
     given, at_once = _options(parameter)
     if len(given) != len(names):
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("{given} parameters, [{names}] is wanted", given=len(given), names=", ".join(names)),
+            tr("expected the parameters [{names}], got {given} parameters", given=len(given), names=", ".join(names)),
         )
     return [conversion.double(each) for each in given], at_once
 
 
 def _move_to(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (position, speed), at_once = _numbers(parameter, "mm", "%")
-    return _begun(hand.move(position, speed), at_once)
+    return _completion(hand.move(position, speed), at_once)
 
 
 def _move_by(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (distance, speed), at_once = _numbers(parameter, "mm", "%")
-    return _begun(hand.move(hand.position + distance, speed), at_once)
+    return _completion(hand.move(hand.position + distance, speed), at_once)
 
 
 def _hold_to(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (position, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
-    return _begun(hand.move(position, speed, force), at_once)
+    return _completion(hand.move(position, speed, force), at_once)
 
 
 def _hold_by(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (distance, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
-    return _begun(hand.move(hand.position + distance, speed, force), at_once)
+    return _completion(hand.move(hand.position + distance, speed, force), at_once)
 
 
 def _grip(hand: Hand, parameter: Variant) -> Deferred[None] | None:
@@ -143,25 +143,25 @@ def _grip(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     if len(given) != 2:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("{given} parameters, [N, closing] is wanted", given=len(given)),
+            tr("expected the parameters [N, closing], got {given} parameters", given=len(given)),
         )
     force, closing = conversion.double(given[0]), conversion.boolean(given[1])
-    return _begun(hand.grip(force, closing=closing), at_once)
+    return _completion(hand.grip(force, closing=closing), at_once)
 
 
 def _chuck(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (number,), at_once = _numbers(parameter, "n")
-    return _begun(hand.chuck(parameters.whole(number)), at_once)
+    return _completion(hand.chuck(parameters.whole(number)), at_once)
 
 
 def _unchuck(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     (number,), at_once = _numbers(parameter, "n")
-    return _begun(hand.unchuck(parameters.whole(number)), at_once)
+    return _completion(hand.unchuck(parameters.whole(number)), at_once)
 
 
 def _to_origin(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     _, at_once = _options(parameter)
-    return _begun(hand.to_origin(), at_once)
+    return _completion(hand.to_origin(), at_once)
 
 
 def _motor(hand: Hand, parameter: Variant) -> None:
@@ -174,19 +174,19 @@ def _stop(hand: Hand, _: Variant) -> None:
 
 
 def _not_simulated(name: str, *, writes: bool = True) -> HandCommand:
-    def refuse(_hand: Hand, _parameter: Variant) -> None:
+    def fail(_hand: Hand, _parameter: Variant) -> None:
         raise error_for(hresult.E_NOTIMPL, name)
 
-    return HandCommand(name, refuse, writes, simulated=False)
+    return HandCommand(name, fail, writes, simulated=False)
 
 
-def _told(vt: VarType, read: Callable[[Hand], object]) -> Callable[[Hand, Variant], Variant]:
+def _query(vt: VarType, read: Callable[[Hand], object]) -> Callable[[Hand, Variant], Variant]:
     return lambda hand, _: Variant(vt, read(hand))
 
 
-_POSITION: Final = _told(VarType.R8, lambda hand: hand.position)
-_BUSY: Final = _told(VarType.BOOL, lambda hand: hand.busy)
-_HOLDING: Final = _told(VarType.BOOL, lambda hand: hand.holding)
+_POSITION: Final = _query(VarType.R8, lambda hand: hand.position)
+_BUSY: Final = _query(VarType.BOOL, lambda hand: hand.busy)
+_HOLDING: Final = _query(VarType.BOOL, lambda hand: hand.holding)
 
 CONTROLLER_COMMANDS: Final = (
     HandCommand("HandMoveA", _move_to),
@@ -196,12 +196,12 @@ CONTROLLER_COMMANDS: Final = (
     HandCommand("HandMoveH", _grip),
     HandCommand("HandStop", _stop),
     HandCommand("HandCurPos", _POSITION, writes=False),
-    HandCommand("HandCurLoad", _told(VarType.R8, lambda hand: hand.load), writes=False),
+    HandCommand("HandCurLoad", _query(VarType.R8, lambda hand: hand.load), writes=False),
     HandCommand("HandBusyState", _BUSY, writes=False),
     HandCommand("HandHoldState", _HOLDING, writes=False),
-    HandCommand("HandMotorState", _told(VarType.BOOL, lambda hand: hand.motor), writes=False),
-    _not_simulated("HandMoveZH"),  # what it does is not documented
-    _not_simulated("HandMoveVH"),  # this and the pressure are of a vacuum hand
+    HandCommand("HandMotorState", _query(VarType.BOOL, lambda hand: hand.motor), writes=False),
+    _not_simulated("HandMoveZH"),  # undocumented
+    _not_simulated("HandMoveVH"),  # this and HandCurPressure are for vacuum hands
     _not_simulated("HandCurPressure", writes=False),
 )
 """Commands of Controller_Execute."""
@@ -217,7 +217,7 @@ EXTENSION_COMMANDS: Final[dict[str, HandCommand]] = {
         HandCommand("CurPos", _POSITION, writes=False),
         HandCommand("get_BusyState", _BUSY, writes=False),
         HandCommand("get_HoldState", _HOLDING, writes=False),
-        HandCommand("get_OrgState", _told(VarType.BOOL, lambda hand: hand.origin), writes=False),
+        HandCommand("get_OrgState", _query(VarType.BOOL, lambda hand: hand.origin), writes=False),
     )
 }
-"""Commands of the extension, by their names in lower case."""
+"""Commands of the extension, by name in lower case."""

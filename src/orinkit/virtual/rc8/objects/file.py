@@ -1,8 +1,8 @@
-r"""The File objects that clients hold: one file or folder of the controller, by its name from the root folder.
+r"""File objects: a file or folder of the controller, identified by its path from the root folder.
 
-Everything that takes a name takes one from the root folder (``dir\Pro1.pcs``), only :meth:`RC8File.get_file` takes one
-from the folder it is called on. What an object answers is what is there at that moment; where nothing is there any
-more, it answers FILE_NOT_FOUND.
+All names are paths from the root folder (``dir\Pro1.pcs``); only the name passed to :meth:`RC8File.get_file` is
+relative to the folder. An object reports the current state of the file; if the file no longer exists, its methods raise
+FILE_NOT_FOUND.
 """
 
 from __future__ import annotations
@@ -25,33 +25,32 @@ from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_nam
 from orinkit.virtual.rc8.files.store import Staged
 
 Run: TypeAlias = Callable[[ClientContext, str, str], str | BlockingCall]
-"""Starts a program for a client: the client, the file's name from the root folder, the option; gives the task's name."""
+"""Starts a program: called with the client, the path of the file and the option; returns the name of the task."""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
-_NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # what Python makes of bytes that have no meaning
+_NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # Python decodes undefined bytes to these
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
-_LARGE: Final = 64 * 1024  # bytes or characters, from which on a content is read and written in a thread
+_LARGE: Final = 64 * 1024  # bytes or characters; contents of this size or more are read and written in a thread
 _SLICE: Final = 64 * 1024
-_LARGEST_SIZE: Final = 2**31 - 1  # of VT_I4, for a file that the store did not write
+_LARGEST_SIZE: Final = 2**31 - 1  # limit of VT_I4; a file not written by the store may be larger
 
 
 def find_file(caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None = None) -> RC8File:
-    r"""Return the file or folder of that name; ``""``, ``"\"`` and ``"/"`` are the root folder.
+    r"""Return a file or folder; ``""``, ``"\"`` and ``"/"`` are the root folder.
 
     Args:
-        caller: the client.
-        store: the controller's files.
-        name: its name from the root folder; one that ends in a separator is that of a folder.
-        option: with ``@Create=1`` (or ``true``, ``on``, ``yes``, or the name alone) what is not there is created: an
-            empty file, or a folder where the name ends in a separator, and the folders that it is in. Others are passed
-            over.
-        run: starts programs; without it, File_Run is E_NOTIMPL.
+        caller: The client.
+        store: The files of the controller.
+        name: Path from the root folder; a path that ends in a separator is that of a folder.
+        option: With ``@Create=1`` (or ``true``, ``on``, ``yes``, or the name alone) a missing file is created empty, or
+            a folder if the name ends in a separator; missing parent folders are created too. Other options are ignored.
+        run: Starts programs; without it, File_Run raises E_NOTIMPL.
 
     Raises:
-        CallError: NO_READ_RIGHT, NO_WRITE_RIGHT; E_INVALIDARG, the name; FILE_NOT_FOUND; what
+        CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; E_INVALIDARG if the name is invalid; FILE_NOT_FOUND; errors of
             :meth:`~orinkit.virtual.rc8.files.FileStore.create` and
-            :meth:`~orinkit.virtual.rc8.files.FileStore.make_folder` refuse.
+            :meth:`~orinkit.virtual.rc8.files.FileStore.make_folder`.
     """
     caller.require_read()
     if not store.exists(name):
@@ -59,7 +58,7 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
         if not Options(option).flag("@Create"):
             raise error_for(
                 hresult.FILE_NOT_FOUND,
-                tr("{path}; the option @Create=1 creates it", path=wanted),
+                tr("{path} does not exist. Try: the option @Create=1, which creates it", path=wanted),
             )
         caller.require_write()
         for depth in range(1, len(wanted.parts)):
@@ -76,14 +75,14 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
 class RC8File(FileObject):
     """A file or folder.
 
-    Its name is the last part of its path. Its attribute has bit 1 (readable) and bit 2 (writable) as this client's
-    permission has them, and bit 16 for a folder.
+    Its name is the last part of its path. Its attribute has bit 1 (readable) and bit 2 (writable) according to the
+    client's access rights, and bit 16 for a folder.
 
     Args:
-        caller: the client.
-        store: the controller's files.
-        path: its name from the root folder, as the store tells it.
-        run: starts programs.
+        caller: The client.
+        store: The files of the controller.
+        path: Path from the root folder, as returned by the store.
+        run: Starts programs.
     """
 
     def __init__(self, caller: ClientContext, store: FileStore, path: str, run: Run | None = None) -> None:
@@ -94,11 +93,11 @@ class RC8File(FileObject):
         self._start = run
 
     def get_attribute(self) -> int:
-        """1 readable, 2 writable, 16 folder."""
+        """Return the sum of 1 (readable), 2 (writable) and 16 (folder)."""
         return int(self._caller.access) | (_FOLDER_BIT if self._is_folder() else 0)
 
     def get_help(self) -> str:
-        """What it is, in the controller's language."""
+        """Return a description in the controller's language."""
         say = self._caller.state.say
         if self._is_folder():
             return say("{path}: folder", path=self._path)
@@ -106,25 +105,25 @@ class RC8File(FileObject):
             return say("{path}: program", path=self._path)
         return say("{path}: file", path=self._path)
 
-    # --- below it -------------------------------------------------------------------------------------------------
+    # --- contents of a folder -------------------------------------------------------------------------------------
 
     def get_file(self, name: str, option: str) -> RC8File:
-        """Connect to a file below this folder, by its name from here; the option is that of :func:`find_file`.
+        """Connect to a file below this folder by its relative path; the option is that of :func:`find_file`.
 
         Raises:
-            CallError: as :func:`find_file`; FILE_NOT_FOUND, this is no folder.
+            CallError: FILE_NOT_FOUND if this is not a folder; errors of :func:`find_file`.
         """
         if not self._is_folder():
-            raise error_for(hresult.FILE_NOT_FOUND, tr("{path} is no folder", path=self._path))
+            raise error_for(hresult.FILE_NOT_FOUND, tr("{path} is not a folder", path=self._path))
         whole = f"{self._path}{SEPARATOR}{name}" if read_name(self._path).parts else name
         return find_file(self._caller, self._store, whole, option, self._start)
 
-    def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002 - has none
-        r"""Names of what is in this folder, sorted; those of folders end in ``\``. A file has none."""
+    def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002 - there are no options
+        r"""Return the names in this folder, sorted; names of folders end in ``\``. For a file the list is empty."""
         return self._store.names(self._path) if self._is_folder() else []
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
-        """A file has no variables.
+        """Raise an error: a file has no variables.
 
         Raises:
             CallError: E_CAO_OBJECT_NOTFOUND.
@@ -132,20 +131,20 @@ class RC8File(FileObject):
         raise not_found(name)
 
     def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002
-        """A file has no commands.
+        """Raise an error: a file has no commands.
 
         Raises:
             CallError: E_INVALID_CMD_NAME.
         """
         raise error_for(hresult.E_INVALID_CMD_NAME, command)
 
-    # --- what happens to it ---------------------------------------------------------------------------------------
+    # --- operations -----------------------------------------------------------------------------------------------
 
     def copy(self, name: str, option: str) -> BlockingCall | None:  # noqa: ARG002
-        """Copy the file to a name that is free; into a folder, if the name ends in a separator.
+        """Copy the file to an unused name, or into a folder if the name ends in a separator.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; what :meth:`~orinkit.virtual.rc8.files.FileStore.copy` refuses.
+            CallError: NO_WRITE_RIGHT; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.copy`.
         """
         self._caller.require_read()
         self._caller.require_write()
@@ -162,21 +161,21 @@ class RC8File(FileObject):
         return BlockingCall(copy)
 
     def delete(self, option: str) -> None:
-        """Delete it; a folder that is not empty only with the option ``@Recursive=1``.
+        """Delete the file or folder; a non-empty folder requires the option ``@Recursive=1``.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; what :meth:`~orinkit.virtual.rc8.files.FileStore.delete` refuses.
+            CallError: NO_WRITE_RIGHT; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.delete`.
         """
         self._caller.require_write()
         self._store.delete(self._path, recursive=Options(option).flag("@Recursive"))
 
     def move(self, name: str, option: str) -> None:  # noqa: ARG002
-        """Move or rename it to a name that is free; into a folder, if the name ends in a separator.
+        """Move or rename the file to an unused name, or move it into a folder if the name ends in a separator.
 
-        The object is then that of the new name.
+        Afterwards the object refers to the new path.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; what :meth:`~orinkit.virtual.rc8.files.FileStore.move` refuses.
+            CallError: NO_WRITE_RIGHT; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.move`.
         """
         self._caller.require_write()
         target = self._target(name)
@@ -185,62 +184,62 @@ class RC8File(FileObject):
         self.name = _last_part(self._path)
 
     def run(self, option: str) -> str | BlockingCall:
-        """Run the program; the name of its task is returned.
+        """Run the program and return the name of its task.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; FILE_NOT_FOUND; E_INVALIDARG, no program (``*.pcs``); E_NOTIMPL; what the start
-                refuses.
+            CallError: NO_WRITE_RIGHT; FILE_NOT_FOUND; E_INVALIDARG if the file is not a program (``*.pcs``); E_NOTIMPL
+                if programs cannot be started; errors of the start.
         """
         self._caller.require_write()
         if self._is_folder() or extension(self._path) != PROGRAM:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("{path} is no program; programs end in .{extension}", path=self._path, extension=PROGRAM),
+                tr("{path} is not a program: its extension is not .{extension}", path=self._path, extension=PROGRAM),
             )
         if self._start is None:
             raise not_implemented()
         return self._start(self._caller, self._path, option)
 
-    # --- what it is -----------------------------------------------------------------------------------------------
+    # --- properties -----------------------------------------------------------------------------------------------
 
     def get_date_created(self) -> Value:
-        """When it was created, ``yyyy-mm-dd HH:MM:SS``."""
+        """Return the time of creation, ``yyyy-mm-dd HH:MM:SS``."""
         self._caller.require_read()
         return _written(self._store.dates(self._path).created)
 
     def get_date_last_accessed(self) -> Value:
-        """When it was read or written last, ``yyyy-mm-dd HH:MM:SS``."""
+        """Return the time of the last read or write, ``yyyy-mm-dd HH:MM:SS``."""
         self._caller.require_read()
         return _written(self._store.dates(self._path).accessed)
 
     def get_date_last_modified(self) -> Value:
-        """When it was written last, ``yyyy-mm-dd HH:MM:SS``."""
+        """Return the time of the last write, ``yyyy-mm-dd HH:MM:SS``."""
         self._caller.require_read()
         return _written(self._store.dates(self._path).modified)
 
     def get_path(self) -> str:
-        r"""Its name from the root folder, ``dir\Pro1.pcs``, as Controller_GetFile takes it; the root is ``\``."""
+        r"""Return the path from the root folder, ``dir\Pro1.pcs``, as used by Controller_GetFile; the root is ``\``."""
         self._caller.require_read()
         return self._store.path(self._path)
 
     def get_size(self) -> int:
-        """Bytes of the file; 0 for a folder."""
+        """Return the size of the file in bytes, 0 for a folder."""
         self._caller.require_read()
         return min(self._store.size(self._path), _LARGEST_SIZE)
 
     def get_type(self) -> str:
-        """The extension in lower case, ``pcs``, ``""`` where it has none; ``folder`` for a folder."""
+        """Return the extension in lower case, ``pcs``; ``""`` if there is none; ``folder`` for a folder."""
         return _FOLDER_TYPE if self._is_folder() else extension(self._path)
 
     def get_value(self) -> Value | BlockingCall:
-        """The content.
+        """Return the content: text as VT_BSTR, other data as an array of VT_UI1.
 
-        Text is VT_BSTR: read as UTF-8, with or without a byte order mark, which is left out. A file whose extension says
-        that it is text (``.pcs .pac .h .txt .csv .ini .log .xml .json``) may also be in Shift_JIS (code page 932); any
-        other file is text if it is UTF-8 without NUL. What is no text is an array of VT_UI1.
+        Text is decoded as UTF-8; a byte order mark is removed. A file with an extension of text files (``.pcs .pac .h
+        .txt .csv .ini .log .xml .json``) may also be encoded in Shift_JIS (code page 932); any other file is text if it
+        is UTF-8 without NUL.
 
         Raises:
-            CallError: NO_READ_RIGHT; FILE_NOT_FOUND; E_ACCESSDENIED, a folder; E_TOO_MUCH_DATA; E_FAIL.
+            CallError: NO_READ_RIGHT; FILE_NOT_FOUND; E_ACCESSDENIED if it is a folder; E_TOO_MUCH_DATA; E_FAIL.
         """
         self._caller.require_read()
         path = self._path
@@ -251,11 +250,11 @@ class RC8File(FileObject):
         return read() if self._store.size(path) < _LARGE else BlockingCall(read)
 
     def put_value(self, value: Variant) -> BlockingCall | None:
-        """Set the content: text, which is kept as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
+        """Set the content: text, stored as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; DISP_E_TYPEMISMATCH; FILE_NOT_FOUND; E_INVALIDARG, text that is no Unicode; what
-                :meth:`~orinkit.virtual.rc8.files.FileStore.write` refuses.
+            CallError: NO_WRITE_RIGHT; DISP_E_TYPEMISMATCH; FILE_NOT_FOUND; E_INVALIDARG if the text is not valid
+                Unicode; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.write`.
         """
         self._caller.require_write()
         path = self._path
@@ -280,7 +279,7 @@ class RC8File(FileObject):
 
     def _is_folder(self) -> bool:
         self._caller.require_read()
-        self._store.path(self._path)  # is there anything
+        self._store.path(self._path)  # raises FILE_NOT_FOUND if it no longer exists
         return self._store.is_folder(self._path)
 
     def _target(self, name: str) -> str:
@@ -310,10 +309,10 @@ def _content(data: bytes, *, text: bool) -> Variant:
 
 
 def _decoded(data: bytes, encoding: str, wrong: frozenset[str]) -> str:
-    """Decode in slices: Python runs no other thread while a codec works.
+    """Decode in slices, because a codec does not release the interpreter lock.
 
     Raises:
-        UnicodeDecodeError: it is not that encoding, or there are characters that are wrong.
+        UnicodeDecodeError: If the data is not in this encoding, or if the text contains one of the wrong characters.
     """
     decoder = codecs.getincrementaldecoder(encoding)()
     parts = []
@@ -327,10 +326,10 @@ def _decoded(data: bytes, encoding: str, wrong: frozenset[str]) -> str:
 
 
 def _data(value: Variant) -> bytes:
-    """Return the content that a client has sent, encoded in slices like :func:`_decoded`.
+    """Return the content sent by a client as bytes; text is encoded in slices, like :func:`_decoded`.
 
     Raises:
-        CallError: E_INVALIDARG, the text has lone surrogates.
+        CallError: E_INVALIDARG if the text contains lone surrogates.
     """
     if value.type == VarType.EMPTY:
         return b""
@@ -342,7 +341,7 @@ def _data(value: Variant) -> bytes:
     except UnicodeEncodeError:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("the text has a lone surrogate, which is no character"),
+            tr("the text contains a lone surrogate, which is not a character"),
         ) from None
 
 
@@ -352,7 +351,7 @@ def _check_content(value: Variant) -> None:
     raise error_for(
         hresult.DISP_E_TYPEMISMATCH,
         tr(
-            "{given} was given, text (VT_BSTR) or bytes ({bytes}) are wanted",
+            "expected text (VT_BSTR) or bytes ({bytes}), got {given}",
             given=type_name(value.type),
             bytes=type_name(UI1_ARRAY),
         ),

@@ -1,4 +1,4 @@
-"""The Robot object that clients hold: its methods are the functions of RC8 3.3."""
+"""Robot objects: the functions of RC8 3.3."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _TIP: Final = -1
 _ALL_AXES: Final = 0
 _PLANE_POINTS: Final = 3
 _VECTOR: Final = 3
-_ON_A_LINE: Final = 1e-6  # sine of the angle between two sides of a triangle that is none
+_ON_A_LINE: Final = 1e-6  # sine of the angle between two sides; below it, three points are collinear
 
 
 class RC8Robot(RobotObject):
-    """One client's view of the robot; the arm is given back when the last one of the client is released."""
+    """The Robot object of one client; the arm is released with the client's last Robot object."""
 
     def __init__(self, caller: ClientContext, name: str) -> None:
         text = caller.state.say("Robot of a virtual RC8")
@@ -49,58 +49,58 @@ class RC8Robot(RobotObject):
     # --- motion -------------------------------------------------------------------------------------------------
 
     def move(self, interpolation: int, pose: Variant, option: str) -> Deferred[None] | None:
-        """Move to a pose (RC8 3.3.4); answers when it is done, at once with NEXT."""
+        """Move to a pose (RC8 3.3.4); completes at the end of the motion, at once with NEXT."""
         require("Move", self._arm, self._caller)
         options = parse_options(option)
         number = path_number(pose) if interpolation == CURVE else None
         if number is not None:
-            return self._begun(self._moves.follow(*number, options), options)
-        return self._begun(self._moves.move(interpolation, read_targets(pose), options), options)
+            return self._completion(self._moves.follow(*number, options), options)
+        return self._completion(self._moves.move(interpolation, read_targets(pose), options), options)
 
     def drive(self, axis: int, value: float, option: str) -> Deferred[None] | None:
-        """Move one joint by degrees (mm for a linear one)."""
+        """Move one joint by a distance in deg (mm for a linear axis)."""
         require("Drive", self._arm, self._caller)
         options = parse_options(option)
-        return self._begun(self._moves.drive([(axis, value)], False, None, options), options)
+        return self._completion(self._moves.drive([(axis, value)], False, None, options), options)
 
     def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Deferred[None] | None:
-        """Rotate by degrees in a plane of the work frame (or one of three points) about a pivot."""
+        """Rotate by an angle in deg about a pivot, in a plane of the work frame or one given by three points."""
         require("Rotate", self._arm, self._caller)
         options = parse_options(option)
         axis = self._normal(plane)
-        return self._begun(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
+        return self._completion(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
 
     def go_home(self) -> Deferred[None]:
         """Move to the home pose."""
         require("GoHome", self._arm, self._caller)
         return self._arm.when_done(self._moves.home()[-1])
 
-    def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - has none
-        """Stop the motion and abandon it, whoever started it; answers when the arm stands."""
+    def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
+        """Stop and discard the motion of any client; completes at standstill."""
         require("Halt", self._arm, self._caller)
         self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
         return self._arm.when_still()
 
     def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
-        """Pause the motion, whoever started it; answers when the arm stands."""
+        """Pause the motion of any client; completes at standstill."""
         require("Hold", self._arm, self._caller)
         self._arm.hold()
         return self._arm.when_still()
 
     def unhold(self, option: str) -> None:  # noqa: ARG002
-        """Go on with a paused motion."""
+        """Continue a paused motion."""
         require("Unhold", self._arm, self._caller)
         self._arm.unhold()
 
     # --- settings -----------------------------------------------------------------------------------------------
 
     def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed in percent: axis -1 of every motion, 0 of point-to-point ones."""
+        """Set the internal speed in %: axis -1 for all motions, 0 for point-to-point motions."""
         require("Speed", self._arm, self._caller)
         self._arm.speeds.set_internal(speed, joint_only=_axis(axis))
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in percent, -1 keeps one; axis as for the speed."""
+        """Set internal acceleration and deceleration in %; -1 leaves a value unchanged; axis as for the speed."""
         require("Accelerate", self._arm, self._caller)
         self._arm.speeds.set_acceleration(accel, decel, joint_only=_axis(axis))
 
@@ -111,7 +111,7 @@ class RC8Robot(RobotObject):
         if found is None:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("{name}; Tool1 or Work2 is the form", name=quoted(name)),
+                tr("invalid frame {name}. Try: Tool1 or Work2", name=quoted(name)),
             )
         frames = self._arm.space.tools if found[1].lower() == "tool" else self._arm.space.works
         frames.current = frames.check(int(found[2]))
@@ -127,16 +127,16 @@ class RC8Robot(RobotObject):
         return find_robot_variable(self._caller, name)
 
     def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the robot's system variables."""
+        """Return the names of the robot's system variables."""
         return robot_variable_names()
 
     def release(self) -> None:
-        """Let go; with the client's last Robot object a motion is brought to rest, and the arm is free for others."""
+        """Release the object; with the client's last Robot object its motions are stopped and the arm is released."""
         self._arm.leave(self._caller)
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
-    def _begun(self, tickets: Sequence[Ticket], options: MotionOptions) -> Deferred[None] | None:
+    def _completion(self, tickets: Sequence[Ticket], options: MotionOptions) -> Deferred[None] | None:
         return None if options.next else self._arm.when_done(tickets[-1])
 
     def _normal(self, plane: Variant) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -154,7 +154,7 @@ class RC8Robot(RobotObject):
 
 
 def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
-    """Return number and pass mark where a pose names a stored path: a number, or a text such as ``"@E 1"``."""
+    """Return number and pass mark of a stored path, given as a number or a string such as ``"@E 1"``; else None."""
     if isinstance(pose.value, str):
         found = _PATH.fullmatch(pose.value)
         return found and (int(found[2]), parameters.pass_mark(found[1]) if found[1] else None)
@@ -162,22 +162,22 @@ def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
 
 
 def _pivot(given: Variant) -> Target:
-    """Return the pivot of a rotation: a pose or a vector, or three bare numbers, which are a vector too."""
+    """Return the pivot of a rotation: a pose, a vector, or three plain numbers as a vector."""
     if given.type & ARRAY and given.type != VARIANT_ARRAY and len(given.value) == _VECTOR:
         return Target("V", tuple(conversion.singles(_VECTOR)(given)))
     targets = read_targets(given)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, tr("one pose is needed"))
+        raise error_for(hresult.E_INVALIDARG, tr("exactly one pose is required"))
     return targets[0]
 
 
 def _axis(axis: int) -> bool:
-    """Read the axis of Speed and Accelerate; True for point-to-point motions only."""
+    """Check the axis of Speed and Accelerate; return True for point-to-point motions only."""
     if axis not in (_TIP, _ALL_AXES):
         raise error_for(
             hresult.E_INVALIDARG,
             tr(
-                "axis {axis}: only -1 (all motions) and 0 (point-to-point motions) have a speed of their own here",
+                "axis {axis} is not supported: the axis must be -1 (all motions) or 0 (point-to-point motions)",
                 axis=axis,
             ),
         )
@@ -187,5 +187,5 @@ def _axis(axis: int) -> bool:
 def _no_plane() -> Exception:
     return error_for(
         hresult.E_INVALIDARG,
-        tr("a plane is XY, YZ, ZX or three points that are not on a line"),
+        tr("a plane must be XY, YZ, ZX or three points that are not on a line"),
     )

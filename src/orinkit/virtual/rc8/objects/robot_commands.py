@@ -1,7 +1,8 @@
-"""The extended commands of Robot_Execute: THE TABLE of names and what each does.
+"""The extended commands of Robot_Execute: a table of names and functions.
 
-A commanding one checks its conditions (:mod:`orinkit.virtual.rc8.robot.conditions`) itself; the others need the right
-to read. Names are taken in any case. What a real controller has and this one does not is in :data:`NOT_SIMULATED`.
+A command that changes something checks its conditions (:mod:`orinkit.virtual.rc8.robot.conditions`) itself; the others
+require the right to read. Names are case-insensitive. :data:`NOT_SIMULATED` lists the commands that only real
+controllers have.
 """
 
 from __future__ import annotations
@@ -27,18 +28,19 @@ from orinkit.virtual.rc8.robot.speeds import SQUARE
 from orinkit.virtual.rc8.variables import conversion
 
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
-_MINE: Final = -1
+_OWN_GROUP: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """One command.
+    """An extended command.
 
     Attributes:
-        name: as documented; clients write it in any case.
-        run: does it.
-        reads: whether the right to read is all it needs; else it checks what it needs.
-        in_slave: whether a client that is in slave mode may use it (RC8 4.1, note 2); else it is refused first of all.
+        name: Name as documented; case-insensitive for clients.
+        run: Executes the command.
+        reads: If True, the command requires only the right to read; else it checks its conditions itself.
+        in_slave: If True, a client in slave mode may use the command (RC8 4.1, note 2); else it is rejected before any
+            other check.
     """
 
     name: str
@@ -51,7 +53,7 @@ def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
     """Execute a command for a client.
 
     Raises:
-        CallError: E_NOTIMPL, E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT; whatever the command refuses.
+        CallError: E_NOTIMPL; E_INVALID_CMD_NAME; REFUSED_IN_SLAVE_MODE; NO_READ_RIGHT; errors of the command.
     """
     wanted = name.strip().lower()
     command = ROBOT_COMMANDS.get(wanted)
@@ -72,7 +74,7 @@ def _take_arm(caller: ClientContext, parameter: Variant) -> Deferred[None] | Non
     group, keep = parameters.whole_numbers(parameter, 0, 0)
     settings = parameters.flag(keep)
     if not 0 <= group <= 31:
-        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("arm group {group}; 0 to 31", group=group))
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("arm group {group} is not in 0 to 31", group=group))
     if refusal("TakeArm", arm, caller) == hresult.ROBOT_MOVING and arm.holder is None and arm.stopping:
         return arm.take_later(caller, keep=settings, check=lambda: require("TakeArm", arm, caller))
     require("TakeArm", arm, caller)
@@ -86,9 +88,9 @@ def _give_arm(caller: ClientContext, _: Variant) -> None:
 
 
 def _arm_state(caller: ClientContext, parameter: Variant) -> int:
-    (group,) = parameters.whole_numbers(parameter, _MINE)
+    (group,) = parameters.whole_numbers(parameter, _OWN_GROUP)
     holder = caller.state.arm.holder
-    return int(holder is caller if group == _MINE else holder is not None)
+    return int(holder is caller if group == _OWN_GROUP else holder is not None)
 
 
 def _motor(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
@@ -113,7 +115,7 @@ def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContex
 # --- motions ----------------------------------------------------------------------------------------------------------
 
 
-def _begun(caller: ClientContext, tickets: list[Ticket], options: MotionOptions) -> Deferred[None] | None:
+def _completion(caller: ClientContext, tickets: list[Ticket], options: MotionOptions) -> Deferred[None] | None:
     return None if options.next else caller.state.arm.when_done(tickets[-1])
 
 
@@ -123,7 +125,7 @@ def _options(given: list[Variant]) -> MotionOptions:
         if not isinstance(text, str):
             raise error_for(
                 hresult.DISP_E_TYPEMISMATCH,
-                tr("{text} is no option of a motion", text=quoted(text)),
+                tr("{text} is not an option of a motion", text=quoted(text)),
             )
     return parse_options(",".join(texts))
 
@@ -135,7 +137,7 @@ def _approach(caller: ClientContext, parameter: Variant) -> Deferred[None] | Non
     options = _options(given[3:])
     target = parameters.pose(given[1])
     tickets = caller.state.moves.approach(conversion.whole(given[0]), target, distance, mark, options)
-    return _begun(caller, tickets, options)
+    return _completion(caller, tickets, options)
 
 
 def _depart(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
@@ -143,7 +145,7 @@ def _depart(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
     given = _at_least(parameter, 2)
     mark, distance = parameters.marked_number(given[1])
     options = _options(given[2:])
-    return _begun(caller, caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options), options)
+    return _completion(caller, caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options), options)
 
 
 def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Deferred[None] | None]:
@@ -157,7 +159,7 @@ def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Defe
             rest = [each for each in given if not each.type & ARRAY]
         mark, values = parameters.axis_values(pairs)
         options = _options(rest)
-        return _begun(caller, caller.state.moves.drive(values, absolute, mark, options), options)
+        return _completion(caller, caller.state.moves.drive(values, absolute, mark, options), options)
 
     return run
 
@@ -167,7 +169,7 @@ def _rotate_hand(caller: ClientContext, parameter: Variant) -> Deferred[None] | 
     given = _at_least(parameter, 1)
     mark, angle = parameters.marked_number(given[0])
     options = _options(given[1:])
-    return _begun(caller, caller.state.moves.rotate_hand(angle, mark, options), options)
+    return _completion(caller, caller.state.moves.rotate_hand(angle, mark, options), options)
 
 
 def _motion_skip(caller: ClientContext, _: Variant) -> Deferred[None]:
@@ -177,7 +179,7 @@ def _motion_skip(caller: ClientContext, _: Variant) -> Deferred[None]:
 
 
 def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
-    _, mode = parameters.whole_numbers(parameter, _MINE, 0)
+    _, mode = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
     arm = caller.state.arm
     return arm.settled if parameters.flag(mode) else not arm.busy
 
@@ -187,7 +189,7 @@ def _at_least(parameter: Variant, count: int) -> list[Variant]:
     if len(given) < count:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("{count} parameters, {needed} are needed", count=len(given), needed=count),
+            tr("expected at least {needed} parameters, got {count}", count=len(given), needed=count),
         )
     return given
 
@@ -203,7 +205,7 @@ def _define(name: str, tool: bool) -> Callable[[ClientContext, Variant], None]:
         target = parameters.position(parameters.pose(given[1]))
         kind, values = arm.space.numbers(target, arm.servo.command)
         if kind != "P":
-            raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is needed"))
+            raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is required"))
         (arm.space.tools if tool else arm.space.works).define(conversion.whole(given[0]), values)
 
     return run
@@ -260,16 +262,16 @@ def _log_record(caller: ClientContext, parameter: Variant) -> Value:
         return log.record(index)
     except IndexError:
         raise error_for(
-            hresult.DISP_E_BADINDEX, tr("{index}; there are {count}", index=index, count=len(log))
+            hresult.DISP_E_BADINDEX, tr("no record {index}; the log has {count} records", index=index, count=len(log))
         ) from None
 
 
-def _told(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant]:
+def _query(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant]:
     return lambda caller, parameter: answer(caller.state.arm, parameter)
 
 
 def _pose_commands() -> list[RobotCommand]:
-    """CurPos, HighCurJntEx, DestTrn ... : three sources, three types, with and without a time stamp."""
+    """Return CurPos, HighCurJntEx, DestTrn ...: three sources, three types, with and without a time stamp."""
     made = []
     for prefix, source in (
         ("Cur", state_report.current),
@@ -277,10 +279,10 @@ def _pose_commands() -> list[RobotCommand]:
         ("Dest", state_report.destination),
     ):
         for suffix, read in queries.POSES.items():
-            made.append(RobotCommand(f"{prefix}{suffix}", _told(queries.pose(source, read))))
+            made.append(RobotCommand(f"{prefix}{suffix}", _query(queries.pose(source, read))))
             if source is not state_report.destination:
-                made.append(RobotCommand(f"{prefix}{suffix}Ex", _told(queries.stamped_pose(source, read))))
-        made.append(RobotCommand(f"{prefix}Fig", _told(queries.figure(source))))
+                made.append(RobotCommand(f"{prefix}{suffix}Ex", _query(queries.stamped_pose(source, read))))
+        made.append(RobotCommand(f"{prefix}Fig", _query(queries.figure(source))))
     return made
 
 
@@ -305,7 +307,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("CurTool", _of_arm(lambda arm: arm.space.tools.current, _I4)),
         RobotCommand("CurWork", _of_arm(lambda arm: arm.space.works.current, _I4)),
         *_pose_commands(),
-        *(RobotCommand(name, _told(answer)) for name, answer in queries.CALCULATIONS.items()),
+        *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
         RobotCommand("Approach", _approach, reads=False),
         RobotCommand("Depart", _depart, reads=False),
         RobotCommand("DriveEx", _drive("DriveEx", absolute=False), reads=False),
@@ -320,7 +322,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("AddPathPoint", _add_path_point, reads=False),
         RobotCommand("ClrPathPoint", _clear_path, reads=False),
         RobotCommand("GetPathPointCount", _path_length),
-        RobotCommand("GetSrvData", _told(queries.servo_data), in_slave=True),  # real controllers let it pass
+        RobotCommand("GetSrvData", _query(queries.servo_data), in_slave=True),  # allowed by real controllers
         RobotCommand("StartLog", _start_log, reads=False),
         RobotCommand("StopLog", _stop_log, reads=False),
         RobotCommand("ClearLog", _clear_log, reads=False),
@@ -328,7 +330,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("GetLogRecord", _log_record),
         RobotCommand("slvChangeMode", slave.change_mode, reads=False, in_slave=True),
         RobotCommand("slvGetMode", slave.get_mode, in_slave=True),
-        RobotCommand(LATENESS, slave.get_lateness, in_slave=True),  # no command of a real controller
+        RobotCommand(LATENESS, slave.get_lateness, in_slave=True),  # real controllers do not have it
         RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
@@ -344,6 +346,6 @@ NOT_SIMULATED: Final = (
     "GetMotionPreparationState", "AutoCal", "GetMechaButtonState", "ClearMechaButtonState", "CurScene", "CurSubScene",
     "SceneInfo", "HandGrip", "HandRelease",
 )  # fmt: skip
-"""Commands of real controllers that are answered with E_NOTIMPL."""
+"""Commands of real controllers that return E_NOTIMPL here."""
 
 _NOT_SIMULATED: Final = frozenset(name.lower() for name in NOT_SIMULATED)

@@ -1,4 +1,4 @@
-"""The robot's system variables: THE TABLE of names, types and sources (reference: RC8 provider, robot variables)."""
+"""The robot's system variables: a table of names, types and sources (reference: RC8 provider, robot variables)."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _TYPE_VERTICAL: Final = 0
 
 @dataclass(frozen=True, slots=True)
 class RobotVariable:
-    """One entry, as :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, of the arm.
+    """A table row like :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, for the robot.
 
     Attributes:
-        kind: of the pose that it tells, ``"P"``, ``"J"`` or ``"T"``; empty for what is no pose.
+        kind: Type of a pose, ``"P"``, ``"J"`` or ``"T"``; empty if the value is not a pose.
     """
 
     name: str
@@ -39,7 +39,7 @@ class RobotVariable:
     kind: str = ""
 
     def help(self, say: Translate) -> str:
-        """Return what it is, and its type, in the controller's language."""
+        """Return a description and the type, in the controller's language."""
         what = say(self.text)
         if self.kind:
             what = say("{pose}: {kind}", pose=what, kind=self.kind)
@@ -80,15 +80,15 @@ def _poses(prefix: str, source: Callable[[RC8Arm], state_report.Source], text: s
 ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
     entry.name: entry
     for entry in (
-        *_poses("CURRENT", state_report.current, N_("Present pose")),
-        *_poses("HIGH_CURRENT", state_report.current, N_("Present pose, newest")),
-        *_poses("DEST", state_report.destination, N_("Pose where the motion ends")),
+        *_poses("CURRENT", state_report.current, N_("Current pose")),
+        *_poses("HIGH_CURRENT", state_report.current, N_("Current pose, latest value")),
+        *_poses("DEST", state_report.destination, N_("Destination of the motion")),
         RobotVariable("@SERVO_ON", VarType.BOOL, lambda arm: arm.motor.on, N_("The motor is on"), _servo),
-        RobotVariable("@BUSY_STATUS", VarType.BOOL, lambda arm: arm.busy, N_("The robot moves")),
-        RobotVariable("@TYPE", VarType.I4, lambda _: _TYPE_VERTICAL, N_("0 vertical six-axis arm")),
-        RobotVariable("@TYPE_NAME", VarType.BSTR, lambda arm: arm.model.type_name, N_("Type of the robot")),
-        RobotVariable("@CURRENT_TOOL", VarType.I4, lambda arm: arm.space.tools.current, N_("Tool in use"), _tool),
-        RobotVariable("@CURRENT_WORK", VarType.I4, lambda arm: arm.space.works.current, N_("Work in use"), _work),
+        RobotVariable("@BUSY_STATUS", VarType.BOOL, lambda arm: arm.busy, N_("A motion is in progress or paused")),
+        RobotVariable("@TYPE", VarType.I4, lambda _: _TYPE_VERTICAL, N_("Type of arm: 0 vertical six-axis")),
+        RobotVariable("@TYPE_NAME", VarType.BSTR, lambda arm: arm.model.type_name, N_("Name of the robot type")),
+        RobotVariable("@CURRENT_TOOL", VarType.I4, lambda arm: arm.space.tools.current, N_("Current tool"), _tool),
+        RobotVariable("@CURRENT_WORK", VarType.I4, lambda arm: arm.space.works.current, N_("Current work"), _work),
         RobotVariable("@SPEED", VarType.R4, lambda arm: arm.speeds.path.speed, N_("Internal speed [%]")),
         RobotVariable("@ACCEL", VarType.R4, lambda arm: arm.speeds.path.accel, N_("Internal acceleration [%]")),
         RobotVariable("@DECEL", VarType.R4, lambda arm: arm.speeds.path.decel, N_("Internal deceleration [%]")),
@@ -103,7 +103,7 @@ ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
 
 
 class RobotSystem(VariableObject):
-    """A system variable of the robot, held by a client."""
+    """A system variable of the robot, for one client."""
 
     def __init__(self, caller: ClientContext, name: str, entry: RobotVariable) -> None:
         own = AccessRight.READ_WRITE if entry.write else AccessRight.READ
@@ -113,7 +113,7 @@ class RobotSystem(VariableObject):
         self._read = caller.state.calendar.now()
 
     def get_value(self) -> Value:
-        """The value at this moment, with its exact type."""
+        """Return the current value, with its exact type."""
         self._caller.require_read()
         self._read = self._caller.state.calendar.now()
         return Variant(self._entry.vt, self._entry.read(self._caller.state.arm))
@@ -122,7 +122,8 @@ class RobotSystem(VariableObject):
         """Set the value.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; the value, or the state of the robot, does not allow it.
+            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; other codes if the value is invalid or the state of the robot
+                does not allow the change.
         """
         self._caller.require_write()
         if self._entry.write is None:
@@ -130,18 +131,18 @@ class RobotSystem(VariableObject):
         return self._entry.write(self._caller, value)
 
     def get_date_time(self) -> Value:
-        """When the value was read last."""
+        """Return the time of the last read."""
         self._caller.require_read()
         return self._read
 
     def get_microsecond(self) -> int:
-        """Microseconds of that time, 0 to 999999."""
+        """Return the microseconds of that time, 0 to 999999."""
         self._caller.require_read()
         return self._read.microsecond
 
 
 def find_robot_variable(caller: ClientContext, name: str) -> VariableObject:
-    """Return the robot's variable of that name, in upper or lower case.
+    """Return a variable of the robot by its name; case-insensitive.
 
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND.

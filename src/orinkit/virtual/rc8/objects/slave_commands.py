@@ -1,4 +1,4 @@
-"""The commands of slave mode, as clients call them with Robot_Execute (RC8 table 4-1), and one of virtual controllers."""
+"""The commands of slave mode of Robot_Execute (RC8 table 4-1), and slvGetLateness of virtual controllers."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _MALFORMED: Final = (CodeFamily.GENERAL, CodeFamily.CAO)
 
 
 def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
-    """Turn slave mode on; with 0 off, which is answered when the buffer is empty and the arm stands.
+    """Turn slave mode on, or with 0 off; the latter completes when the buffer is empty and the arm is at standstill.
 
     Raises:
-        CallError: E_INVALIDARG, no such mode; its conditions.
+        CallError: E_INVALIDARG if the mode is unknown; other codes if a condition is not met.
     """
     mode = mode_of(parameters.whole_numbers(parameter, None)[0])
     arm = caller.state.arm
@@ -52,16 +52,16 @@ def get_mode(caller: ClientContext, _: Variant) -> int:
 
 
 def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
-    """Return how late the set-points of the stream are, or those of the last one were: :mod:`orinkit.rc8.slave_lateness`."""
+    """Return the lateness of the current stream, or of the last one (see :mod:`orinkit.rc8.slave_lateness`)."""
     (leave_out,) = parameters.whole_numbers(parameter, 0)
     return build_lateness(caller.state.arm.slave.lateness(leave_out))
 
 
 def set_send_format(caller: ClientContext, parameter: Variant) -> None:
-    """Set what this client's slvMove carries beside the pose.
+    """Set the fields that this client sends with slvMove in addition to the pose.
 
     Raises:
-        CallError: E_INVALIDARG, there is no such format, or not the I/O for it; its conditions.
+        CallError: E_INVALIDARG if the format or an I/O point does not exist; other codes if a condition is not met.
     """
     require("slvSendFormat", caller.state.arm, caller)
     wanted = send_format(parameters.whole_numbers(parameter, None)[0])
@@ -70,11 +70,11 @@ def set_send_format(caller: ClientContext, parameter: Variant) -> None:
 
 
 def set_receive_format(caller: ClientContext, parameter: Variant) -> None:
-    """Set what this client's slvMove is answered.
+    """Set the fields that slvMove returns to this client.
 
     Raises:
-        CallError: E_INVALIDARG, there is no such format, or not the I/O for it; E_NOTIMPL, a field that is not simulated; its
-            conditions.
+        CallError: E_INVALIDARG if the format or an I/O point does not exist; E_NOTIMPL if a field is not simulated;
+            other codes if a condition is not met.
     """
     require("slvRecvFormat", caller.state.arm, caller)
     wanted = read_receive_parameter(parameter)
@@ -84,12 +84,13 @@ def set_receive_format(caller: ClientContext, parameter: Variant) -> None:
 
 
 def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | Deferred[Value]:
-    """Take a set-point; the answer is where the arm is, in this client's format.
+    """Accept a set-point and return the feedback in this client's format.
 
     Raises:
-        CallError: E_INVALIDARG, DISP_E_TYPEMISMATCH, the parameter is malformed; E_BUF_FULL, there is no room in mode 0:
-            nothing has happened then. What :func:`~orinkit.virtual.rc8.robot.slave_mode.set_point.joints_of` finds else is an error
-            of the controller and the end of slave mode.
+        CallError: E_INVALIDARG or DISP_E_TYPEMISMATCH if the parameter is malformed, E_BUF_FULL if the buffer is full
+            in mode 0; these change nothing. Other errors of
+            :func:`~orinkit.virtual.rc8.robot.slave_mode.set_point.joints_of` are errors of the controller and end slave
+            mode.
     """
     state, formats = caller.state, caller.formats
     arm, slave = state.arm, state.arm.slave
@@ -109,6 +110,6 @@ def _joints(caller: ClientContext, mode: SlaveMode, point: SetPoint) -> Joints:
     try:
         return joints_of(arm.space, mode.kind, point, slave.newest)
     except CallError as error:
-        if error.info.family not in _MALFORMED:  # the arm cannot be there (RC8 4.7)
+        if error.info.family not in _MALFORMED:  # the arm cannot reach the set-point (RC8 4.7)
             slave.fail(error.code, error.detail)
         raise

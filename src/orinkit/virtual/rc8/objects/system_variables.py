@@ -1,4 +1,4 @@
-"""The controller's system variables: THE TABLE of names, types, where each value comes from, and what may be set."""
+"""The controller's system variables: a table of names, types, and functions that read and write the values."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from orinkit.virtual.rc8.variables import conversion, types
 
 @dataclass(frozen=True, slots=True)
 class SystemVariable:
-    """One entry.
+    """A row of the table.
 
     Attributes:
-        name: with its ``@``, in capitals.
-        vt: VARIANT type of its value.
-        read: takes the value from the controller.
-        text: what it is, in English.
-        write: sets it for a client; ``None`` for one that cannot be set.
-        values: of the placeholders of the text.
+        name: Name with ``@``, in upper case.
+        vt: VARIANT type of the value.
+        read: Reads the value from the controller.
+        text: Description in English.
+        write: Sets the value for a client; None if the variable is read-only.
+        values: Values of the placeholders in the text.
     """
 
     name: str
@@ -37,12 +37,12 @@ class SystemVariable:
     values: Mapping[str, str] = field(default_factory=dict)
 
     def help(self, say: Translate) -> str:
-        """Return what it is, and its type, in the controller's language."""
+        """Return a description and the type, in the controller's language."""
         return f"{say(self.text, **self.values)} ({type_name(self.vt)})"
 
 
 def _milliseconds(state: RC8State) -> int:
-    """Milliseconds since power-on; after 24.8 days it goes on from the lowest VT_I4, as a 32-bit counter does."""
+    """Return the milliseconds since power-on; after 24.8 days they wrap to the lowest VT_I4, as a 32-bit counter."""
     return (int(state.seconds * 1000) + 2**31) % 2**32 - 2**31
 
 
@@ -51,7 +51,7 @@ def _clear_error(caller: ClientContext, given: Variant) -> None:
     if code != 0:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("only 0, which clears the errors, can be written, not {code}", code=code),
+            tr("only 0, which clears the errors, can be written; got {code}", code=code),
         )
     caller.state.clear_errors(caller.origin)
 
@@ -84,7 +84,7 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
         SystemVariable("@MODE", VarType.I4, lambda s: s.switches.mode,
                        N_("Mode: 1 manual, 2 teach check, 3 automatic")),
         SystemVariable("@ERROR_CODE", VarType.I4, lambda s: hresult.signed(s.faults.code),
-                       N_("Newest current error, 0 none; writing 0 clears the errors"), _clear_error),
+                       N_("Newest current error, 0 if there is none; writing 0 clears the errors"), _clear_error),
         SystemVariable("@ERROR_CODE_HEX", VarType.BSTR, lambda s: f"{s.faults.code:08X}",
                        N_("Newest current error as eight hexadecimal digits")),
         SystemVariable("@ERROR_DESCRIPTION", VarType.BSTR, lambda s: s.faults.message,
@@ -98,11 +98,11 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
         SystemVariable("@PROTECTIVE_STOP", VarType.BOOL, lambda s: s.switches.protective_stop,
                        N_("Protective stop is on")),
         SystemVariable("@LOCK", VarType.BOOL, lambda s: s.switches.machine_lock,
-                       N_("Machine lock: the robot does not really move"), _set_lock),
+                       N_("Machine lock: motions are executed, but the arm does not move"), _set_lock),
         SystemVariable("@BUSY_STATUS", VarType.BOOL, lambda s: s.programs_running > 0,
                        N_("A program task is running")),
         SystemVariable("@NORMAL_STATUS", VarType.BOOL, lambda s: s.faults.code == 0,
-                       N_("There is no error")),
+                       N_("No error is active")),
         SystemVariable("@TSR_BUSY_STATUS", VarType.BOOL, lambda s: s.supervisors_running > 0,
                        N_("A supervisory task (TSR) is running")),
         SystemVariable("@TIME", VarType.I4, _milliseconds,

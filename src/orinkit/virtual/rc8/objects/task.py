@@ -1,4 +1,4 @@
-"""The Task object that clients hold (RC8 3.2)."""
+"""Task objects and their variables (RC8 3.2)."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ E = TypeVar("E", bound=IntEnum)
 
 
 class RC8Task(TaskObject):
-    """One client's view of a task."""
+    """The Task object of one client."""
 
     def __init__(self, caller: ClientContext, task: Task, name: str) -> None:
         text = caller.state.say("Task of the program")
         super().__init__(name, attribute=int(caller.access), help=f"{text} {task.name}{SUFFIX}")
         self._caller = caller
         self._state = caller.state
-        self._path = task.name  # a program may be deleted and made anew: its task is then another
+        self._path = task.name  # not the task: if the program is deleted and created again, it is another one
 
     @property
     def _task(self) -> Task:
         return self._state.tasks.named(self._path)
 
-    def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - has none
-        """Start (RC8 3.2.2): 1 one cycle, 2 continuous, 3 one statement; one that is suspended goes on.
+    def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - there are no options
+        """Start the task or continue it if it is suspended (RC8 3.2.2): 1 one cycle, 2 continuous, 3 one statement.
 
-        A large program is loaded in a thread, for nothing else may have to wait for it.
+        A large program is loaded in a thread, so that it does not delay other calls.
 
         Raises:
-            CallError: the state does not allow it; SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG, another mode.
+            CallError: SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG if the mode is unknown; other codes if the state of
+                the controller does not allow the start.
         """
         wanted = _mode(TaskMode, mode)
         require("Task_Start", self._state.arm, self._caller)
@@ -52,17 +53,17 @@ class RC8Task(TaskObject):
     def _load_and_start(self, mode: TaskMode) -> None:
         try:
             self._state.tasks.load(self._task)
-        except CallError:  # it is kept too, and the start tells of it
+        except CallError:  # the error is cached too; start_task raises it
             pass
         with self._state.cycles:
-            require("Task_Start", self._state.arm, self._caller)  # things may have changed meanwhile
+            require("Task_Start", self._state.arm, self._caller)  # the state may have changed meanwhile
             self._state.start_task(self._task, mode, self._caller.origin)
 
     def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
-        """Stop (RC8 3.2.2): 0 and 1 at once, 2 after the statement, 3 at the end of the cycle, 4 and start anew.
+        """Stop the task (RC8 3.2.2): 0, 1 at once, 2 after the statement, 3 after the cycle, 4 at once and initialize.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; E_INVALIDARG, another mode.
+            CallError: NO_WRITE_RIGHT; E_INVALIDARG if the mode is unknown.
         """
         wanted = _mode(StopMode, mode)
         require("Task_Stop", self._state.arm, self._caller)
@@ -78,10 +79,10 @@ class RC8Task(TaskObject):
         self._state.tasks.delete(self._task)
 
     def get_file_name(self) -> str:
-        """Name of the program's file, with its folder."""
+        """Return the path of the program's file."""
         return self._task.name + SUFFIX
 
-    def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002 - none has one
+    def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002 - commands have no parameters
         """Execute an extended command: ``GetStatus`` (0 to 4, :class:`~orinkit.rc8.task_modes.TaskStatus`)."""
         self._caller.require_read()
         if command.strip().lower() != "getstatus":
@@ -96,17 +97,17 @@ class RC8Task(TaskObject):
         return TaskVariableObject(self._caller, self, entry)
 
     def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Names of the task's variables."""
+        """Return the names of the task's variables."""
         return list(TASK_VARIABLES)
 
     @property
     def task(self) -> Task:
-        """The task itself."""
+        """The task."""
         return self._task
 
     @property
     def exists(self) -> bool:
-        """Whether its program is still there."""
+        """True if the program still exists."""
         return self._state.tasks.exists(self._task)
 
 
@@ -116,7 +117,7 @@ def _status(served: RC8Task) -> int:
 
 @dataclass(frozen=True, slots=True)
 class TaskVariable:
-    """One entry, as :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, of a task."""
+    """A table row like :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, for a task."""
 
     name: str
     vt: VarType
@@ -127,21 +128,21 @@ class TaskVariable:
 TASK_VARIABLES: Final[dict[str, TaskVariable]] = {
     entry.name: entry
     for entry in (
-        TaskVariable("@STATUS", VarType.I4, _status, N_("Status, as GetStatus")),
+        TaskVariable("@STATUS", VarType.I4, _status, N_("Status, as returned by GetStatus")),
         TaskVariable("@PRIORITY", VarType.I4, lambda _: PRIORITY, N_("Priority")),
-        TaskVariable("@LINE_NO", VarType.I4, lambda served: served.task.line, N_("Line executed next")),
+        TaskVariable("@LINE_NO", VarType.I4, lambda served: served.task.line, N_("Line to be executed next")),
         TaskVariable("@CYCLE_TIME", VarType.I4, lambda served: milliseconds(served.task.cycle_seconds),
-                     N_("How long the last cycle took [ms]")),
+                     N_("Duration of the last cycle [ms]")),
         TaskVariable("@ELAPSED_TIME", VarType.I4, lambda served: milliseconds(served.task.elapsed),
-                     N_("How long it has been running [ms]")),
+                     N_("Time since the start [ms]")),
         TaskVariable("@FILE_NAME", VarType.BSTR, lambda served: served.task.name + SUFFIX, N_("File")),
     )
 }  # fmt: skip
-"""THE TABLE of a task's variables."""
+"""The table of a task's variables, by name."""
 
 
 class TaskVariableObject(VariableObject):
-    """A variable of a task, held by a client; it can only be read."""
+    """A variable of a task; read-only."""
 
     def __init__(self, caller: ClientContext, served: RC8Task, entry: TaskVariable) -> None:
         super().__init__(entry.name, attribute=1, help=caller.state.say(entry.text))
@@ -150,13 +151,13 @@ class TaskVariableObject(VariableObject):
         self._entry = entry
 
     def get_value(self) -> Value:
-        """The value at this moment."""
+        """Return the current value."""
         self._caller.require_read()
         return Variant(self._entry.vt, self._entry.read(self._served))
 
 
 def find_task(caller: ClientContext, name: str) -> RC8Task:
-    """Return the task of a program for a client.
+    """Return a client's Task object for a program.
 
     Raises:
         CallError: NO_READ_RIGHT; E_CAO_OBJECT_NOTFOUND.
@@ -165,11 +166,11 @@ def find_task(caller: ClientContext, name: str) -> RC8Task:
     return RC8Task(caller, caller.state.tasks.find(name), name)
 
 
-def run_file(caller: ClientContext, name: str, option: str) -> str | BlockingCall:  # noqa: ARG001 - has none
-    """Run a program for File_Run: one cycle; returns the name of its task.
+def run_file(caller: ClientContext, name: str, option: str) -> str | BlockingCall:  # noqa: ARG001 - no options exist
+    """Run a program for one cycle (File_Run) and return the name of its task.
 
     Raises:
-        CallError: as :meth:`RC8Task.start`.
+        CallError: Errors of :meth:`RC8Task.start`.
     """
     served = find_task(caller, name)
     loading = served.start(TaskMode.CYCLE, "")
@@ -188,4 +189,4 @@ def _mode(kind: type[E], mode: int) -> E:
         return kind(mode)
     except ValueError:
         known = ", ".join(f"{int(each)}" for each in kind)
-        raise error_for(hresult.E_INVALIDARG, tr("mode {mode}; there are {modes}", mode=mode, modes=known)) from None
+        raise error_for(hresult.E_INVALIDARG, tr("mode {mode} is not one of {modes}", mode=mode, modes=known)) from None

@@ -1,4 +1,4 @@
-"""The Variable objects that clients hold: one variable, a class with an index to choose, a system variable."""
+"""Variable objects: a user variable, a class of variables with a selectable index, or a system variable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SYSTEM_PREFIX = "@"
 
 
 def find_variable(caller: ClientContext, name: str) -> VariableObject:
-    """Return the variable of that name, in upper or lower case.
+    """Return a variable by its name; case-insensitive.
 
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND; VARIABLE_INDEX_INVALID.
@@ -39,15 +39,15 @@ def find_variable(caller: ClientContext, name: str) -> VariableObject:
 
 
 def variable_names() -> list[str]:
-    """Return the system variables, and each class of user variables as its pattern: ``I*`` stands for I0, I1 ..."""
+    """Return the system variables by name and each class of user variables as a pattern: ``I*`` for I0, I1 ..."""
     return [*SYSTEM_VARIABLES, *(f"{name}*" for name in CLASSES)]
 
 
 class UserVariable(VariableObject):
     """A user variable or I/O points at a fixed index.
 
-    Its attribute has bit 1 (readable) and bit 2 (writable) as this client's permission has them. Its date and
-    microsecond are those of the last write, by whomever.
+    Its attribute has bit 1 (readable) and bit 2 (writable) according to the client's access rights. Its date and
+    microsecond are those of the last write by any client or program.
     """
 
     def __init__(self, caller: ClientContext, name: str, kind: VariableClass, index: int) -> None:
@@ -60,21 +60,21 @@ class UserVariable(VariableObject):
         self._index = index
 
     def get_value(self) -> Value:
-        """The value, with its exact type."""
+        """Return the value, with its exact type."""
         self._caller.require_read()
         return self._variables.read(self._kind, self._index)
 
     def put_value(self, value: Variant) -> None:
-        """Set the value; when this returns it is kept."""
+        """Set the value; it is stored when this returns."""
         self._caller.require_write()
         self._variables.write(self._kind, self._index, value)
 
     def get_date_time(self) -> Value:
-        """When the value was written last; the controller's start if it never was."""
+        """Return the time of the last write, or of the controller's start if the value was never written."""
         return self._written()
 
     def get_microsecond(self) -> int:
-        """Microseconds of that time, 0 to 999999."""
+        """Return the microseconds of that time, 0 to 999999."""
         return self._written().microsecond
 
     def _written(self) -> datetime:
@@ -83,18 +83,18 @@ class UserVariable(VariableObject):
 
 
 class IndexedVariable(UserVariable):
-    """A class of variables, ``I*``: the ID is the index, 0 until it is set."""
+    """A class of variables, ``I*``: the ID selects the index, initially 0."""
 
     def __init__(self, caller: ClientContext, name: str, kind: VariableClass) -> None:
         super().__init__(caller, name, kind, 0)
         self.help = _help(caller, kind, "*")
         self.id = Variant(VarType.I4, 0)
 
-    def put_id(self, id: Variant) -> None:  # noqa: A002 - the documents' word
-        """Choose the index: any whole number or text of one.
+    def put_id(self, id: Variant) -> None:  # noqa: A002 - the term of the documents
+        """Select the index: a whole number or its text.
 
         Raises:
-            CallError: DISP_E_TYPEMISMATCH, E_INVALIDARG; VARIABLE_INDEX_INVALID. The index stays as it was.
+            CallError: DISP_E_TYPEMISMATCH, E_INVALIDARG or VARIABLE_INDEX_INVALID; the index is not changed.
         """
         index = conversion.whole(id)
         self._variables.check(self._kind, index)
@@ -105,8 +105,8 @@ class IndexedVariable(UserVariable):
 class SystemVariableObject(VariableObject):
     """A system variable.
 
-    Its attribute has bit 1 (readable) and bit 2 (writable) as the variable and this client's permission allow. Its
-    date and microsecond are those of the client's last read through this object, the present where it has not read.
+    Its attribute has bit 1 (readable) and bit 2 (writable) as allowed by the variable and the client's access rights.
+    Its date and microsecond are those of the last read through this object, or the current time before the first read.
     """
 
     def __init__(self, caller: ClientContext, name: str, entry: SystemVariable) -> None:
@@ -117,7 +117,7 @@ class SystemVariableObject(VariableObject):
         self._read: datetime | None = None
 
     def get_value(self) -> Value:
-        """The value at this moment, with its exact type."""
+        """Return the current value, with its exact type."""
         self._caller.require_read()
         state = self._caller.state
         self._read = state.calendar.now()
@@ -127,7 +127,7 @@ class SystemVariableObject(VariableObject):
         """Set the value.
 
         Raises:
-            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; the value is refused.
+            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; other codes if the value is invalid.
         """
         self._caller.require_write()
         if self._entry.write is None:
@@ -135,11 +135,11 @@ class SystemVariableObject(VariableObject):
         self._entry.write(self._caller, value)
 
     def get_date_time(self) -> Value:
-        """When the value was read last."""
+        """Return the time of the last read."""
         return self._moment()
 
     def get_microsecond(self) -> int:
-        """Microseconds of that time, 0 to 999999."""
+        """Return the microseconds of that time, 0 to 999999."""
         return self._moment().microsecond
 
     def _moment(self) -> datetime:
