@@ -115,9 +115,9 @@ def look(*_):
     if left == 0:
         signal.raise_signal(signal.SIGTERM)
 
-serve_abh3._LOOK = 0.001
+serve_abh3._POLL = 0.001
 for left in range(1, 40):
-    with serve_abh3._told_to_stop() as wait:
+    with serve_abh3._wait_for_signals() as wait:
         sys.setprofile(look)
         wait()
         sys.setprofile(None)

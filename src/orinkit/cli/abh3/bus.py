@@ -1,4 +1,4 @@
-"""What the commands for ABH3 have in common: which bus, and what its frames mean."""
+"""Options shared by the commands for ABH3: the CAN bus, and how to decode its frames."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _EXAMPLE: Final = f"can://{INTERFACE}/{CHANNEL}"
 
 
 def whole_numbers(_kind: object, tokens: Sequence[cyclopts.Token]) -> tuple[int, ...]:
-    """Read whole numbers: cyclopts by itself would round 10.7."""
+    """Parse whole numbers; cyclopts' own conversion would round 10.7."""
     return tuple(int(token.value, 10) for token in tokens)
 
 
 def joined(given: object) -> str:
-    """Return how a default of several numbers is shown."""
+    """Return the text for a default that consists of several numbers."""
     return ", ".join(map(str, given)) if isinstance(given, tuple) else str(given)
 
 
@@ -38,7 +38,7 @@ Url: TypeAlias = Annotated[
     str | None,
     Parameter(
         help=tr(
-            "The bus as a URL, instead of --interface and --channel: can://socketcan/can0, "
+            "URL of the bus, instead of --interface and --channel: can://socketcan/can0, "
             "can://slcan//dev/ttyACM0?bitrate=500000, can://udp_multicast/239.74.163.2."
         )
     ),
@@ -47,7 +47,7 @@ JsonLines: TypeAlias = Annotated[
     bool,
     Parameter(
         name="--json",
-        help=tr("Print one JSON object for each frame, on a line."),
+        help=tr("Print one JSON object per frame, each on its own line."),
     ),
 ]
 
@@ -63,7 +63,7 @@ def _channel(_given: object) -> str:
 @Parameter(name="*", group=BUS)
 @dataclass(frozen=True)
 class BusOptions:
-    """Which bus."""
+    """Options that select the bus."""
 
     interface: Annotated[
         str | None,
@@ -83,16 +83,16 @@ class BusOptions:
         int | None,
         Parameter(
             converter=whole_number,
-            help=tr("Bit rate in bit/s, for interfaces that want to be told: 250000, 500000 or 1000000."),
+            help=tr("Bit rate in bit/s, for interfaces that require it: 250000, 500000 or 1000000."),
         ),
     ] = None
 
     def address(self, url: str | None) -> CanAddress:
-        """Return where the bus is.
+        """Return the address of the bus.
 
         Raises:
-            Failure: it is told twice, or only half of it.
-            InvalidAddress: the URL is none.
+            CommandError: If URL and options are combined, or the channel is missing.
+            InvalidAddress: If the URL is not valid.
         """
         if url is not None:
             return self._of_url(url)
@@ -100,7 +100,7 @@ class BusOptions:
         channel = self.channel if self.channel is not None else CHANNEL if interface == INTERFACE else None
         if channel is None:
             raise unusable(
-                tr("--interface {interface} needs a --channel", interface=interface),
+                tr("--interface {interface} requires --channel", interface=interface),
             )
         return _can_address(str(CanAddress(interface, channel, self.bitrate)))
 
@@ -110,7 +110,7 @@ class BusOptions:
         if twice:
             raise unusable(
                 tr(
-                    "{url} says all about the bus; {options} cannot be given beside it. Try: {example}?bitrate=500000",
+                    "{url}: {options} cannot be combined with a bus URL. Try: {example}?bitrate=500000",
                     url=url,
                     options=twice,
                     example=_EXAMPLE,
@@ -120,17 +120,17 @@ class BusOptions:
 
 
 def _can_address(url: str) -> CanAddress:
-    meant = _meant(url)
-    if meant:
-        raise unusable(tr("{url} is no URL of a CAN bus. Try: {suggestion}", url=url, suggestion=meant))
+    suggestion = _suggestion(url)
+    if suggestion:
+        raise unusable(tr("{url} is not a URL of a CAN bus. Try: {suggestion}", url=url, suggestion=suggestion))
     address = parse_address(url)
     if not isinstance(address, CanAddress):
-        raise unusable(tr("{url} is no CAN bus. Example: {example}", url=url, example=_EXAMPLE))
+        raise unusable(tr("{url} is not a CAN bus. Try: {example}", url=url, example=_EXAMPLE))
     return address
 
 
-def _meant(text: str) -> str:
-    """Return the URL of what seems to be a channel alone, ``""`` where it is something else."""
+def _suggestion(text: str) -> str:
+    """Return the URL for a text that seems to be a channel alone; ``""`` otherwise."""
     if "://" in text:
         return ""
     for pattern, before, behind in _CHANNELS:
@@ -150,34 +150,34 @@ _CHANNELS: Final = (
 @Parameter(name="*", group=FRAMES)
 @dataclass(frozen=True)
 class FrameOptions:
-    """What frames mean."""
+    """Options for decoding frames."""
 
     dialect: Annotated[
         str,
-        Parameter(help=tr("v1, the document's, or v2 of 2023, as the drivers have it: no frame says which.")),
+        Parameter(help=tr("v1 (as in the document) or v2 (of 2023); must match the drivers, frames do not show it.")),
     ] = "v1"
     host: Annotated[
         tuple[int, ...],
         Parameter(
             converter=whole_numbers,
             show_default=joined,
-            help=tr("Address of a host; may be given again. Requests and broadcasts tell who is who, too."),
+            help=tr("Address of a host; may be repeated. Hosts are also detected from requests and broadcasts."),
         ),
     ] = (2,)
     group: Annotated[
         int | None,
         Parameter(
             converter=whole_number,
-            help=tr("Only broadcasts of this group are decoded; any by default."),
+            help=tr("Decode only broadcasts of this group; by default all."),
         ),
     ] = None
-    load_unit: Annotated[float, Parameter(help=tr("Loads are counted in 1 or 0.1 %."))] = 1.0
+    load_unit: Annotated[float, Parameter(help=tr("Unit of load values in %: 1 or 0.1."))] = 1.0
 
     def decoder(self) -> Decoder:
-        """Return what decodes frames.
+        """Return a decoder for frames.
 
         Raises:
-            InvalidValue: an option cannot be.
+            InvalidValue: If an option is invalid.
         """
         from orinkit.abh3.table.decoder import Decoder
 

@@ -1,4 +1,4 @@
-"""``orinkit abh3``: listening to ABH3 motor drivers on CAN, reading logs of them, and their frames as a DBC file."""
+"""``orinkit abh3``: monitor ABH3 motor drivers on CAN, decode logs, and generate a DBC file."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ def monitor(
     *,
     plain: Annotated[
         bool,
-        Parameter(help=tr("Print a line for each frame instead of a table; so it is where stdout is no terminal.")),
+        Parameter(help=tr("Print a line per frame instead of a table; the default if stdout is not a terminal.")),
     ] = False,
     json: JsonLines = False,
     count: Annotated[
         int | None,
-        Parameter(converter=whole_number, help=tr("End after so many frames.")),
+        Parameter(converter=whole_number, help=tr("Number of frames after which to end.")),
     ] = None,
     seconds: Annotated[
-        float | None, Parameter(help=tr("End after so many seconds."))
+        float | None, Parameter(help=tr("Time in seconds after which to end."))
     ] = None,
     frames: FrameOptions = _FRAMES,
     bus: BusOptions = _BUS,
 ) -> int:  # fmt: skip
-    """Show the frames on a bus and what they say. It only listens: nothing is sent. Ctrl-C ends it."""
+    """Show and decode the frames on a bus. Only listens, never sends. Press Ctrl-C to end."""
     address = bus.address(url)
     decoder = frames.decoder()
     for option, number in (("--count", count), ("--seconds", seconds)):
@@ -54,7 +54,7 @@ def monitor(
         as_table = not (plain or json) and _on_terminal()
         if not _show(opened, decoder, (count, seconds), as_json=json, as_table=as_table):
             print(
-                tr("orinkit: no frames on {address}", address=address),
+                tr("orinkit: no frames received on {address}", address=address),
                 file=sys.stderr,
             )
     except KeyboardInterrupt:
@@ -65,13 +65,15 @@ def monitor(
 
 
 def _on_terminal() -> bool:
-    return sys.stdout is not None and sys.stdout.isatty()  # None: a shell was told to close it
+    return sys.stdout is not None and sys.stdout.isatty()  # None if the shell has closed it (>&-)
 
 
-def _show(bus: Bus, decoder: Decoder, most: tuple[int | None, float | None], *, as_json: bool, as_table: bool) -> bool:
-    """Show frames until there were so many, or so many seconds have passed; returns whether there were any."""
+def _show(
+    bus: Bus, decoder: Decoder, limits: tuple[int | None, float | None], *, as_json: bool, as_table: bool
+) -> bool:
+    """Show frames up to a number of frames and a time in s; return True if there were any."""
     seen = False
-    count, seconds = most
+    count, seconds = limits
     end = None if seconds is None else monotonic() + seconds
     if as_table:
         from orinkit.cli.abh3.live_table import LiveTable
@@ -110,8 +112,8 @@ def decode(
         Parameter(
             allow_leading_hyphen=True,
             help=tr(
-"A log: what candump or python -m can.logger print (.log, .txt), or .asc, .blf, .csv, "
-".trc; - reads what they print from stdin."),
+"Log file: output of candump or python -m can.logger (.log, .txt), or .asc, .blf, .csv, "
+".trc; - reads such output from stdin."),
         ),
     ],
     /,
@@ -119,18 +121,18 @@ def decode(
     json: JsonLines = False,
     frames: FrameOptions = _FRAMES,
 ) -> int:  # fmt: skip
-    """Tell what the frames of a log say, a line for each; exit code 1 if there are lines that are no frames."""
+    """Decode the frames of a log, one per line; exit with code 1 if there are lines that are not frames."""
     from orinkit.cli.abh3.logs import FrameLog
 
     decoder = frames.decoder()
     log = FrameLog(file)
     for frame in log:
         _print(decoder.decode(frame), as_json=json)
-    if log.passed_over:
+    if log.skipped:
         print(
             tr(
-"orinkit: {count} frames passed over: standard identifiers, remote, error or FD "
-"frames", count=log.passed_over),
+"orinkit: {count} frames skipped: standard identifiers, remote, error or FD "
+"frames", count=log.skipped),
             file=sys.stderr,
         )  # fmt: skip
     log.check()
@@ -140,7 +142,7 @@ def decode(
 def dbc(
     *,
     dialect: Annotated[
-        str, Parameter(group=FRAMES, help=tr("v1, the document's, or v2 of 2023."))
+        str, Parameter(group=FRAMES, help=tr("v1 (as in the document) or v2 (of 2023)."))
     ] = "v1",
     address: Annotated[
         tuple[int, ...],
@@ -148,7 +150,7 @@ def dbc(
             group=FRAMES,
             converter=whole_numbers,
             show_default=joined,
-            help=tr("Address of a driver; may be given again."),
+            help=tr("Address of a driver; may be repeated."),
         ),
     ] = (1,),
     host: Annotated[
@@ -156,13 +158,13 @@ def dbc(
     ] = 2,
     group: Annotated[
         int,
-        Parameter(group=FRAMES, converter=whole_number, help=tr("Group of the broadcasts.")),
+        Parameter(group=FRAMES, converter=whole_number, help=tr("Broadcast group.")),
     ] = 5,
     load_unit: Annotated[
-        float, Parameter(group=FRAMES, help=tr("Loads are counted in 1 or 0.1 %."))
+        float, Parameter(group=FRAMES, help=tr("Unit of load values in %: 1 or 0.1."))
     ] = 1.0,
 ) -> int:  # fmt: skip
-    """Print a DBC file of all frames; try: orinkit abh3 dbc > abh3.dbc; candump can0 | cantools decode abh3.dbc."""
+    """Print a DBC file of all frames. Example: orinkit abh3 dbc > abh3.dbc; candump can0 | cantools decode abh3.dbc."""
     from orinkit.abh3.table import dbc as made
 
     print(made.dbc(dialect, addresses=address, host=host, group=group, load_unit=load_unit), end="")

@@ -1,4 +1,4 @@
-"""``orinkit abh3 drive``: turn the motors of an ABH3 for some seconds, and bring them to rest, whatever happens."""
+"""``orinkit abh3 drive``: run the motors of an ABH3 for some seconds, and stop them in any case."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from orinkit.abh3.table.records import BR0
 
 _LONGEST: Final = 3600.0  # s
-_PERIODS: Final = (0.01, 0.3)  # s; a driver stops by itself when no command has come for 0.5 s
-_HELD_UP: Final = 0.45  # s without a command after which it may have done so
-_RAMP: Final = 5.0  # s that the motors get to come to rest
-_STILL: Final = 1.0  # min^-1
-_LOOK: Final = 0.02  # s
+_PERIODS: Final = (0.01, 0.3)  # s; a driver stops by itself if no command arrives for 0.5 s
+_HELD_UP: Final = 0.45  # s without a command after which the driver may have stopped
+_STOP_TIMEOUT: Final = 5.0  # s for the motors to stop
+_STANDSTILL: Final = 1.0  # min^-1
+_POLL: Final = 0.02  # s
 
 _DRIVER: Final = Group(tr("Driver"), sort_key=7)
 _VEHICLE: Final = Group(tr("Vehicle with two driven wheels, instead of --ay and --bx"),
@@ -38,7 +38,7 @@ _VEHICLE: Final = Group(tr("Vehicle with two driven wheels, instead of --ay and 
 @Parameter(name="*", group=_DRIVER)
 @dataclass(frozen=True)
 class DriverOptions:
-    """Which driver, and what its parameters are."""
+    """Options that select the driver, and its settings."""
 
     address: Annotated[
         int,
@@ -49,73 +49,73 @@ class DriverOptions:
         int,
         Parameter(
             converter=whole_number,
-            help=tr("Group of its broadcasts, 0 to 31."),
+            help=tr("Broadcast group of the driver, 0 to 31."),
         ),
     ] = 5
     dialect: Annotated[
         str,
-        Parameter(help=tr("v1, the document's, or v2 of 2023: a wrong one switches other inputs on.")),
+        Parameter(help=tr("v1 (as in the document) or v2 (of 2023). A wrong dialect switches wrong inputs on.")),
     ] = "v1"
     load_unit: Annotated[
-        float, Parameter(help=tr("It counts loads in 1 or 0.1 %."))
+        float, Parameter(help=tr("Unit of load values in %: 1 or 0.1."))
     ] = 1.0  # fmt: skip
 
 
 @Parameter(name="*", group=_VEHICLE)
 @dataclass(frozen=True)
 class VehicleOptions:
-    """How a vehicle is to move, and its measures."""
+    """Commands for a vehicle, and its dimensions."""
 
-    velocity: Annotated[float | None, Parameter(help=tr("Forwards, in m/s."))] = None
-    turn: Annotated[float | None, Parameter(help=tr("Turning in rad/s, positive to the left."))] = None
+    velocity: Annotated[float | None, Parameter(help=tr("Forward velocity in m/s."))] = None
+    turn: Annotated[float | None, Parameter(help=tr("Angular velocity in rad/s, positive to the left."))] = None
     wheel_diameter: Annotated[float | None, Parameter(help=tr("Diameter of the wheels in m."))] = None
-    track: Annotated[float | None, Parameter(help=tr("From one wheel to the other in m."))] = None
+    track: Annotated[float | None, Parameter(help=tr("Distance between the wheels in m."))] = None
     gear: Annotated[
         float | None,
-        Parameter(help=tr("Turns of a wheel for one of its motor, 0.1 for a gear of 10:1.")),
+        Parameter(help=tr("Turns of a wheel per turn of its motor, 0.1 for a gear of 10:1.")),
     ] = None  # fmt: skip
 
     @property
     def given(self) -> list[str]:
-        """The options that are given."""
+        """The names of the options that are set."""
         names = ("velocity", "turn", "wheel_diameter", "track", "gear")
         return ["--" + name.replace("_", "-") for name in names if getattr(self, name) is not None]
 
     def differential(self) -> Differential:
-        """Return the measures.
+        """Return the kinematics of the vehicle.
 
         Raises:
-            Failure: one is missing, or nothing is to move.
-            InvalidValue: one cannot be.
+            CommandError: If a dimension or both velocities are missing.
+            InvalidValue: If a dimension is out of range.
         """
         from orinkit.abh3.differential import Differential
 
         if self.velocity is None and self.turn is None:
             raise unusable(tr("{options}: --velocity or --turn is missing", options=', '.join(self.given)))  # fmt: skip
         if self.wheel_diameter is None or self.track is None or self.gear is None:
-            raise unusable(tr("--velocity and --turn need --wheel-diameter, --track and --gear"))  # fmt: skip
+            raise unusable(tr("--velocity and --turn require --wheel-diameter, --track and --gear"))  # fmt: skip
         return Differential(wheel_diameter=self.wheel_diameter, track=self.track, gear=self.gear)
 
     def commands(self, *, travel: bool) -> tuple[float, float]:
-        """Return A/Y and B/X in min^-1, as the driver's model wants them."""
-        measures = self.differential()
+        """Return the commands of A/Y and B/X in min^-1 for the model of the driver."""
+        differential = self.differential()
         v, omega = self.velocity or 0.0, self.turn or 0.0
-        return measures.to_travel(v, omega) if travel else measures.to_wheels(v, omega)
+        return differential.to_travel(v, omega) if travel else differential.to_wheels(v, omega)
 
 
 @dataclass(frozen=True)
 class DrivePlan:
-    """What is to be done.
+    """The operation that the command line requests.
 
     Attributes:
-        ay: command of A/Y in min^-1, or % of the rated current.
-        bx: the same of B/X.
-        torque: commands are currents.
-        vehicle: that says the commands instead, or ``None``.
-        seconds: that it takes.
-        period: s between commands.
-        reset: errors are to be reset.
-        keep_servo: the servo is to stay on.
+        ay: Command of A/Y in min^-1, or in % of the rated current.
+        bx: Command of B/X in min^-1, or in % of the rated current.
+        torque: Commands are currents.
+        vehicle: Determines the commands instead of ``ay`` and ``bx``; or ``None``.
+        seconds: Duration in s.
+        period: Time between commands in s.
+        reset: Reset errors first.
+        keep_servo: Leave the servo on at the end.
     """
 
     ay: float
@@ -128,10 +128,10 @@ class DrivePlan:
     keep_servo: bool
 
     def check(self) -> None:
-        """Find out that something cannot be before anything is sent.
+        """Check the values before anything is sent.
 
         Raises:
-            Failure, InvalidValue: something cannot be.
+            CommandError, InvalidValue: If a value is out of range.
         """
         low, high = _PERIODS
         if not 0 < self.seconds <= _LONGEST:
@@ -140,27 +140,27 @@ class DrivePlan:
             raise unusable(
                 tr(
                     "--period must be {low:g} to {high:g} s, not {period:g}: the driver stops by itself "
-                    "without commands",
+                    "if no commands arrive",
                     low=low,
                     high=high,
                     period=self.period,
                 ),
             )
-        self.commands(travel=True)  # if Y and X cannot be, A and B cannot either
+        self.commands(travel=True)  # if Y and X are out of range, so are A and B
 
     @property
     def quantity(self) -> Quantity:
-        """What commands are."""
+        """The quantity of the commands."""
         return CURRENT if self.torque else VELOCITY
 
     def commands(self, *, travel: bool) -> tuple[float, float]:
-        """Return the commands, of which each has a code.
+        """Return the commands of A/Y and B/X after checking that they can be encoded.
 
         Args:
-            travel: the driver has the travel-axis model.
+            travel: The driver has the travel-axis model.
 
         Raises:
-            InvalidValue: one is out of its range.
+            InvalidValue: If a command is out of range.
         """
         ay, bx = (self.ay, self.bx) if self.vehicle is None else self.vehicle.commands(travel=travel)
         names = ("--ay", "--bx") if self.vehicle is None else self._wheels
@@ -173,7 +173,7 @@ class DrivePlan:
 
     @property
     def _wheels(self) -> tuple[str, str]:
-        """What a vehicle's commands that cannot be are told of."""
+        """The names of the axes of a vehicle, for error messages."""
         measures = "--velocity, --turn, --wheel-diameter, --track, --gear"
         text = tr("axis of this vehicle ({measures})", measures=measures)
         return f"A/Y {text}", f"B/X {text}"
@@ -188,7 +188,7 @@ def drive(
     url: Url = None,
     /,
     *,
-    seconds: Annotated[float, Parameter(help=tr("How long, in s."))],
+    seconds: Annotated[float, Parameter(help=tr("Duration in s."))],
     ay: Annotated[
         float | None, Parameter(help=tr("Command of A/Y in min^-1; 0 by default."))
     ] = None,
@@ -196,29 +196,29 @@ def drive(
         float | None, Parameter(help=tr("Command of B/X in min^-1; 0 by default."))
     ] = None,
     torque: Annotated[
-        bool, Parameter(help=tr("--ay and --bx are currents in %: nothing limits the velocity but the driver."))
+        bool, Parameter(help=tr("--ay and --bx are currents in %; only the driver limits the velocity then."))
     ] = False,
     period: Annotated[
-        float, Parameter(help=tr("s between commands, and between lines."))
+        float, Parameter(help=tr("Time in s between commands, and between output lines."))
     ] = 0.1,
     no_reset: Annotated[
-        bool, Parameter(help=tr("Do not reset errors of the driver; without errors only."))
+        bool, Parameter(help=tr("Do not reset errors of the driver; fails if it has any."))
     ] = False,
     keep_servo: Annotated[
         bool, Parameter(help=tr(
-"Leave the servo on at the end; the driver has an error when it hears no host for a "
-"second."))
+"Leave the servo on at the end; the driver reports an error if it receives no command "
+"for 1 s."))
     ] = False,
     json: Annotated[
-        bool, Parameter(name="--json", help=tr("Print one JSON object for each line."))
+        bool, Parameter(name="--json", help=tr("Print one JSON object per line."))
     ] = False,
     vehicle: VehicleOptions = _STANDING,
     options: DriverOptions = _OPTIONS,
     bus: BusOptions = _BUS,
 ) -> int:  # fmt: skip
-    """Turn the motors of an ABH3: reset errors, servo on, start, commands; then to rest and servo off, whatever happens.
+    """Run the motors of an ABH3: reset errors, servo on, start, commands; in any case, finally stop and switch the servo off.
 
-    Ctrl-C and SIGTERM end it early. A line for each command tells what the driver says.
+    Ctrl-C and SIGTERM end it early. Print the feedback of the driver after each command.
     """
     _check_together(ay, bx, vehicle, torque=torque)
     plan = DrivePlan(
@@ -230,7 +230,7 @@ def drive(
     from orinkit.abh3.api.names import connect
 
     with (
-        FeedbackDisplay(as_json=json) as shown,  # the last to end: signals end its waiting then, the motors are at rest
+        FeedbackDisplay(as_json=json) as shown,  # outermost: when it waits for a reader at the end, the motors are stopped and signals work as usual
         Interrupts() as interrupts,
         connect(
             str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,
@@ -243,13 +243,13 @@ def drive(
 def _check_together(ay: float | None, bx: float | None, vehicle: VehicleOptions, *, torque: bool) -> None:
     axes = [name for name, value in (("--ay", ay), ("--bx", bx), ("--torque", torque or None)) if value is not None]
     if axes and vehicle.given:
-        raise unusable(tr("{axes} cannot be given beside {options}", axes=', '.join(axes), options=', '.join(vehicle.given)))  # fmt: skip
+        raise unusable(tr("{axes} cannot be combined with {options}", axes=', '.join(axes), options=', '.join(vehicle.given)))  # fmt: skip
     if ay is None and bx is None and not vehicle.given:
-        raise unusable(tr("nothing is to turn: --ay or --bx is missing (or --velocity or --turn)"))  # fmt: skip
+        raise unusable(tr("no command given. Try: --ay and --bx, or --velocity and --turn"))  # fmt: skip
 
 
 def _drive(driver: Driver[Any, Any], plan: DrivePlan, interrupts: Interrupts, shown: FeedbackDisplay) -> int:
-    """Do it; returns the exit code."""
+    """Carry out the plan; return the exit code."""
     interrupts.check()
     _clear(driver, plan)
     commands = plan.commands(travel=plan.vehicle is not None and _travels(driver))
@@ -257,10 +257,10 @@ def _drive(driver: Driver[Any, Any], plan: DrivePlan, interrupts: Interrupts, sh
         interrupts.check()
         _start(driver, plan)
         began = monotonic()
-        _keep_on(driver, plan, commands, interrupts, shown, began)
+        _command(driver, plan, commands, interrupts, shown, began)
     finally:
         interrupts.resting = True
-        notes = _rest(driver, keep_servo=plan.keep_servo)
+        notes = _stop(driver, keep_servo=plan.keep_servo)
         for note in notes:
             shown.note(note)
     if notes:
@@ -271,22 +271,22 @@ def _drive(driver: Driver[Any, Any], plan: DrivePlan, interrupts: Interrupts, sh
 
 
 def _clear(driver: Driver[Any, Any], plan: DrivePlan) -> None:
-    """Reset errors, or make sure that there are none.
+    """Reset errors, or check that there are none.
 
     Raises:
-        DriverFault, Failure: there are.
+        DriverFault, CommandError: If there are errors.
     """
     if plan.reset:
         driver.reset_errors()
         return
     found = driver.errors()
     if found.errors:
-        told = words(found.errors)
-        raise CommandError(tr("the driver has errors: {errors}. Try: without --no-reset", errors=told))  # fmt: skip
+        errors = words(found.errors)
+        raise CommandError(tr("the driver has errors: {errors}. Try: omit --no-reset", errors=errors))  # fmt: skip
 
 
 def _travels(driver: Driver[Any, Any]) -> bool:
-    """Whether the driver says that it has the travel-axis model, whose commands are those of Y and X."""
+    """Return True if the driver reports the travel-axis model, which takes the commands of Y and X."""
     feedback = driver.command()
     control = feedback.control if hasattr(feedback, "control") else driver.states().control
     return "travel_model" in control
@@ -299,7 +299,7 @@ def _start(driver: Driver[Any, Any], plan: DrivePlan) -> None:
     driver.set_input("start", 1)
 
 
-def _keep_on(
+def _command(
     driver: Driver[Any, Any],
     plan: DrivePlan,
     commands: tuple[float, float],
@@ -307,57 +307,56 @@ def _keep_on(
     shown: FeedbackDisplay,
     began: float,
 ) -> None:
-    """Command every period until the time is up.
+    """Send a command each period until the time is up.
 
     Raises:
-        KeyboardInterrupt: somebody wants an end.
-        Failure: the driver has errors, or this program was held up.
+        KeyboardInterrupt: If a signal has arrived.
+        CommandError: If the driver has errors, or a command is so late that the driver may have stopped.
     """
     end, due, sent = began + plan.seconds, began, began
     while (now := monotonic()) < end:
         if now - sent > _HELD_UP:
             raise CommandError(tr(
-"no command was sent for {seconds:.1f} s, so the driver may have stopped; it is not started "
-"again", seconds=now - sent))  # fmt: skip
+"no command was sent for {seconds:.1f} s: the driver may have stopped and is not restarted", seconds=now - sent))  # fmt: skip
         feedback = _read(driver, lambda: driver.command(*commands), now - began)
         sent = now
         shown.show(feedback)
-        _complain(feedback.faults)
+        _check_faults(feedback.faults)
         due = max(due + plan.period, monotonic())
         interrupts.wait(min(due, end))
 
 
-def _complain(found: BR0) -> None:
+def _check_faults(found: BR0) -> None:
     if found.errors:
-        told = words(found.errors)
-        raise CommandError(tr("the driver has stopped with errors: {errors}", errors=told))
+        errors = words(found.errors)
+        raise CommandError(tr("the driver has stopped with errors: {errors}", errors=errors))
 
 
 def _read(driver: Driver[Any, Any], command: Callable[[], Any], time: float) -> DriverFeedback:
-    """Send a command, and ask for all that is shown."""
+    """Send a command, and request all values that are shown."""
     return DriverFeedback(time, command(), driver.pulses(), driver.currents(), driver.errors())
 
 
-def _rest(driver: Driver[Any, Any], *, keep_servo: bool) -> list[str]:
-    """Bring the motors to rest, then switch the servo off; returns what went wrong."""
-    end = monotonic() + _RAMP
+def _stop(driver: Driver[Any, Any], *, keep_servo: bool) -> list[str]:
+    """Stop the motors, then switch the servo off; return messages about failures."""
+    end = monotonic() + _STOP_TIMEOUT
     notes = []
     while True:
         try:
             fastest = max(abs(velocity) for velocity in velocities_of(driver.stop()).values())
-        except OrinError as error:  # a single answer may be lost
+        except OrinError as error:  # a single reply may be lost
             wrong = str(error)
         else:
-            if fastest < _STILL:
+            if fastest < _STANDSTILL:
                 break
             wrong = f"{fastest:.1f} min^-1"
         if monotonic() > end:
-            notes.append(tr("the motors were not seen at rest within {seconds:g} s: {reason}", seconds=_RAMP, reason=wrong))  # fmt: skip
+            notes.append(tr("standstill of the motors was not confirmed within {seconds:g} s: {reason}", seconds=_STOP_TIMEOUT, reason=wrong))  # fmt: skip
             break
-        sleep(_LOOK)
+        sleep(_POLL)
     if not keep_servo:
         try:
-            driver.init()  # commands and inputs 0
+            driver.init()  # sets commands and inputs to 0
         except OrinError as error:
             notes.append(tr("the servo may still be on: {error}", error=error))
     return notes

@@ -1,4 +1,4 @@
-"""What an ABH3 says while it is driven: lines for people, one live line on a terminal, or JSON."""
+"""Feedback of an ABH3 while it is driven: text lines, one live line on a terminal, or JSON."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def velocities_of(feedback: DP0R | DP0RV2) -> dict[str, float]:
 
 
 def words(flags: Flags) -> str:
-    """Return what flags say, with their word."""
+    """Return the texts of the flags, and the flag word in hex."""
     return f"{', '.join(flags.texts) or '-'} (0x{flags.value:08X})"
 
 
 @dataclass(frozen=True, slots=True)
 class DriverFeedback:
-    """What a driver says at a moment.
+    """Feedback of a driver at one time.
 
     Attributes:
-        time: s from the start.
-        velocities: its answer to a command.
-        pulses: pulse counts.
-        currents: currents and loads.
-        faults: errors and warnings.
+        time: Time since the start in s.
+        velocities: Reply to a command.
+        pulses: Pulse counts.
+        currents: Currents and loads.
+        faults: Errors and warnings.
     """
 
     time: float
@@ -53,7 +53,7 @@ class DriverFeedback:
 
     @property
     def line(self) -> str:
-        """A line for people."""
+        """The feedback as a line for people."""
         speeds = "  ".join(f"{_AXES[name]} {value:.1f}" for name, value in velocities_of(self.velocities).items())
         pulses, currents = self.pulses, self.currents
         parts = (
@@ -66,7 +66,7 @@ class DriverFeedback:
 
     @property
     def json(self) -> str:
-        """A JSON object on a line."""
+        """The feedback as a JSON object on one line."""
         speeds, currents = velocities_of(self.velocities), self.currents
         percents = {
             "ay_current_command": currents.ay_current_command,
@@ -85,12 +85,12 @@ class DriverFeedback:
 
 
 class FeedbackDisplay:
-    """Shows what a driver says on stdout, and notes on stderr, while the ``with`` statement lasts.
+    """Shows the feedback of a driver on stdout, and notes on stderr, while the ``with`` statement lasts.
 
-    Nothing of it waits for a reader but the end of the ``with`` statement, and that for a second without progress at most.
+    Output never blocks. Only the end of the ``with`` statement waits for the reader, at most 1 s without progress.
 
     Args:
-        as_json: as lines of JSON.
+        as_json: Print JSON, one object per line.
     """
 
     def __init__(self, *, as_json: bool) -> None:
@@ -116,17 +116,17 @@ class FeedbackDisplay:
             self._out.close()
             if self._out.dropped and self._out.error is None:
                 number = self._out.dropped
-                self.note(tr("nobody has read {count} lines of stdout: they are lost", count=number))  # fmt: skip
+                self.note(tr("{count} lines of stdout were not read and are lost", count=number))  # fmt: skip
         finally:
             self._notes.close()
         if kind is None:
             self._out.check()
 
     def show(self, feedback: DriverFeedback) -> None:
-        """Show it.
+        """Show the feedback.
 
         Raises:
-            OSError: nothing more can be written.
+            OSError: If stdout cannot be written to.
         """
         self._out.check()
         if self._live is not None:
@@ -138,12 +138,12 @@ class FeedbackDisplay:
             self._out.write(f"{feedback.json if self._json else feedback.line}\n")
         warnings = feedback.faults.warnings
         if warnings.value & ~self._warnings:
-            told = words(warnings)
-            self.note(tr("warning: the driver warns: {warnings}", warnings=told))
+            text = words(warnings)
+            self.note(tr("warning: the driver reports: {warnings}", warnings=text))
         self._warnings = warnings.value
 
     def note(self, text: str) -> None:
-        """Say something on stderr; above the live line where there is one."""
+        """Print a line to stderr; above the live line, if there is one."""
         line = visible(f"orinkit: {' '.join(text.split())}")
         if self._live is not None and self._live.is_started:
             from rich.text import Text

@@ -1,4 +1,4 @@
-"""The live table of ``orinkit abh3 monitor``: a row for each kind of frame and its sender."""
+"""The live table of ``orinkit abh3 monitor``: a row for each message type and its sender."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from orinkit.core.i18n import tr
 if TYPE_CHECKING:
     from rich.table import Table
 
-_MOST_ROWS: Final = 200
+_MAX_ROWS: Final = 200
 _WINDOW: Final = 1.0  # s over which frames are counted for their rate
 _REFRESH: Final = 0.2  # s
-_STALE: Final = 2.0  # s after which a rate is over
+_STALE: Final = 2.0  # s without a frame after which the rate is shown as 0
 
 
 @dataclass(slots=True)
 class FrameRow:
-    """What is known of one kind of frame.
+    """Statistics of one message type of one sender.
 
     Attributes:
-        last: the frame that came last.
-        at: when it came, in s.
-        count: how many there were.
-        rate: frames per s.
-        since: when the frames that are being counted began to come.
-        counted: how many they are.
+        last: The latest frame.
+        at: Time of arrival of the latest frame in s.
+        count: Number of frames.
+        rate: Frames per s.
+        since: Begin of the current interval for the rate in s.
+        counted: Number of frames in the current interval.
     """
 
     last: DecodedFrame
@@ -41,7 +41,7 @@ class FrameRow:
     counted: int
 
     def add(self, decoded: DecodedFrame, now: float) -> None:
-        """Note another frame."""
+        """Count a frame."""
         self.last, self.at = decoded, now
         self.count += 1
         self.counted += 1
@@ -51,10 +51,10 @@ class FrameRow:
 
 
 class FrameRows:
-    """All rows; beyond 200 the one that has been silent longest makes room.
+    """All rows; at most 200, then a new one replaces the one whose latest frame is oldest.
 
     Args:
-        clock: seconds that run evenly.
+        clock: Returns a monotonic time in s.
     """
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
@@ -62,7 +62,7 @@ class FrameRows:
         self._rows: dict[tuple[str, int, int | None], FrameRow] = {}
 
     def add(self, decoded: DecodedFrame) -> None:
-        """Note a frame."""
+        """Count a frame."""
         now = self._clock()
         name = decoded.name or f"{decoded.frame.id:08X}"
         key = (name, decoded.source, decoded.destination)
@@ -70,12 +70,12 @@ class FrameRows:
         if row is not None:
             row.add(decoded, now)
             return
-        if len(self._rows) >= _MOST_ROWS:
+        if len(self._rows) >= _MAX_ROWS:
             del self._rows[min(self._rows, key=lambda key: self._rows[key].at)]
         self._rows[key] = FrameRow(decoded, now, 1, None, now, 0)
 
     def lines(self) -> list[tuple[str, str, str, str, str]]:
-        """Return frame, rate in 1/s, age in s, count and what the last one says, by sender and name."""
+        """Return frame, rate in 1/s, age in s, count and content of the latest frame, sorted by sender and name."""
         now = self._clock()
         found = []
         for key in sorted(self._rows, key=lambda key: (key[1], key[0], -1 if key[2] is None else key[2])):
@@ -99,11 +99,11 @@ class LiveTable:
         self._shown = monotonic()
 
     def add(self, decoded: DecodedFrame) -> None:
-        """Note a frame."""
+        """Count a frame."""
         self._rows.add(decoded)
 
     def refresh(self) -> None:
-        """Show what has changed, a few times a second at most."""
+        """Update the table, at most a few times per second."""
         if monotonic() - self._shown >= _REFRESH:
             self._show()
 

@@ -1,4 +1,4 @@
-"""Frames from logs: what candump and ``python -m can.logger`` print, and the files that python-can reads."""
+"""Frames from logs: output of candump and ``python -m can.logger``, and log files that python-can supports."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OF_CANDUMP: Final = ("", ".log", ".txt", ".candump")
 _LONGEST_LINE: Final = 4096
 _SHOWN: Final = 60
 _EXTENDED: Final = 8  # hex digits; a standard identifier has 3
-# (time) can0 00EF0201#B6FF0000DBFFDBFF of -L; (time) can0  00EF0201   [8]  B6 FF ... of the others; time and name may be missing
+# candump -L: (time) can0 00EF0201#B6FF0000DBFFDBFF; otherwise (time) can0  00EF0201   [8]  B6 FF ...; time and name are optional
 _LINE: Final = re.compile(
     r"""\s*(?:\((?P<time>[^()]*)\)\s+)?
     (?:(?![0-9A-Fa-f]+(?:\#|\s+\[))(?P<bus>\S+)\s+)?(?:[RT]X\s+\S\s+\S\s+)?
@@ -38,28 +38,28 @@ _OF_LOGGER: Final = re.compile(
     \s+DL:\s*(?P<length>\d+)(?P<data>(?:\s+[0-9A-Fa-f]{2}(?!\S))*)(?:\s.*)?""",
     re.VERBOSE | re.DOTALL,
 )
-_HEAD: Final = ("Connected to ", "Can Logger (Started on ")  # what can.logger prints first
+_HEAD: Final = ("Connected to ", "Can Logger (Started on ")  # first lines of can.logger
 
 
 class FrameLog:
     """The frames of a log, one by one.
 
     Args:
-        name: of the file, which may be a pipe; ``-`` for lines of candump from stdin.
+        name: Of the file, which may be a pipe; ``-`` for lines of candump from stdin.
 
     Attributes:
-        passed_over: frames that are no extended data frames of at most 8 bytes.
-        wrong: lines that are no frames.
-        first_wrong: the first of them: its number, from 1, and its text.
+        skipped: Number of frames that are not extended data frames of at most 8 bytes.
+        wrong: Number of lines that are not frames.
+        first_wrong: Number (from 1) and text of the first such line.
 
-    Going through it raises Failure where the file cannot be read, and MissingExtra where that needs python-can, which is
-    not installed.
+    Iteration raises CommandError if the file cannot be read, and MissingExtra if that requires python-can, which is not
+    installed.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._suffix = Path(name).suffix.lower()
-        self.passed_over = 0
+        self.skipped = 0
         self.wrong = 0
         self.first_wrong = (0, "")
 
@@ -69,16 +69,16 @@ class FrameLog:
         return self._candump() if self._suffix in _OF_CANDUMP else self._messages()
 
     def check(self) -> None:
-        """Tell whether all could be read.
+        """Check that all lines could be read.
 
         Raises:
-            Failure: there were lines that are no frames.
+            CommandError: If there were lines that are not frames.
         """
         if self.wrong:
             number, text = self.first_wrong
             raise CommandError(
                 tr(
-                    "{count} lines are no frames as candump or can.logger print them; the first is line "
+                    "{count} lines are not frames in the format of candump or can.logger; the first is line "
                     "{number}: {text!r}",
                     count=self.wrong,
                     number=number,
@@ -89,7 +89,7 @@ class FrameLog:
     # --- candump ------------------------------------------------------------------------------------------------------
 
     def _stdin(self) -> Iterator[CanFrame]:
-        if sys.stdin is None:  # it is where a shell was told to close it
+        if sys.stdin is None:  # None if the shell has closed it (<&-)
             raise unusable(tr("-: stdin is closed"))
         if hasattr(sys.stdin, "reconfigure"):
             sys.stdin.reconfigure(errors="replace")
@@ -117,12 +117,12 @@ class FrameLog:
                     self.first_wrong = (number, line.strip()[:_SHOWN])
                 continue
             if frame is None:
-                self.passed_over += 1
+                self.skipped += 1
             else:
                 yield frame
 
     def _line(self, file: TextIO) -> str:
-        """Read a line. Only this fails because of the log: what is done with a frame meanwhile has errors of its own."""
+        """Read a line. Errors are caught here only, to tell them from those of the code that handles the frames."""
         try:
             return file.readline(_LONGEST_LINE)
         except (OSError, ValueError) as error:
@@ -138,12 +138,12 @@ class FrameLog:
         with ExitStack() as opened:
             try:
                 messages = iter(opened.enter_context(can.LogReader(self._name)))
-            except Exception as error:  # noqa: BLE001 - readers raise whatever a damaged file makes of them
+            except Exception as error:  # noqa: BLE001 - readers may raise anything for a damaged file
                 raise _unreadable(self._name, error) from None
             while (message := self._message(messages)) is not None:
                 frame = to_frame(message)
                 if frame is None:
-                    self.passed_over += 1
+                    self.skipped += 1
                 else:
                     yield frame
 
@@ -155,17 +155,17 @@ class FrameLog:
 
 
 def _unreadable(name: str, error: Exception) -> CommandError:
-    """Return the exception for a file that the system does not let us read, or that is no log."""
+    """Return the exception for a file that cannot be opened, or that is not a log."""
     if isinstance(error, FileNotFoundError):
-        return unusable(tr("{name}: there is no such file", name=name))
+        return unusable(tr("{name}: no such file", name=name))
     if isinstance(error, IsADirectoryError):
-        return unusable(tr("{name}: that is a directory", name=name))
+        return unusable(tr("{name}: is a directory", name=name))
     if isinstance(error, OSError) and error.strerror:
-        return unusable(tr("{name}: it cannot be read: {reason}", name=name, reason=error.strerror))
+        return unusable(tr("{name}: cannot be read: {reason}", name=name, reason=error.strerror))
     reason = str(error) or type(error).__name__
     return unusable(
         tr(
-            "{name}: it cannot be read ({reason}). Known: what candump prints (.log), .asc, .blf, .csv, .trc",
+            "{name}: cannot be read ({reason}). Supported: output of candump (.log), .asc, .blf, .csv, .trc",
             name=name,
             reason=reason,
         ),
@@ -173,10 +173,10 @@ def _unreadable(name: str, error: Exception) -> CommandError:
 
 
 def read_line(line: str) -> CanFrame | None:
-    """Read a line of candump or can.logger; ``None`` of a frame that is no extended data frame of at most 8 bytes.
+    """Parse a line of candump or can.logger; return ``None`` if it is not an extended data frame of at most 8 bytes.
 
     Raises:
-        ValueError: it is no frame.
+        ValueError: If the line is not a frame.
     """
     match = _LINE.fullmatch(line)
     if match is None:
@@ -199,16 +199,16 @@ def read_line(line: str) -> CanFrame | None:
 
 
 def _counted(spaced: str, length: str) -> bytes | None:
-    """Return as many bytes as there are said to be; ``None`` where there are less."""
+    """Return the first ``length`` bytes; ``None`` if there are fewer."""
     data = bytes.fromhex(spaced)
     return data[: int(length)] if len(data) >= int(length) else None
 
 
 def _time(text: str | None) -> float:
-    """Return the seconds that candump writes, or those of its date and time since 1970; 0 without any.
+    """Return a time of candump in s: as printed, or for a date and time since 1970; 0 if it is missing.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: If it is not a valid time.
     """
     if text is None:
         return 0.0
@@ -218,5 +218,5 @@ def _time(text: str | None) -> float:
         pass
     try:
         return datetime.fromisoformat(text.strip()).timestamp()
-    except (OverflowError, OSError) as error:  # a year that this system has no seconds of
+    except (OverflowError, OSError) as error:  # a year out of the range of this system
         raise ValueError(text) from error

@@ -1,4 +1,4 @@
-"""Decoded frames as lines: for people, and as JSON."""
+"""Decoded frames as lines of text or JSON."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from orinkit.cli._shared.output import plain
 
 
 def line(decoded: DecodedFrame) -> str:
-    """Return time, frame and meaning, as ``candump -L`` begins its lines."""
+    """Return time, frame and meaning; the line begins like those of ``candump -L``."""
     frame = decoded.frame
     return f"({frame.time:.6f}) {frame}  {decoded.text}"
 
 
 def json_line(decoded: DecodedFrame) -> str:
-    """Return a JSON object without line feeds."""
+    """Return the frame as a JSON object on one line."""
     frame = decoded.frame
     document: dict[str, Any] = {
         "time": plain(frame.time),

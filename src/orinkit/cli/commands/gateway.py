@@ -1,4 +1,4 @@
-"""``orinkit gateway``: other controllers, over whatever protocol clients speak."""
+"""``orinkit gateway``: forward calls to other controllers, between any two protocols."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from orinkit.transport.address import parse_address
 from orinkit.transport.registry import examples, row_of
 
 _UPSTREAM: Final = Group(tr("Controllers"), sort_key=6)
-_RULES: Final = Group(tr("What is allowed"), sort_key=7)
+_RULES: Final = Group(tr("Access rules"), sort_key=7)
 _LISTENING: Final = ServerOptions()
 _NAMED: Final = re.compile(r"([^=:/?&]+)=(.*)", re.DOTALL)
 
@@ -35,8 +35,8 @@ def gateway(
         Parameter(
             group=_UPSTREAM,
             help=tr(
-"A controller: {examples}; NAME=URL for one of several, which clients choose by the machine name of "
-"Controller_Connect.", examples=examples()),
+"Address of a controller: {examples}. With several controllers, NAME=URL for each; clients select one by "
+"the machine name of Controller_Connect.", examples=examples()),
         ),
     ],
     provider: Annotated[
@@ -44,7 +44,7 @@ def gateway(
         Parameter(
             group=_UPSTREAM,
             show_default=_all,
-            help=tr("Provider name that is passed on; all are unless told otherwise. May be given again."),
+            help=tr("Provider name to forward; by default all. May be repeated."),
         ),
     ] = ("*",),
     timeout: Annotated[
@@ -52,61 +52,61 @@ def gateway(
         Parameter(
             group=_UPSTREAM,
             help=tr(
-"Seconds for connecting to a controller and for each call (3 by default); with UDP and "
-"serial lines for each try (0.5)."),
+"Time-out in seconds for connecting to a controller and for each call (3 by default); over "
+"UDP and serial lines for each attempt (0.5)."),
         ),
     ] = None,
     tries: Annotated[
         int,
         Parameter(
             group=_UPSTREAM,
-            help=tr("How often a request is sent with UDP and serial lines while no answer comes, 1 to 7."),
+            help=tr("How many times to send a request over UDP and serial lines if no reply arrives, 1 to 7."),
         ),
     ] = DEFAULT_TRIES,
     dialect: Annotated[
-        str, Parameter(group=_UPSTREAM, help=tr("rc8 or ve026a."))
+        str, Parameter(group=_UPSTREAM, help=tr("Dialect of the controllers: rc8 or ve026a."))
     ] = "rc8",
     upstream_token_file: Annotated[
         str | None,
         Parameter(
             group=_UPSTREAM,
-            help=tr("File with the token that an HTTP controller wants to be shown."),
+            help=tr("File with the token for HTTP controllers."),
         ),
     ] = None,
     upstream_cafile: Annotated[
         str | None,
         Parameter(
             group=_UPSTREAM,
-            help=tr("PEM file of certificates that an https controller's is to be signed by."),
+            help=tr("PEM file with the CA certificates that verify https controllers."),
         ),
     ] = None,
     read_only: Annotated[
-        bool, Parameter(group=_RULES, help=tr("Only what reads."))
+        bool, Parameter(group=_RULES, help=tr("Allow only calls that read."))
     ] = False,
     allow_function: Annotated[
         tuple[str, ...],
         Parameter(
             group=_RULES,
-            help=tr("Functions that are allowed, by the documents' names: \"Robot_*\"; may be given again."),
+            help=tr("Allow only these functions (names as in the documents): \"Robot_*\"; may be repeated."),
         ),
     ] = (),
     allow_variable: Annotated[
         tuple[str, ...],
         Parameter(
             group=_RULES,
-            help=tr("Variables that are allowed: \"IO1??\"; may be given again."),
+            help=tr("Allow only these variables: \"IO1??\"; may be repeated."),
         ),
     ] = (),
     allow_command: Annotated[
         tuple[str, ...],
         Parameter(
             group=_RULES,
-            help=tr("Commands of Execute that are allowed: \"Get*\"; may be given again."),
+            help=tr("Allow only these commands of Execute: \"Get*\"; may be repeated."),
         ),
     ] = (),
     listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
-    """Pass calls on to other controllers; each listener is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP."""
+    """Forward calls to other controllers; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
     check(listening)
     if upstream_cafile is not None:
         read("--upstream-cafile", upstream_cafile)
@@ -132,16 +132,16 @@ def gateway(
 
 
 def _named(given: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Return name and URL of each controller; the name of a single one may be left out.
+    """Return name and URL of each controller; the name of a single one may be omitted.
 
     Raises:
-        Failure: a name is missing, or there twice.
+        CommandError: If a name is missing or occurs twice.
     """
     found = [(match[1].strip(), match[2]) if (match := _NAMED.fullmatch(text)) else ("", text) for text in given]
     names = [name.lower() for name, _ in found]
     if len(found) > 1 and ("" in names or len(set(names)) < len(names)):
         raise unusable(
-            tr("--upstream: each of several controllers needs a name of its own, as cell1=tcp://192.168.0.1:5007"),
+            tr("--upstream: several controllers require unique names. Try: cell1=tcp://192.168.0.1:5007"),
         )
     return found
 

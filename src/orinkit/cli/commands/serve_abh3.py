@@ -1,4 +1,4 @@
-"""``orinkit serve abh3``: virtual ABH3 motor drivers on a CAN bus."""
+"""``orinkit serve abh3``: serve virtual ABH3 motor drivers on a CAN bus."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _DRIVER: Final = Group(tr("Driver"), sort_key=7)
 _MODE: Final = re.compile(r"([0-7])=(\d{1,4})", re.ASCII)
 _BROADCASTS: Final = 8
-_LOOK: Final = 0.1  # s between two looks whether there was a signal
+_POLL: Final = 0.1  # s between two checks for a signal
 
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 else:
     AdmittingPlaces = places_class(
         tr(
-            "HOST:PORT to let CAO clients in at, or PORT alone for 127.0.0.1; may be given again. "
-            "Port 0 takes a free one. Without these options nobody is let in."
+            "HOST:PORT to listen on for CAO clients, or PORT alone for 127.0.0.1; may be repeated. "
+            "Port 0 selects a free port. Without any of these options, CAO clients cannot connect."
         )
     )
 
@@ -48,10 +48,10 @@ _WEB: Final = HttpServerOptions()
 @Parameter(name="*", group=LISTENING)
 @dataclass(frozen=True)
 class ProviderOptions(ServerOptions):
-    """Where CAO clients are let in, if anywhere."""
+    """Addresses to listen on for CAO clients; none by default."""
 
     at: AdmittingPlaces = _NOWHERE
-    web: HttpServerOptions = _WEB  # said again: the annotation is looked up in this module
+    web: HttpServerOptions = _WEB  # repeated because annotations are resolved in this module
 
 
 _BUS: Final = BusOptions()
@@ -68,40 +68,40 @@ def serve_abh3(
             group=_DRIVER,
             converter=whole_numbers,
             show_default=joined,
-            help=tr("Address of the driver, 0 to 253; may be given again for several drivers on the bus."),
+            help=tr("Address of the driver, 0 to 253; repeat it for several drivers on the bus."),
         ),
     ] = (1,),
     host: Annotated[
         int,
-        Parameter(group=_DRIVER, converter=whole_number, help=tr("Address of the host that it obeys.")),
+        Parameter(group=_DRIVER, converter=whole_number, help=tr("Address of the host whose commands the driver accepts.")),
     ] = 2,
     any_host: Annotated[
-        bool, Parameter(group=_DRIVER, help=tr("It obeys every host."))
+        bool, Parameter(group=_DRIVER, help=tr("Accept commands of every host."))
     ] = False,
     group: Annotated[
         int,
-        Parameter(group=_DRIVER, converter=whole_number, help=tr("Group of its broadcasts, 0 to 31.")),
+        Parameter(group=_DRIVER, converter=whole_number, help=tr("Broadcast group, 0 to 31.")),
     ] = 5,
     dialect: Annotated[
         str,
-        Parameter(group=_DRIVER, help=tr("v1, the document's, or v2 of 2023.")),
+        Parameter(group=_DRIVER, help=tr("v1 (as in the document) or v2 (of 2023).")),
     ] = "v1",
     load_unit: Annotated[
         float,
-        Parameter(group=_DRIVER, help=tr("It counts loads in 1 or 0.1 %.")),
+        Parameter(group=_DRIVER, help=tr("Unit of load values in %: 1 or 0.1.")),
     ] = 1.0,
     model: Annotated[
         str,
         Parameter(
             group=_DRIVER,
-            help=tr("What is commanded: motor (A and B), or travel (Y moves, X turns)."),
+            help=tr("Meaning of the commands: motor (A and B), or travel (Y travels, X turns)."),
         ),
     ] = "motor",
     broadcast: Annotated[
         tuple[str, ...],
         Parameter(
             group=_DRIVER,
-            help=tr("Send a broadcast unasked: 2=100 sends number 2 every 100 ms; may be given again."),
+            help=tr("Send a broadcast periodically: 2=100 sends broadcast 2 every 100 ms; may be repeated."),
         ),
     ] = (),
     single_period: Annotated[
@@ -109,7 +109,7 @@ def serve_abh3(
         Parameter(
             group=_DRIVER,
             converter=whole_number,
-            help=tr("Send the feedback every so many ms too, 1 to 1000; only when asked by default."),
+            help=tr("Also send the feedback periodically, every 1 to 1000 ms; by default only on request."),
         ),
     ] = None,
     command_timeout: Annotated[
@@ -117,7 +117,7 @@ def serve_abh3(
         Parameter(
             group=_DRIVER,
             converter=whole_number,
-            help=tr("ms without a command after which it stops; 0 for never."),
+            help=tr("Time in ms without a command after which the driver stops; 0 for never."),
         ),
     ] = 500,
     error_timeout: Annotated[
@@ -125,22 +125,23 @@ def serve_abh3(
         Parameter(
             group=_DRIVER,
             converter=whole_number,
-            help=tr("ms without a command after which that is an error; 0 for never."),
+            help=tr("Time in ms without a command after which the driver reports an error; 0 for never."),
         ),
     ] = 1000,
     time_scale: Annotated[
         float,
         Parameter(
             group=_DRIVER,
-            help=tr("How many seconds of the driver pass in one real second."),
+            help=tr("Simulated seconds per real second."),
         ),
     ] = 1.0,
     bus: BusOptions = _BUS,
     listening: ProviderOptions = _ADMITTING,
 ) -> int:  # fmt: skip
-    """Serve virtual ABH3 drivers on a CAN bus, which is told on stdout as "ready URL". Stops on SIGINT, SIGTERM and SIGHUP.
+    """Serve virtual ABH3 drivers on a CAN bus; print "ready URL" for it. Stop on SIGINT, SIGTERM or SIGHUP.
 
-    With an address, as --tcp HOST:PORT, CAO clients are let in too: CaoProv.Waco.ABH3 on this bus, "ready URL" for each.
+    With an address such as --tcp HOST:PORT, also serve CaoProv.Waco.ABH3 on this bus to CAO clients, and print "ready URL"
+    for each listener.
     """
     served = any(listening.at.given())
     check(listening)
@@ -158,12 +159,12 @@ def serve_abh3(
 
 
 def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[ServerOptions, dict[str, Any]] | None) -> int:
-    """Serve drivers until a signal comes.
+    """Serve drivers until a signal arrives.
 
     Args:
-        drivers: to serve.
-        at: bus to serve them on.
-        cao: where CAO clients are let in, and what holds where they say nothing.
+        drivers: The drivers.
+        at: The bus to serve them on.
+        cao: The server options for CAO clients, and the defaults for options that clients omit.
     """
     from orinkit.can.server import serve_can
 
@@ -172,7 +173,7 @@ def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[ServerOptions,
             from orinkit.abh3.provider.provider import ABH3Provider
 
             return run([ABH3Provider(server.url, **cao[1])], cao[0], before=(f"ready {server.url}",))
-        with _told_to_stop() as wait:
+        with _wait_for_signals() as wait:
             if at.interface == "virtual":
                 print(_only_here(), file=sys.stderr)
             print(f"ready {server.url}", flush=True)
@@ -182,23 +183,23 @@ def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[ServerOptions,
 
 def _only_here() -> str:
     return tr(
-        "orinkit: warning: the interface virtual is within one process: no other program can "
+        "orinkit: warning: the interface virtual works within one process only: no other program can "
         "reach this driver. Try: --interface udp_multicast"
     )
 
 
 @contextmanager
-def _told_to_stop() -> Iterator[Callable[[], None]]:
-    """Give what waits for SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
-    told: list[int] = []  # no threading.Event: to set one here, while wait() holds its lock, would wait for ever
+def _wait_for_signals() -> Iterator[Callable[[], None]]:
+    """Yield a function that waits for SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
+    received: list[int] = []  # not a threading.Event: set() in a handler would deadlock while wait() holds its lock
 
     def handle(number: int, _frame: object) -> None:
         signal.signal(number, signal.SIG_DFL)
-        told.append(number)
+        received.append(number)
 
     def wait() -> None:
-        while not told:
-            sleep(_LOOK)
+        while not received:
+            sleep(_POLL)
 
     before = {number: signal.signal(number, handle) for number in ending()}
     try:
@@ -212,7 +213,7 @@ def _drivers(addresses: tuple[int, ...], settings: dict[str, Any], time_scale: f
     """Return the drivers.
 
     Raises:
-        Failure, InvalidValue: a setting cannot be.
+        CommandError, InvalidValue: If a setting is invalid.
     """
     from orinkit.virtual.abh3 import Parameters, VirtualABH3
     from orinkit.virtual.clock import Clock
@@ -225,10 +226,10 @@ def _drivers(addresses: tuple[int, ...], settings: dict[str, Any], time_scale: f
 
 
 def _period(milliseconds: int) -> int:
-    """Return a period for single packets: 0 and -1 mean other things to a driver.
+    """Return the period of single packets after checking it: 0 and -1 have other meanings for a driver.
 
     Raises:
-        Failure: it is less than 1.
+        CommandError: If it is less than 1.
     """
     if milliseconds < 1:
         raise unusable(
@@ -238,17 +239,17 @@ def _period(milliseconds: int) -> int:
 
 
 def _modes(given: tuple[str, ...]) -> tuple[int, ...]:
-    """Return for each broadcast how many ms are between two; 0 for when asked.
+    """Return the period of each broadcast in ms; 0 for on request only.
 
     Raises:
-        Failure: one cannot be read.
+        CommandError: If a text does not have the form N=MS.
     """
     modes = [0] * _BROADCASTS
     for text in given:
         match = _MODE.fullmatch(text)
         if match is None:
             raise unusable(
-                tr("--broadcast {text}: N=MS is needed, as 2=100: number 0 to 7, 1 to 1000 ms", text=text),
+                tr("--broadcast {text}: not N=MS with N from 0 to 7 and MS from 1 to 1000. Try: 2=100", text=text),
             )
         modes[int(match[1])] = int(match[2])
     return tuple(modes)

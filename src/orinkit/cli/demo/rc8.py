@@ -1,4 +1,4 @@
-"""``orinkit demo``: a client and a virtual controller talk, and every packet is shown and checked."""
+"""``orinkit demo``: a client calls a virtual controller; every packet is shown and checked."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 _URL: Final = "tcp://127.0.0.1:0"
 _INTERVAL: Final = 0.15
-_PATIENCE: Final = 30.0  # s for an answer: the controller is a program on this machine, which may be busy
+_PATIENCE: Final = 30.0  # s for a reply: the virtual controller runs on this machine, which may be busy
 _LOGS: Final = ("orinkit.rc8", "orinkit.ve026a")
 
 
 def demo(
     device: Annotated[
         Literal["rc8", "ve026a"],
-        Parameter(help=tr("Which device is shown: rc8 over TCP, or ve026a over a pseudo-terminal.")),
+        Parameter(help=tr("Device to demonstrate: rc8 over TCP, or ve026a over a pseudo-terminal.")),
     ] = "rc8",
     /,
     *,
@@ -43,33 +43,33 @@ def demo(
     json: Json = False,
     picture: Annotated[
         str | None,
-        Parameter(help=tr("File for a picture of the arm's motion (png, svg, pdf); that of slave mode is beside it.")),
+        Parameter(help=tr("File for a picture of the motion (.png, .svg, .pdf); that of slave mode is put beside it.")),
     ] = None,
 ) -> None:  # fmt: skip
-    """Serve virtual RC8s on free loopback ports and run the document's Lists 3-1, 3-2, 3-3 and 4-1 against them.
+    """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the document against them.
 
-    With ``ve026a`` a virtual VE026A at a pseudo-terminal, and the procedure of its document's section 6.2. Every answer is
-    compared with the document; exit code 1 if one differs.
+    With ``ve026a``, serve a virtual VE026A at a pseudo-terminal and run the procedure of section 6.2 of its document. Every
+    reply is compared with the document; the exit code is 1 if one differs.
     """
     from orinkit.cli._shared.output import print_json
 
     say: Callable[[str], None] = (lambda _line: None) if json else print
     if picture is not None and device != "rc8":
-        raise unusable(tr("--picture is for rc8"))
+        raise unusable(tr("--picture is available for rc8 only"))
     with late_told_here():
         if device == "rc8":
-            told = _demo_rc8(say, picture, fields=fields)
+            document = _demo_rc8(say, picture, fields=fields)
         else:
             from orinkit.cli.demo import ve026a
 
-            told = ve026a.run(say, fields=fields)
+            document = ve026a.run(say, fields=fields)
     if json:
-        print_json(told)
+        print_json(document)
 
 
 @contextmanager
 def late_told_here() -> Iterator[None]:
-    """Keep the logs of the virtual controllers off stderr: the demo itself tells of late set-points."""
+    """Keep the logs of the virtual controllers off stderr: the demo itself reports late set-points."""
     handler = NullHandler()
     for name in _LOGS:
         getLogger(name).addHandler(handler)
@@ -81,7 +81,7 @@ def late_told_here() -> Iterator[None]:
 
 
 def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) -> dict[str, Any]:
-    """Run the programs of the document for RC8; returns what was done, for JSON."""
+    """Run the programs of the RC8 document; return the steps, for JSON."""
     from orinkit.cli.demo.steps import LISTS
 
     documents: list[dict[str, Any]] = []
@@ -90,11 +90,11 @@ def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) 
         run_program(name, program, documents, say, fields=fields, recording=recording)
     motion, slave = (None, None) if picture is None else recording.draw(Path(picture))
     count = sum(document["answers"] for document in documents)
-    say(tr("\nAll {count} answers are as the document says.", count=count))
+    say(tr("\nAll {count} replies match the document.", count=count))
     if motion is not None:
         say(
             tr(
-                "The arm's motion is drawn in {motion}, command and feedback of slave mode in {slave}.",
+                "Pictures: the motion of the arm in {motion}, command and feedback of slave mode in {slave}.",
                 motion=motion,
                 slave=slave,
             )
@@ -103,17 +103,17 @@ def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) 
 
 
 class DemoRecording:
-    """What is drawn: the control log of the motion that was watched, and command and feedback of slave mode."""
+    """Data for the pictures: the control log of the watched motion, and command and feedback of slave mode."""
 
     def __init__(self) -> None:
         self.records: list[list[float]] = []
         self.trace: StreamTrace | None = None
 
     def draw(self, path: Path) -> tuple[str, str]:
-        """Draw both, the second one beside the first; returns the names of the pictures.
+        """Draw both pictures, the second one in the same directory; return their names.
 
         Raises:
-            Failure: there is no matplotlib, or a file cannot be written.
+            CommandError: If matplotlib is not installed, or a file cannot be written.
         """
         from orinkit.cli._shared import motion_plot, stream_plot
         from orinkit.cli._shared.motion_record import joints_of, recording_of
@@ -131,18 +131,18 @@ def run_program(
     name: str, program: DemoProgram, documents: list[dict[str, Any]], say: Callable[[str], None], *, fields: bool,
     recording: DemoRecording | None = None,
 ) -> None:  # fmt: skip
-    """Run a program of the document against a virtual RC8 of its own.
+    """Run a program of the document against its own virtual RC8.
 
     Args:
-        name: of the program in the document.
-        program: the program.
-        documents: takes each step with its packets, for JSON.
-        say: takes each line for people.
-        fields: explain packets field by field.
-        recording: takes the motion that is watched.
+        name: Name of the program in the document.
+        program: The program.
+        documents: Receives each step with its packets, for JSON.
+        say: Called with each line for people.
+        fields: Explain packets field by field.
+        recording: Receives the watched motion.
 
     Raises:
-        Failure: an answer is not as the document says.
+        CommandError: If a reply differs from the document.
     """
     import orinkit
     from orinkit.cli._shared.terminal import bold
@@ -170,13 +170,13 @@ def run_program(
 
 @dataclass(frozen=True, slots=True)
 class StepOutcome:
-    """What became of a step.
+    """Result of a step.
 
     Attributes:
-        packets: that were seen.
-        lines: what is still to be shown.
-        problem: what is not as the document says.
-        report: of a stream.
+        packets: The packets of the step.
+        lines: Lines that are still to be shown.
+        problem: Difference from the document; ``""`` if there is none.
+        report: Report of a stream.
     """
 
     packets: list[TracedPacket]
@@ -185,16 +185,16 @@ class StepOutcome:
     report: StreamReport | None = None
 
     def document(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        told: dict[str, Any] = {"answers": 1, "packets": [packet.document() for packet in self.packets]}
+        """Return the result for JSON."""
+        document: dict[str, Any] = {"answers": 1, "packets": [packet.document() for packet in self.packets]}
         if self.report is not None:
-            told["answers"] = self.report.result.sent
-            told["stream"] = self.report.document()
-        return told
+            document["answers"] = self.report.result.sent
+            document["stream"] = self.report.document()
+        return document
 
 
 class MotionDisplay:
-    """Shows over a second connection where the arm is while a call of the first is at work, and records it."""
+    """Shows and records the joint position, read over a second connection, while a call on the first one is executing."""
 
     def __init__(self, url: str, say: Callable[[str], None], recording: DemoRecording | None) -> None:
         self._url = url
@@ -202,11 +202,11 @@ class MotionDisplay:
         self.recording = recording
 
     def during(self, call: Callable[[], Any], *, log: bool) -> Any:
-        """Return what a call gives, or raise what it raises, and look on meanwhile.
+        """Show the joint position during a call; return the result of the call or raise its exception.
 
         Args:
-            call: the call.
-            log: keep the control log.
+            call: The call.
+            log: Keep the control log.
         """
         import orinkit
         from orinkit.cli.demo.stream import joints_line
@@ -218,19 +218,19 @@ class MotionDisplay:
         ):
             robot.execute("StartLog")
             self.say(joints_line(robot.execute("CurJnt")[:6]))
-            at_work = pool.submit(call)
-            while wait([at_work], _INTERVAL).not_done:
+            running = pool.submit(call)
+            while wait([running], _INTERVAL).not_done:
                 self.say(joints_line(robot.execute("CurJnt")[:6]))
             robot.execute("StopLog")
             self.say(joints_line(robot.execute("CurJnt")[:6]))
             if log and self.recording is not None:
                 count = robot.execute("GetLogCount")
                 self.recording.records = [robot.execute("GetLogRecord", index) for index in range(count)]
-            return at_work.result()
+            return running.result()
 
 
 class DemoRun:
-    """Carries out steps on one connection and compares the packets that come back with the document."""
+    """Executes steps on one connection and compares the replies with the document."""
 
     def __init__(
         self, client: orinkit.Client, rc8: VirtualRC8, transcript: Transcript, watch: MotionDisplay, *, fields: bool
@@ -243,7 +243,7 @@ class DemoRun:
         self._kept: dict[str, Any] = {}
 
     def carry_out(self, step: DemoStep | StreamStep) -> StepOutcome:
-        """Make the call, or stream."""
+        """Execute a step: a call, or a stream."""
         from orinkit.cli.demo.steps import StreamStep
         from orinkit.core.errors import OrinError
 
@@ -290,18 +290,18 @@ class DemoRun:
         return StepOutcome(self._transcript.packets[first:], lines, problem, report)
 
     def _packets_since(self, first: int) -> list[str]:
-        """Return packets for people, each with all its lines."""
+        """Return the packets from an index on, for people."""
         return ["\n".join(packet.lines(fields=self._fields)) for packet in self._transcript.packets[first:]]
 
     def _given(self, argument: Any) -> Any:
-        """Return an argument; what an earlier step was answered with for a Handle."""
+        """Return an argument; a HandleOf is replaced by the result of the earlier step."""
         from orinkit.cli.demo.steps import HandleOf
 
         return self._kept[argument.name] if isinstance(argument, HandleOf) else argument
 
 
 def compare(packets: list[TracedPacket], step: DemoStep) -> str:
-    """Return what differs from the document, ``""`` if nothing does; S_EXECUTING may come before the reply (RC8 3.1.1)."""
+    """Return the difference from the document, ``""`` if there is none; S_EXECUTING may precede the reply (RC8 3.1.1)."""
     from orinkit.bcap import packet
     from orinkit.core import hresult
 
@@ -309,16 +309,16 @@ def compare(packets: list[TracedPacket], step: DemoStep) -> str:
     directions = "".join(each.direction for each in packets)
     early = [each for each in decoded[1:-1] if each.code != hresult.S_EXECUTING]
     if len(decoded) < 2 or early or directions != ">" + "<" * (len(decoded) - 1):
-        return tr("one request and one reply were expected")
+        return tr("expected one request and one reply")
     request, reply = decoded[0], decoded[-1]
     head = (reply.serial, reply.reserved, reply.code)
     if head != (request.serial, 0, 0):
         return tr(
-            "serial, reserved field and return code are {received}, ({serial}, 0, 0) was expected",
+            "serial number, reserved field and return code are {received}; the document has ({serial}, 0, 0)",
             received=head,
             serial=request.serial,
         )
     expected = step.check(reply.arguments)
     if not expected:
         return ""
-    return tr("answered with {arguments}, the document has {expected}", arguments=reply.arguments, expected=expected)
+    return tr("the reply is {arguments}; the document has {expected}", arguments=reply.arguments, expected=expected)

@@ -1,6 +1,6 @@
-"""What the demo does and what the document says to each step, as data: a list of steps for each of its programs.
+"""The steps of the demo and the replies that the document specifies, as data: a list for each program of the document.
 
-A further program of the document is a further list here and an entry in :data:`LISTS`.
+To add another program of the document, add a list here and an entry in :data:`LISTS`.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ DEMO_ERROR: Final = hresult.MOTOR_NOT_ON
 
 @dataclass(frozen=True, slots=True)
 class HandleOf:
-    """Stands for what an earlier step was answered with: a handle, mostly."""
+    """Placeholder for the result of an earlier step, usually a handle."""
 
     name: str
 
 
 Check = Callable[[list[Variant]], str]
-"""Looks at the arguments of a reply; returns what the document says instead, ``""`` if they are right."""
+"""Checks the arguments of a reply; returns what the document specifies instead, ``""`` if they are right."""
 
 
 @dataclass(frozen=True, slots=True)
 class DemoStep:
-    """One call, and what it must be answered with.
+    """A call, and the expected reply.
 
     Attributes:
-        text: what is done, in English, of the catalogue.
-        section: where the document has it.
-        function: what is called.
-        arguments: of the call; a :class:`HandleOf` for a handle.
-        check: tells whether the answer is right.
-        keep: name under which what is answered is kept, a handle mostly.
-        before: what happens in the controller before the call, nothing by default.
-        watch: show where the arm is while the call is at work.
-        log: have the controller log the motion meanwhile, for a picture.
+        text: Description in English, a message of the catalogue.
+        section: Section of the document.
+        function: The function to call.
+        arguments: Its arguments; a :class:`HandleOf` for a handle.
+        check: Checks the reply.
+        keep: Name under which the result is stored for later steps, usually a handle.
+        before: Called with the virtual controller before the call.
+        watch: Show the joint position while the call is executing.
+        log: Keep the control log of the motion, for a picture.
     """
 
     text: str
@@ -61,21 +61,21 @@ class DemoStep:
 
     @property
     def title(self) -> str:
-        """What is done, in the current language."""
+        """The description in the current language."""
         return tr(self.text)
 
 
 @dataclass(frozen=True, slots=True)
 class StreamStep:
-    """Set-points that go out in slave mode, one in each cycle of the controller.
+    """Set-points sent in slave mode, one in each cycle of the controller.
 
     Attributes:
-        text: what is done, in English, of the catalogue.
-        section: where the document has it.
-        controller, robot: their handles.
-        start: joints that an earlier step was answered with.
-        mode: of slave mode: 0, 1 or 2.
-        points: makes the set-points, joints, of where the arm is.
+        text: Description in English, a message of the catalogue.
+        section: Section of the document.
+        controller, robot: Their handles.
+        start: Initial joint position, the result of an earlier step.
+        mode: Slave mode: 0, 1 or 2.
+        points: Returns the set-points (joints) for an initial joint position.
     """
 
     text: str
@@ -88,20 +88,20 @@ class StreamStep:
 
     @property
     def title(self) -> str:
-        """What is done, in the current language."""
+        """The description in the current language."""
         return tr(self.text)
 
 
-# --- what answers must be ---------------------------------------------------------------------------------------------
+# --- checks of replies ------------------------------------------------------------------------------------------------
 
 
 def nothing(answer: list[Variant]) -> str:
-    """No result."""
+    """Check that there is no result."""
     return tr("no argument") if answer else ""
 
 
 def a_handle(answer: list[Variant]) -> str:
-    """A handle: one VT_I4 above zero."""
+    """Check for a handle: one VT_I4 above zero."""
     right = len(answer) == 1 and answer[0].type == VarType.I4 and answer[0].value > 0
     return "" if right else tr("a handle (VT_I4 above 0)")
 
@@ -130,7 +130,7 @@ def an_error(code: int) -> Check:
 
 
 def a_text(answer: list[Variant]) -> str:
-    """A text that says something."""
+    """Check for a text that is not empty."""
     right = len(answer) == 1 and answer[0].type == VarType.BSTR and answer[0].value
     return "" if right else tr("a text (VT_BSTR)")
 
@@ -173,7 +173,7 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
          f.controller_execute, (_CONTROLLER, "GetErrorDescription", hresult.signed(DEMO_ERROR)), a_text),
     DemoStep(N_("Clear it"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
-    DemoStep(N_("No error is left"), "RC8 3.3.6",
+    DemoStep(N_("There are no more errors"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetCurErrorCount", None), exactly(VarType.I4, 0)),
     DemoStep(N_("Release @MODE"), "RC8 3.1.4",
          f.variable_release, (_MODE,), nothing),
@@ -190,13 +190,13 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
 
 
 def _motor_on(rc8: VirtualRC8) -> None:
-    """A person switches the motor on at the pendant: the program of the list does not."""
+    """Switch the motor on at the pendant, because the program of the list does not."""
     rc8.pendant.motor()
     while rc8.pendant.status()["motor"] != "on":
-        time.sleep(_LOOK)
+        time.sleep(_POLL)
 
 
-_LOOK: Final = 0.02
+_POLL: Final = 0.02
 _TASK: Final = HandleOf("Pro1")
 _CONTINUOUS: Final = 2
 _CYCLE_STOP: Final = 3
@@ -210,9 +210,9 @@ LIST_3_2: Final[tuple[DemoStep, ...]] = (
          f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
     DemoStep(N_("Connect to the task Pro1"), "RC8 3.2.1",
          f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, keep=_TASK.name),
-    DemoStep(N_("Start it, continuous; the motor has been switched on at the pendant"), "RC8 3.2.2",
+    DemoStep(N_("Start it in continuous mode; the motor has been switched on at the pendant"), "RC8 3.2.2",
          f.task_start, (_TASK, _CONTINUOUS, ""), nothing, before=_motor_on),
-    DemoStep(N_("It runs"), "RC8 3.2",
+    DemoStep(N_("Check that it runs"), "RC8 3.2",
          f.task_execute, (_TASK, "GetStatus", None), exactly(VarType.I4, 3)),
     DemoStep(N_("Stop it at the end of its cycle"), "RC8 3.2.2",
          f.task_stop, (_TASK, _CYCLE_STOP, ""), nothing),
@@ -233,13 +233,13 @@ _SLOW: Final = 20.0
 
 
 def _teach(rc8: VirtualRC8) -> None:
-    """A person has taught P1 and set the speed at the pendant."""
+    """Teach P1 and set the speed at the pendant."""
     rc8.pendant.teach("P", 1, _P1)
     rc8.pendant.speed(_SLOW)
 
 
 def near_p1(answer: list[Variant]) -> str:
-    """A position within a thousandth of P1: seven numbers."""
+    """Check for a position within 0.001 of P1: seven numbers."""
     right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_P1)
     right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, _P1, strict=True))
     return "" if right else f"P{_P1}"
@@ -257,9 +257,9 @@ LIST_3_3: Final[tuple[DemoStep, ...]] = (
          f.robot_execute, (_ROBOT, "Takearm", ""), exactly(VarType.EMPTY)),
     DemoStep(N_("Switch the motor on, as the sample does: the text 1"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", "1"), exactly(VarType.EMPTY)),
-    DemoStep(N_("Move to P1; the joints are read over a second connection meanwhile"), "RC8 3.3.4",
+    DemoStep(N_("Move to P1; meanwhile the joints are read over a second connection"), "RC8 3.3.4",
          f.robot_move, (_ROBOT, 1, "P1", ""), nothing, before=_teach, watch=True, log=True),
-    DemoStep(N_("It is there"), "RC8 3.3.6",
+    DemoStep(N_("Check that it has arrived"), "RC8 3.3.6",
          f.robot_execute, (_ROBOT, "DestPos", None), near_p1),
     DemoStep(N_("Switch the motor off"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", "0"), exactly(VarType.EMPTY)),
@@ -284,7 +284,7 @@ _TIMES: Final = 3
 
 
 def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
-    """Return the set-points of List 4-1: joints 1 and 2 go up and down three times; the last one once more, to stop."""
+    """Return the set-points of List 4-1: joints 1 and 2 go up and down three times; the last set-point is repeated, to stop."""
     points = []
     for number in [*range(_PERIOD + 1)] * _TIMES:
         sway = _AMPLITUDE - _AMPLITUDE * math.cos(2 * math.pi * number / _PERIOD)
@@ -293,7 +293,7 @@ def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
 
 
 def near_first(answer: list[Variant]) -> str:
-    """Joints within a thousandth of the first pose: eight numbers, two of them unused."""
+    """Check for joints within 0.001 of the first pose: eight numbers, two of them unused."""
     right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_FIRST) + 2
     right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, (*_FIRST, 0.0, 0.0), strict=True))
     return "" if right else f"J{_FIRST}"
@@ -309,22 +309,22 @@ LIST_4_1: Final[tuple[DemoStep | StreamStep, ...]] = (
          f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
     DemoStep(N_("Connect to the robot"), "RC8 3.3.1",
          f.controller_get_robot, (_CONTROLLER, "Robot", ""), a_handle, keep=_ROBOT.name),
-    DemoStep(N_("Take the arm, and keep speeds, tool and work as they are"),
+    DemoStep(N_("Take the arm without resetting speeds, tool and work"),
          "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Takearm", [0, 1]), exactly(VarType.EMPTY)),
     DemoStep(N_("Set the external speed to 20 %"), "RC8 4.9",
          f.robot_execute, (_ROBOT, "ExtSpeed", [20.0]), exactly(VarType.EMPTY)),
     DemoStep(N_("Switch the motor on"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", 1), exactly(VarType.EMPTY)),
-    DemoStep(N_("Move to the first pose; the joints are read over a second connection meanwhile"), "RC8 4.6.1",
+    DemoStep(N_("Move to the first pose; meanwhile the joints are read over a second connection"), "RC8 4.6.1",
          f.robot_move, (_ROBOT, 1, "@E J(45, 30, 120, 0, -60, 0)", ""), nothing, watch=True),
-    DemoStep(N_("Where is it?"), "RC8 4.9",
+    DemoStep(N_("Read the current joints"), "RC8 4.9",
          f.robot_execute, (_ROBOT, "CurJnt", None), near_first, keep=_JOINTS.name),
     StreamStep(N_(
-"Slave mode 0, J type: three periods of the sine, a set-point every 8 ms, and the last "
-"pose once more; then off"), "RC8 4.9",
+"Slave mode 0, J type: three periods of a sine, a set-point every 8 ms, then the last "
+"pose again; then slave mode off"), "RC8 4.9",
            _CONTROLLER, _ROBOT, _JOINTS, 0, sine),
-    DemoStep(N_("Slave mode is off"), "RC8 4.2",
+    DemoStep(N_("Check that slave mode is off"), "RC8 4.2",
          f.robot_execute, (_ROBOT, "slvGetMode", None), exactly(VarType.I4, 0)),
     DemoStep(N_("Switch the motor off"), "RC8 3.3.3",
          f.robot_execute, (_ROBOT, "Motor", 0), exactly(VarType.EMPTY)),
@@ -342,11 +342,11 @@ LIST_4_1: Final[tuple[DemoStep | StreamStep, ...]] = (
 
 @dataclass(frozen=True, slots=True)
 class DemoProgram:
-    """One program of the document.
+    """A program of the document.
 
     Attributes:
-        text: what it is about, in English, of the catalogue.
-        steps: what it does.
+        text: Title in English, a message of the catalogue.
+        steps: Its steps.
     """
 
     text: str
@@ -354,12 +354,12 @@ class DemoProgram:
 
     @property
     def title(self) -> str:
-        """What it is about, in the current language."""
+        """The title in the current language."""
         return tr(self.text)
 
 
 LISTS: Final[dict[str, DemoProgram]] = {
-    "List 3-1": DemoProgram(N_("variables, and a look at @MODE and at errors"), LIST_3_1),
+    "List 3-1": DemoProgram(N_("variables, @MODE and errors"), LIST_3_1),
     "List 3-2": DemoProgram(N_("a task"), LIST_3_2),
     "List 3-3": DemoProgram(N_("the robot"), LIST_3_3),
     "List 4-1": DemoProgram(N_("slave mode"), LIST_4_1),

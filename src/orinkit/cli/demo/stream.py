@@ -1,4 +1,4 @@
-"""How the demo streams set-points: with the client's own API, over the connection of the demo, every answer checked."""
+"""Stream set-points in the demo: through the client API, over the connection of the demo, with every reply checked."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from orinkit import Progress, StreamResult
     from orinkit.client._sync.stream import Stream
 
-_NEAR: Final = 1.0  # deg that the encoders, a few cycles late, may be off at the end
+_TOLERANCE: Final = 1.0  # deg, for the encoders at the end, which lag by a few cycles
 _TRIES: Final = 3
-_GOING_OFF: Final = 5.0  # s that the motor may take to go off
-_LOOK: Final = 0.05  # s
+_SWITCH_OFF_TIMEOUT: Final = 5.0  # s
+_POLL: Final = 0.05  # s
 _LINES: Final = 25  # set-points between two lines
 _ANSWERS: Final = (hresult.S_OK, hresult.S_BUF_FULL)
 
@@ -37,21 +37,21 @@ def carry_out(
     say: Callable[[str], None],
     entered: Callable[[], None],
 ) -> tuple[StreamReport, str]:
-    """Stream joints.
+    """Stream joint positions.
 
     Args:
-        client: the connection.
-        handles: of controller and robot.
-        points: set-points.
-        mode: of slave mode.
-        say: takes lines that show where the arm is, where there is no terminal for a bar.
-        entered: is called when slave mode is on; what goes over the connection from then on is not seen.
+        client: The connection.
+        handles: Handles of controller and robot.
+        points: The set-points.
+        mode: Slave mode: 0, 1 or 2.
+        say: Called with lines that show the joint position, if there is no terminal for a progress bar.
+        entered: Called when slave mode is on; the packets after that are not traced.
 
     Returns:
-        what is told of it, and what is not as the document says, ``""`` if all is.
+        The report, and the difference from the document; ``""`` if there is none.
 
     Raises:
-        OrinError: the controller refuses, or ends it.
+        OrinError: If the controller refuses or ends the stream.
     """
     controller = orinkit.Controller(client, handles[0], "b-CAP")
     robot = orinkit.Robot(client, handles[1], "Robot", controller)
@@ -71,8 +71,8 @@ def carry_out(
             say(f"      {error}")
         say(
             tr(
-                "      This computer was too busy to send in time. Once more, as RC8 4.7 has it: errors "
-                "cleared, motor on."
+                "      This computer was too busy to send in time. Retrying as RC8 4.7 describes: clear "
+                "errors, motor on."
             )
         )
         controller.clear_error()
@@ -81,8 +81,8 @@ def carry_out(
 
 
 def _motor_on(robot: orinkit.Robot) -> None:
-    """Switch the motor on, which cannot be while it goes off: the error has the arm brought to rest before."""
-    end = monotonic() + _GOING_OFF
+    """Switch the motor on; retry while it is still switching off, which happens once the error has stopped the arm."""
+    end = monotonic() + _SWITCH_OFF_TIMEOUT
     while True:
         try:
             robot.execute("Motor", [1, 0])
@@ -91,7 +91,7 @@ def _motor_on(robot: orinkit.Robot) -> None:
                 raise
         else:
             return
-        sleep(_LOOK)
+        sleep(_POLL)
 
 
 def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str], None]) -> StreamResult:
@@ -100,10 +100,10 @@ def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str
 
 
 def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
-    """Return what differs from the document (RC8 4.3.1, table 4-3), ``""`` if nothing does."""
+    """Return the difference from the document (RC8 4.3.1, table 4-3); ``""`` if there is none."""
     if result.underflows or result.missed or result.sent != len(points):
         return tr(
-            "{sent} of {count} set-points, {underflows} underflows, {missed} answers missed",
+            "{sent} of {count} set-points sent, {underflows} underflows, {missed} replies missed",
             sent=result.sent,
             count=len(points),
             underflows=result.underflows,
@@ -112,23 +112,23 @@ def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
     commands = [sample.command for sample in result.samples]
     wanted = [tuple(point) for point in points]
     if not any(commands[place : place + len(wanted)] == wanted for place in range(len(commands) - len(wanted) + 1)):
-        return tr("what was sent is not what was given")
+        return tr("the set-points sent differ from those given")
     for sample in result.samples:
         if sample.code not in _ANSWERS or sample.joints is None:
-            return tr("set-point {number} was answered with {answer}", number=sample.number, answer=sample)
+            return tr("unexpected reply to set-point {number}: {answer}", number=sample.number, answer=sample)
     if any(
         after.time is None or before.time is None or after.time < before.time
         for before, after in pairwise(result.samples)
     ):
-        return tr("the controller's time goes backwards")
+        return tr("the time of the controller runs backwards")
     last = result.samples[-1].joints or ()
-    if any(abs(joint - wanted_joint) > _NEAR for joint, wanted_joint in zip(last, wanted[-1], strict=False)):
-        return tr("the arm ends at {joints}", joints=last)
+    if any(abs(joint - wanted_joint) > _TOLERANCE for joint, wanted_joint in zip(last, wanted[-1], strict=False)):
+        return tr("the final joint position is wrong: {joints}", joints=last)
     return ""
 
 
 class _Lines:
-    """Shows where the arm is in lines, one of them when all has been sent."""
+    """Prints the joint position at intervals, and once after the last set-point."""
 
     def __init__(self, stream: Stream, say: Callable[[str], None]) -> None:
         self._stream = stream
@@ -145,5 +145,5 @@ class _Lines:
 
 
 def joints_line(joints: Sequence[float]) -> str:
-    """Return joints as a line among packets."""
+    """Return joints as a line, indented like the packets."""
     return "      " + "  ".join(f"J{number} {value:8.3f}" for number, value in enumerate(joints, 1))

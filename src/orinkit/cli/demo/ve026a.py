@@ -1,4 +1,4 @@
-"""``orinkit demo ve026a``: the procedure of VE026A 6.2 over a pseudo-terminal, every packet shown and its answer checked."""
+"""``orinkit demo ve026a``: run the procedure of VE026A 6.2 over a pseudo-terminal, show every packet, check every reply."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     import orinkit
 
 _URL: Final = "pty://"
-_SHOWN: Final = 3  # packets of slvMove that are shown of many
+_SHOWN: Final = 3  # calls of slvMove that are shown at the beginning and at the end
 _CYCLES: Final = 125  # set-points of the wave: 1 s
 _HEIGHT: Final = 5.0  # deg
 _PERIOD: Final = 0.008
 _TRIES: Final = 5
-_NEAR: Final = 0.5  # deg, between what was commanded and where the encoders are in the end
+_TOLERANCE: Final = 0.5  # deg, between the command and the encoders at the end
 
 
 @dataclass(slots=True)
 class VE026ADemo:
-    """One run.
+    """A run of the demo.
 
     Attributes:
-        say: takes each line for people.
-        fields: explain packets field by field.
-        steps: for JSON, each with its packets.
-        answers: how many have been checked.
+        say: Called with each line for people.
+        fields: Explain packets field by field.
+        steps: The steps with their packets, for JSON.
+        answers: Number of replies checked.
     """
 
     say: Callable[[str], None]
@@ -41,10 +41,10 @@ class VE026ADemo:
     _transcript: Transcript = field(default_factory=Transcript)
 
     def run(self) -> None:
-        """Run it.
+        """Run the demo.
 
         Raises:
-            Failure: an answer is not as the document says.
+            CommandError: If a reply differs from the document.
         """
         import orinkit
         from orinkit.bcap.profiles import MOST_TRIES
@@ -52,7 +52,7 @@ class VE026ADemo:
 
         arm = VirtualVE026A()
         with orinkit.serve(arm, _URL) as server:
-            self.say(tr("A virtual VE026A is at {url}.", url=server.url))
+            self.say(tr("A virtual VE026A listens at {url}.", url=server.url))
             rc = self._step(
                 "3",
                 tr("connect"),
@@ -62,27 +62,30 @@ class VE026ADemo:
                 self._procedure(rc)
             if arm.lateness.count:
                 self.say(
-                    tr("\n{lateness}: this computer was busy. A real VE026A would have stopped.", lateness=arm.lateness)
+                    tr(
+                        "\n{lateness}: this computer was too busy. A real VE026A would have stopped.",
+                        lateness=arm.lateness,
+                    )
                 )
 
     def _procedure(self, controller: orinkit.Controller) -> None:
         from orinkit.values.variant import Variant, VarType
 
-        robot = self._step("4", tr("get the robot"), lambda: controller.robot("VE"))
+        robot = self._step("4", tr("connect to the robot"), lambda: controller.robot("VE"))
         on, off = Variant(VarType.I2, 1), Variant(VarType.I2, 0)
         self._step("5", tr("motor on, about 3 s"), lambda: robot.execute("Motor", on))
         angles = self._step("6", tr("read @CURRENT_ANGLE"), lambda: robot.variable("@CURRENT_ANGLE").value)
         self.say(f"      {', '.join(f'{angle:g}' for angle in angles)}")
-        off_by = self._slave_mode(controller, robot, angles)
-        if off_by > _NEAR:
-            raise CommandError(tr("the arm is {deviation:.3f} deg from where it was", deviation=off_by))
+        deviation = self._slave_mode(controller, robot, angles)
+        if deviation > _TOLERANCE:
+            raise CommandError(tr("the arm is {deviation:.3f} deg away from its first pose", deviation=deviation))
         self._step("9", tr("motor off"), lambda: robot.execute("Motor", off))
 
     def _slave_mode(self, controller: orinkit.Controller, robot: orinkit.Robot, angles: list[float]) -> float:
-        """Steps 7 and 8, once more where this computer stood still for longer than the detector lets it.
+        """Run steps 7 and 8, and retry if this computer was too busy to send the set-points in time.
 
         Returns:
-            how far the arm is from where it began, deg.
+            Deviation of the arm from its first pose, deg.
         """
         steps = len(self.steps)
         for _ in range(_TRIES - 1):
@@ -91,8 +94,8 @@ class VE026ADemo:
             except CommandError:
                 self.say(
                     tr(
-                        "      This computer was too busy for a set-point every 8 ms: the error is cleared, "
-                        "another try."
+                        "      This computer was too busy for a set-point every 8 ms: clearing the error, "
+                        "then retrying."
                     )
                 )
                 controller.clear_error()
@@ -111,12 +114,12 @@ class VE026ADemo:
         return max(abs(now - then) for now, then in zip(there, angles, strict=True))
 
     def _wave(self, robot: orinkit.Robot, angles: list[float]) -> list[float]:
-        """Move J1 there and back, set-point by set-point; each is answered in the cycle that takes it."""
+        """Move J1 there and back, set-point by set-point; return the feedback of the last one."""
         answer = angles
         for cycle in range(1, _CYCLES + 1):
             part = cycle / _CYCLES
-            way = _HEIGHT * (1 - math.cos(2 * math.pi * (part - math.sin(2 * math.pi * part) / (2 * math.pi)))) / 2
-            answer = robot.execute("slvMove", [angles[0] + way, *angles[1:]])
+            offset = _HEIGHT * (1 - math.cos(2 * math.pi * (part - math.sin(2 * math.pi * part) / (2 * math.pi)))) / 2
+            answer = robot.execute("slvMove", [angles[0] + offset, *angles[1:]])
         robot.execute("slvChangeMode", 0)
         return answer
 
@@ -141,7 +144,7 @@ class VE026ADemo:
         return result
 
     def _show(self, packets: list[TracedPacket]) -> None:
-        """Show packets; of very many the first and the last ones."""
+        """Show packets; if there are many, only the first and the last ones."""
         for place, packet in enumerate(packets):
             if place == 2 * _SHOWN and len(packets) > 4 * _SHOWN:
                 self.say(tr("    ... {count} more ...", count=len(packets) - 4 * _SHOWN))
@@ -150,31 +153,31 @@ class VE026ADemo:
                     self.say(line)
 
     def _check(self, packets: list[TracedPacket], title: str) -> int:
-        """Check checksum, serial, reserved field and code of every answer; returns how many there are."""
+        """Check checksum, serial number, reserved field and return code of every reply; return the number of replies."""
         from orinkit.bcap import packet
         from orinkit.core import hresult
 
-        asked: dict[int, int] = {}
+        requests: dict[int, int] = {}
         answers = 0
         for each in packets:
             read = packet.decode(each.data, crc=True)
             if each.direction == ">":
-                asked[read.serial] = read.reserved
+                requests[read.serial] = read.reserved
                 continue
             good = (0, hresult.S_EXECUTING)
-            if asked.get(read.serial) != read.reserved or read.code not in good:
+            if requests.get(read.serial) != read.reserved or read.code not in good:
                 raise CommandError(f"{title}: {each.meaning}")
             answers += read.code == 0
         return answers
 
 
 def run(say: Callable[[str], None], *, fields: bool) -> dict[str, Any]:
-    """Run the demo and return what it has done, for JSON.
+    """Run the demo and return its steps, for JSON.
 
     Raises:
-        Failure: an answer is not as the document says.
+        CommandError: If a reply differs from the document.
     """
     demo = VE026ADemo(say, fields)
     demo.run()
-    say(tr("\nAll {count} answers are as the document says.", count=demo.answers))
+    say(tr("\nAll {count} replies match the document.", count=demo.answers))
     return {"steps": demo.steps, "as_documented": True}
