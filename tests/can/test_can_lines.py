@@ -118,7 +118,7 @@ def clears_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Clearing drops all that has come, however long that takes: it gives up where more comes all the time."""
     for module in ("shared_bus", "aio_shared_bus"):
         monkeypatch.setattr(f"orinkit.can.{module}._GLANCES", 100_000)
-    monkeypatch.setattr("orinkit.can.shared_bus._DRAINING", PATIENCE)
+    monkeypatch.setattr("orinkit.can.shared_bus._DRAIN_TIMEOUT", PATIENCE)
 
 
 def ask(*, seconds: float = PATIENCE, answer: int = ANSWER, data: bytes = b"ask") -> CanOperation[CanFrame | None]:

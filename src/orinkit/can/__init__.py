@@ -1,1 +1,1 @@
-"""CAN: frames, buses, buses that are shared, devices served on a bus."""
+"""CAN: frames, buses, shared buses, and servers for devices on a bus."""

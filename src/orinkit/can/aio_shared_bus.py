@@ -1,8 +1,8 @@
-"""One CAN bus shared by many tasks of an event loop; the twin is :mod:`orinkit.can.shared_bus`.
+"""A CAN bus shared by several tasks of an event loop; the synchronous twin is :mod:`orinkit.can.shared_bus`.
 
-The loop watches the bus where it has a descriptor that tells; elsewhere (virtual, most drivers of Windows, python-can's
-serial) a thread of the line's own reads it and hands over what came. Frames are taken from the bus whether anybody waits
-for them or not. Everything is to be called in the event loop that the line was made in.
+If the bus has a descriptor that reports pending frames, the loop watches it; otherwise (virtual, limit drivers of Windows,
+python-can's serial) a thread reads the bus and passes on the frames. Frames are read whether or not a task waits for them.
+All methods must be called in the event loop in which the shared bus was created.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from orinkit.transport.address import CanAddress
 from orinkit.transport.link_errors import closed, other_loop
 
 T = TypeVar("T")
-_BURST: Final = 64  # frames taken at a time, before others in the loop have their turn
-_DRAINED: Final = 10_000  # frames that clearing takes at most
-_PATIENCE: Final = 0.05  # s that the loop waits for an interface to take a frame
-_LEAVING: Final = 2.0  # s that the thread gets to end
-_GLANCES: Final = 40  # until the thread has handed over what has arrived; no time, for the machine may stand still
-_GLANCE: Final = 1e-3  # s; uvloop waits for no less
+_BURST: Final = 64  # frames read per turn of the loop
+_MAX_DRAINED: Final = 10_000  # limit frames read by clear()
+_MAX_SEND_BLOCK: Final = 0.05  # s, longest time that sending may block the loop
+_STOP_TIMEOUT: Final = 2.0  # s to wait for the thread to end
+_GLANCES: Final = 40  # polls until the thread has passed on all; a count, not a time, as the machine may be suspended
+_GLANCE: Final = 1e-3  # s; the resolution of uvloop
 
 
 class AsyncFrameLink(Protocol):
-    """What an operation is carried out over in asyncio: :class:`AsyncCanReceiver`."""
+    """The interface on which :func:`arun_can` runs an operation: :class:`AsyncCanReceiver`."""
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order."""
 
     async def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame for this port, ``None`` when the seconds have passed."""
+        """Return the next frame for this receiver, ``None`` after a time-out."""
 
     async def clear(self) -> None:
-        """Drop what has arrived for this port."""
+        """Drop the frames that have arrived for this receiver."""
 
 
 class AsyncSharedCanBus:
-    """A bus that many ports share, in one event loop; it is to be made there.
+    """A bus shared by several receivers in the event loop in which it is created.
 
     Args:
-        bus: is this line's from then on: nobody else receives from it. It is closed with the line if it is its own.
+        bus: The bus; from now on nothing else may receive from it. It is closed with the shared bus if it is owned.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -57,8 +57,8 @@ class AsyncSharedCanBus:
         self._loop = asyncio.get_running_loop()
         self._ports: tuple[AsyncCanReceiver, ...] = ()
         self._closed = False
-        self._broken: str | None = None  # why
-        self._watched = -1  # descriptor that the loop watches
+        self._broken: str | None = None  # reason for the loss
+        self._watched = -1  # descriptor watched by the loop
         self._thread: BusReader | None = None
         self._leaving: BusReader | None = None
         self._reopening = asyncio.Lock()
@@ -66,10 +66,10 @@ class AsyncSharedCanBus:
 
     @classmethod
     async def open(cls, address: CanAddress) -> Self:
-        """Open a bus and a line over it; another thread does what takes long in that.
+        """Open a bus to be shared; a thread does what may block.
 
         Raises:
-            InvalidAddress, ConnectFailed, MissingExtra: as :func:`orinkit.can.bus.open_bus`.
+            InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
         """
         opening = _in_thread(lambda: Bus.open(address))
         try:
@@ -83,34 +83,34 @@ class AsyncSharedCanBus:
 
     @property
     def broken(self) -> bool:
-        """Whether the bus was lost; what waited knows, and everything else raises until :meth:`reopen`."""
+        """True if the bus was lost: pending waits have raised, and so do all calls until :meth:`reopen`."""
         return self._broken is not None
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed here."""
+        """True if the shared bus was closed."""
         return self._closed
 
     def port(self, accepts: Accepts, *, size: int = SIZE) -> AsyncCanReceiver:
-        """Return a port, which gets each frame from now on that it accepts; others may get the same frame.
+        """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
-            accepts: whether a frame is for it; must not raise anything.
-            size: frames that wait in it; of more the oldest are dropped.
+            accepts: Returns True if a frame is for the receiver; must not raise.
+            size: Frames to buffer; beyond that, the oldest are dropped.
         """
         port = AsyncCanReceiver(self, accepts, size)
         self._ports += (port,)
         return port
 
     def forget(self, port: AsyncCanReceiver) -> None:
-        """Give a port no more frames, as :meth:`AsyncCanReceiver.close`."""
+        """Remove a receiver, as :meth:`AsyncCanReceiver.close`."""
         self._ports = tuple(each for each in self._ports if each is not port)
         port.closed = True
         port.frames.clear()
         port.wake()
 
     def check(self, port: AsyncCanReceiver | None = None) -> None:
-        """Raise what a call on the line, or on a port, ends with if it is closed or broken."""
+        """Raise an exception if the shared bus or a receiver is closed, the bus is lost, or this is another event loop."""
         if self._closed or (port is not None and port.closed):
             raise closed()
         if self._broken is not None:
@@ -119,24 +119,24 @@ class AsyncSharedCanBus:
             raise other_loop()
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, in order. The loop waits while the interface takes them, which most do at once.
+        """Send frames, in order. Blocks the loop until the interface accepts them, which limit interfaces do at once.
 
         Args:
-            frames: to send; all of them are looked at before the first is sent.
-            seconds: that each may wait until the interface takes it, at most 50 ms.
+            frames: The frames; all of them are checked before the first is sent.
+            seconds: Seconds that each may wait until the interface accepts it, at limit 0.05.
 
         Raises:
-            InvalidValue: one cannot be a frame; none was sent.
-            TransportError: one was not taken in time, nor were those behind it; the line goes on.
-            ConnectionLost: the bus is gone.
-            ConnectionClosed: the line was closed.
+            InvalidValue: If one is not a valid frame; none was sent.
+            TransportError: If one was not accepted in time; those after it were not sent, and the bus stays usable.
+            ConnectionLost: If the bus is lost.
+            ConnectionClosed: If the shared bus was closed.
         """
         for frame in frames:
             checked(frame)
         self.check()
         try:
             for frame in frames:
-                self._bus.send(frame, min(seconds, _PATIENCE))
+                self._bus.send(frame, min(seconds, _MAX_SEND_BLOCK))
         except ConnectionLost as error:
             self._break(error)
             raise
@@ -152,11 +152,11 @@ class AsyncSharedCanBus:
             else:
                 self._watched = self._bus.fileno()
                 return
-        self._thread = BusReader(self._bus, self._loop, self._came)
+        self._thread = BusReader(self._bus, self._loop, self._thread_ready)
         self._thread.start()
 
     def _end(self) -> None:
-        """Stop reading; the thread is about to end."""
+        """Stop reading; a thread ends soon afterwards."""
         if self._watched >= 0:
             self._loop.remove_reader(self._watched)
             self._watched = -1
@@ -165,48 +165,50 @@ class AsyncSharedCanBus:
             self._leaving, self._thread = self._thread, None
 
     def _readable(self) -> None:
-        if self._watched >= 0 and self._take(_BURST):
-            self._loop.call_soon(self._readable)  # python-can may have read on: the descriptor does not tell of that
+        if self._watched >= 0 and self._dispatch_pending(_BURST):
+            self._loop.call_soon(
+                self._readable
+            )  # python-can may have buffered frames, which the descriptor does not report
 
-    def _take(self, most: int) -> bool:
-        """Hand out what waits on the bus; returns whether more may be waiting."""
+    def _dispatch_pending(self, limit: int) -> bool:
+        """Dispatch pending frames, up to a limit; return True if more may be pending."""
         try:
-            for _ in range(most):
+            for _ in range(limit):
                 frame = self._bus.receive(0.0)
                 if frame is None:
                     return False
-                self._hand_out(frame)
+                self._dispatch(frame)
         except ConnectionLost as error:
             self._break(error)
             return False
         return True
 
-    def _came(self) -> None:
-        """The thread has frames, or has ended."""
+    def _thread_ready(self) -> None:
+        """Handle new frames of the thread, or its end."""
         thread = self._thread
         if thread is None:
             return
         for frame in thread.taken():
-            self._hand_out(frame)
+            self._dispatch(frame)
         if thread.error is not None:
             self._break(thread.error)
 
-    def _hand_out(self, frame: CanFrame) -> None:
+    def _dispatch(self, frame: CanFrame) -> None:
         for port in self._ports:
             if port.accepts(frame):
                 port.put(frame)
 
     async def settle(self) -> None:
-        """Hand out all that has arrived until now."""
+        """Dispatch all frames that have arrived until now."""
         if self._watched >= 0:
-            self._take(_DRAINED)
+            self._dispatch_pending(_MAX_DRAINED)
             return
         for _ in range(_GLANCES):
             if self._thread is None:
                 return
-            # in this order: what was taken is held until it is among the thread's frames
+            # in this order: "holds" stays set until the frame is in the thread's buffer
             quiet = not self._bus.waiting() and not self._bus.holds and self._thread.quiet
-            self._came()
+            self._thread_ready()
             if quiet:
                 return
             await asyncio.sleep(_GLANCE)
@@ -223,19 +225,17 @@ class AsyncSharedCanBus:
             port.wake()
 
     async def reopen(self, *, force: bool = False) -> None:
-        """Open a bus again that was lost; ports stay valid, and are empty. Another thread does what takes long in that.
+        """Reopen a lost bus; receivers stay valid, and are emptied. A thread does what may block.
 
-        Where several tasks call it, one of them opens the bus and the others wait for that; it does nothing to a line that
-        is not broken.
+        If several tasks call it, one of them reopens the bus and the others wait. It does nothing if the bus is not lost.
 
         Args:
-            force: close and open it although it is not known to be broken; waits end with ConnectionLost.
+            force: Reopen the bus even if no loss is known; pending waits end with ConnectionLost.
 
         Raises:
-            InvalidValue: the bus was not opened by an address.
-            InvalidAddress, ConnectFailed, MissingExtra: as :func:`orinkit.can.bus.open_bus`; the line is still
-                broken.
-            ConnectionClosed: the line was closed.
+            InvalidValue: If the bus was not opened by an address.
+            InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`; the bus stays broken.
+            ConnectionClosed: If the shared bus was closed.
         """
         first = not self._reopening.locked()
         async with self._reopening:
@@ -243,11 +243,11 @@ class AsyncSharedCanBus:
             if self._broken is None and not (force and first):
                 return
             self._bus.check_reopening()
-            self._broken = self._broken or tr("{bus} is being opened again", bus=self)
+            self._broken = self._broken or tr("{bus} is being reopened", bus=self)
             self._wake_all()
-            await self._see_off()
+            await self._stop_reading()
             await self._open_again()
-            if self._closed:  # meanwhile
+            if self._closed:  # closed meanwhile
                 self._bus.close()
             self._check_open()
             for port in self._ports:
@@ -264,36 +264,36 @@ class AsyncSharedCanBus:
         try:
             await asyncio.shield(opening)
         except asyncio.CancelledError:
-            await asyncio.wait([opening])  # the bus cannot be used before; a second cancellation goes through
+            await asyncio.wait([opening])  # the bus is unusable until then; a second cancellation interrupts this wait
             raise
 
-    async def _see_off(self) -> None:
-        """Stop reading, and wait for the thread to notice."""
+    async def _stop_reading(self) -> None:
+        """Stop reading, and wait for the thread to end."""
         self._end()
         if self._leaving is not None:
-            await self._leaving.left(_LEAVING)
+            await self._leaving.left(_STOP_TIMEOUT)
 
     async def close(self) -> None:
-        """Close the line; waits end with ConnectionClosed at once. May be called again."""
+        """Close the shared bus; waits end with ConnectionClosed at once. May be called again."""
         if self._closed:
             return
         self._closed = True
         self._wake_all()
         try:
-            await self._see_off()
+            await self._stop_reading()
         finally:
             self._bus.close()
 
 
 class AsyncCanReceiver:
-    """What one user has of a line: the frames that it accepts. :meth:`AsyncSharedCanBus.port` makes one.
+    """Receives the frames of a shared bus that match a filter; created by :meth:`AsyncSharedCanBus.port`.
 
     Attributes:
-        line: it belongs to.
-        accepts: whether a frame is for it.
-        frames: that wait.
-        dropped: frames that were dropped because too many waited.
-        closed: whether it was closed.
+        line: The shared bus.
+        accepts: The filter.
+        frames: The buffered frames.
+        dropped: Number of frames dropped from the full buffer.
+        closed: True if the receiver was closed.
     """
 
     def __init__(self, line: AsyncSharedCanBus, accepts: Accepts, size: int) -> None:
@@ -305,31 +305,31 @@ class AsyncCanReceiver:
         self._waiters: list[asyncio.Future[None]] = []
 
     def put(self, frame: CanFrame) -> None:
-        """Keep a frame."""
+        """Buffer a frame."""
         self.dropped += len(self.frames) == self.frames.maxlen
         self.frames.append(frame)
         if self._waiters:
             self.wake()
 
     def wake(self) -> None:
-        """Have everybody who waits look again."""
+        """Wake all waiting tasks."""
         for waiter in self._waiters:
             if not waiter.done():
                 waiter.set_result(None)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, as :meth:`AsyncSharedCanBus.send`; they are sent when it returns, so no task can be cancelled in it."""
+        """Send frames, as :meth:`AsyncSharedCanBus.send`; it is not a coroutine, so it cannot be cancelled halfway."""
         self.line.send(frames, seconds)
 
     async def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame for this port, ``None`` when the seconds have passed.
+        """Return the next frame for this receiver, ``None`` after a time-out.
 
-        0 s takes what the line has handed out already. One that is cancelled loses no frame.
+        With 0 s, it returns a frame that is already dispatched, or ``None``. A cancelled call loses no frame.
 
         Raises:
-            ConnectionLost: the bus is gone, and was not opened again.
-            ConnectionClosed: the line or the port was closed.
-            TransportError: this is another event loop.
+            ConnectionLost: If the bus is lost and was not reopened.
+            ConnectionClosed: If the shared bus or the receiver was closed.
+            TransportError: If this is another event loop.
         """
         end = monotonic() + seconds
         while True:
@@ -339,27 +339,27 @@ class AsyncCanReceiver:
             left = end - monotonic()
             if left <= 0:
                 return None
-            await self._change(left)
+            await self._wait(left)
 
-    async def _change(self, seconds: float) -> None:
-        """Wait until something has changed, or the time is up."""
+    async def _wait(self, seconds: float) -> None:
+        """Wait until the receiver is woken, or for a time-out."""
         loop = asyncio.get_running_loop()
         waiter = loop.create_future()
         self._waiters.append(waiter)
-        alarm = loop.call_later(seconds, _finish, waiter)
+        timer = loop.call_later(seconds, _finish, waiter)
         try:
             await waiter
         finally:
-            alarm.cancel()
+            timer.cancel()
             self._waiters.remove(waiter)
 
     async def clear(self) -> None:
-        """Drop what has arrived for this port on the bus until now; other ports get theirs.
+        """Drop the frames that have arrived on the bus for this receiver; other receivers get theirs.
 
-        What arrives in this very moment, or waits in an adapter, cannot be told from what comes later.
+        Frames that are just arriving, or are still in an adapter, cannot be distinguished from later ones.
 
         Raises:
-            ConnectionLost, ConnectionClosed: as :meth:`receive`.
+            ConnectionLost, ConnectionClosed: As for :meth:`receive`.
         """
         self.line.check(self)
         await self.line.settle()
@@ -367,22 +367,23 @@ class AsyncCanReceiver:
         self.frames.clear()
 
     def close(self) -> None:
-        """Get no more frames; a wait ends at once. May be called again."""
+        """Stop receiving; a wait ends at once. May be called again."""
         self.line.forget(self)
 
 
 async def arun_can(operation: CanOperation[T], port: AsyncFrameLink) -> T:
-    """Carry out an operation in asyncio and return its result.
+    """Run an operation in asyncio and return its result.
 
-    One that is cancelled leaves the port usable: what was not received yet is dropped by the next operation that wants to
-    begin afresh.
+    A cancelled operation leaves the receiver usable: frames that were not received yet are dropped by the next operation with a
+    ``fresh`` step.
 
     Args:
-        operation: what to do.
-        port: to do it over.
+        operation: The operation.
+        port: The receiver to use.
 
     Raises:
-        ConnectionLost, ConnectionClosed, TransportError: as :meth:`AsyncSharedCanBus.send` and :meth:`AsyncCanReceiver.receive`.
+        ConnectionLost, ConnectionClosed, TransportError: As for :meth:`AsyncSharedCanBus.send` and
+            :meth:`AsyncCanReceiver.receive`.
     """
     received: CanFrame | None = None
     deadline = 0.0
@@ -410,9 +411,9 @@ def _finish(waiter: asyncio.Future[None]) -> None:
 
 
 def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
-    """Return what will be the result of a function that may block for good, as opening a bus may: in a daemon thread.
+    """Return a future with the result of a function that may block forever, such as opening a bus, run in a daemon thread.
 
-    A thread of the loop's executor would keep the program from ending.
+    A thread of the loop's executor would keep the program from exiting.
     """
     loop = asyncio.get_running_loop()
     result: asyncio.Future[T] = loop.create_future()
@@ -430,11 +431,11 @@ def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
         raised: BaseException | None = None
         try:
             value = function()
-        except Exception as error:  # noqa: BLE001 - it is raised where the result is awaited
+        except Exception as error:  # noqa: BLE001 - raised to the awaiting task
             raised = error
         try:
             loop.call_soon_threadsafe(settle, value, raised)
-        except RuntimeError:  # the loop has ended
+        except RuntimeError:  # the loop was closed
             if isinstance(value, Bus):
                 value.close()
 
@@ -443,6 +444,6 @@ def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
 
 
 def _close_unused(opening: asyncio.Future[Bus]) -> None:
-    """Close a bus that was opened for a task that was cancelled."""
+    """Close a bus that was opened for a cancelled task."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result().close()

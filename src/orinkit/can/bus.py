@@ -1,6 +1,6 @@
-"""CAN buses through python-can: opening one, sending, receiving, and what its errors mean.
+"""CAN buses of python-can: open, send, receive, and map their errors.
 
-The shared use of a bus is in :mod:`orinkit.can.shared_bus` and :mod:`orinkit.can.aio_shared_bus`.
+Shared buses are in :mod:`orinkit.can.shared_bus` and :mod:`orinkit.can.aio_shared_bus`.
 """
 
 from __future__ import annotations
@@ -28,38 +28,36 @@ _SOCKETS: Final = ("can.interfaces.socketcan.socketcan", "can.interfaces.udp_mul
 _PORTS: Final = ("can.interfaces.slcan", "can.interfaces.serial.serial_can")
 _VIRTUAL: Final = "can.interfaces.virtual"
 _READS_ON: Final = ("can.interfaces.serial.serial_can",)
-_BURST: Final = 100  # receptions without a frame, one after the other, after which there is a rest between them
-_REST: Final = 1e-3  # s
-_LEAST: Final = 1 / 64  # s for a frame to be taken
-_MOST: Final = 5_000  # receptions without a frame when nothing is waited for
-_FILTERED: Final = (
-    64  # frames that a filter of python-can has taken out, one after the other, when nothing is waited for
-)
-_LONGEST_LINE: Final = 4096  # bytes of a line of slcan; python-can would keep any number
-_FULL: Final = (errno.ENOBUFS, errno.EAGAIN)
+_EMPTY_BURST: Final = 100  # consecutive receptions without a frame, after which to sleep between them
+_EMPTY_PAUSE: Final = 1e-3  # s
+_MIN_LIMIT: Final = 1 / 64  # s, lowest time-out for sending
+_MAX_EMPTY: Final = 5_000  # most receptions without a frame if the time-out is 0
+_MAX_FILTERED: Final = 64  # most consecutive frames removed by a filter of python-can if the time-out is 0
+_LONGEST_LINE: Final = 4096  # bytes of a line of slcan; python-can has no limit
+_FULL_ERRORS: Final = (errno.ENOBUFS, errno.EAGAIN)
 _LATE_WRITE: Final = "SerialTimeoutException"  # of pyserial
 
 
 def open_bus(address: CanAddress) -> can.BusABC:
-    """Open a bus; configuration files and variables of python-can are not read, the address says it all.
+    """Open a bus from its address alone; configuration files and environment variables of python-can are not read.
 
-    With udp_multicast the usual channel is the IPv4 group 239.74.163.2. With slcan, python-can waits 2 s after opening
-    the port, as many adapters are reset by that (Arduino) and would lose what comes first; an adapter that is not is ready
-    at once with ``?sleep_after_open=0``. On a pseudo-terminal there is no adapter to be reset, and no wait.
+    For udp_multicast the default channel is the IPv4 group 239.74.163.2. For slcan, python-can waits 2 s after opening the
+    port, because this resets many adapters (Arduino), which would lose the first frames. For an adapter without this reset,
+    ``?sleep_after_open=0`` removes the wait. On a pseudo-terminal there is no adapter to reset, and no wait.
 
     Raises:
-        InvalidAddress: python-can has no such interface, or cannot use the channel or an option.
-        ConnectFailed: the bus cannot be opened.
-        MissingExtra: python-can is missing, or a package that the interface needs.
+        InvalidAddress: If python-can does not have the interface, or rejects the channel or an option.
+        ConnectFailed: If the bus cannot be opened.
+        MissingExtra: If python-can, or a package that the interface requires, is missing.
     """
     return opened(address)
 
 
 def to_message(frame: CanFrame) -> can.Message:
-    """Return a frame as python-can has it.
+    """Convert a frame to a message of python-can.
 
     Raises:
-        InvalidValue: it has more than 29 bits of identifier, or more than 8 bytes.
+        InvalidValue: If its identifier has more than 29 bits, or it has more than 8 bytes.
     """
     import can
 
@@ -68,28 +66,28 @@ def to_message(frame: CanFrame) -> can.Message:
 
 
 def to_frame(message: can.Message) -> CanFrame | None:
-    """Return a message of python-can, ``None`` for what no ABH3 driver sends or understands.
+    """Convert a message of python-can to a frame; return ``None`` for a message that ABH3 drivers do not use.
 
-    That are standard identifiers, remote, error and FD frames, more than 8 bytes, and what is cut off.
+    These are standard identifiers, remote, error and FD frames, more than 8 bytes, and truncated messages.
     """
     if not message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
         return None
     number, data = message.arbitration_id, bytes(message.data)
-    # udp_multicast takes any msgpack for a message: an identifier can be 1.5 there
+    # udp_multicast accepts any msgpack as a message: its identifier may be 1.5
     if type(number) is not int or not 0 <= number <= MAX_ID or not MAX_DATA >= len(data) == message.dlc:
         return None
     return CanFrame(number, data, message.timestamp)
 
 
 class Bus:
-    """A CAN bus: frames in and out, and the errors of orinkit.
+    """A CAN bus that sends and receives frames, and raises the errors of orinkit.
 
-    One thread receives at a time and one sends at a time; these may be two. Any thread may close it.
+    One thread at a time may receive and one may send; these may be different threads. Any thread may close the bus.
 
     Args:
-        bus: of python-can. Nobody else may receive from it (no Notifier); filters that it has stay.
-        own: it is closed with this one; ``False`` for one that belongs to somebody else.
-        address: that it was opened by, to be opened again.
+        bus: A python-can bus. Nothing else may receive from it (no Notifier); its filters are kept.
+        own: Close the python-can bus with this one; ``False`` if it belongs to the caller.
+        address: Address by which it was opened, to reopen it.
     """
 
     def __init__(self, bus: can.BusABC, *, own: bool = True, address: CanAddress | None = None) -> None:
@@ -99,36 +97,36 @@ class Bus:
 
     @classmethod
     def open(cls, address: CanAddress) -> Self:
-        """Open a bus, as :func:`open_bus`; blocks as long as that takes."""
+        """Open a bus, as :func:`open_bus`; blocks until it is open."""
         return cls(open_bus(address), address=address)
 
     def _use(self, bus: can.BusABC) -> None:
-        from can import Message  # whoever has a bus has imported it already
+        from can import Message  # already imported by the creator of the bus
 
         self._bus = bus
         self._message = Message
-        self._asked, self._limit = -1.0, 1.0  # s for sending: as it was asked for last, and what is made of that
+        self._requested, self._limit = -1.0, 1.0  # s for sending: last requested time-out, and the one in use
         modules = {kind.__module__ for kind in type(bus).__mro__}
         self._descriptor = self.fileno()
         watched = self._descriptor >= 0 and (os.name != "nt" or not modules.isdisjoint(_SOCKETS))
         queue = vars(bus).get("queue") if _VIRTUAL in modules else None
-        # python-can keeps nothing in memory where these have a descriptor
+        # with a descriptor, these interfaces buffer nothing in memory
         self.tells = queue is not None or (watched and not modules.isdisjoint((*_SOCKETS, *_PORTS)))
-        """Whether :meth:`waiting` is true whenever something has arrived."""
+        """True if :meth:`waiting` is reliable."""
         self.holds = False
-        """Whether :meth:`receive`, in another thread, may have taken something that it has not returned yet, where that is known."""
+        """True if :meth:`receive`, in another thread, may have taken a frame that it has not returned yet, if this is known."""
         self._nothing: Callable[[], bool] = self._unreadable if queue is None else queue.empty
-        # slcan looks for bytes a thousand times a second, serial knows no time-out: the system waits better
+        # slcan polls a thousand times per second, serial has no time-out: wait for the descriptor instead
         waits = watched and not modules.isdisjoint(_PORTS)
         self._get: Callable[[float], can.Message | None] = self._when_readable if waits else bus.recv
         if queue is not None:
             self._arrived, self._get = queue, self._when_queued
-        line = vars(bus).get("_buffer")  # of slcan: what has come of a line
+        line = vars(bus).get("_buffer")  # slcan: the received part of a line
         self._line = line if isinstance(line, bytearray) else bytearray()
-        # of serial, which knows no time-out when it sends
+        # serial has no time-out for sending
         self._port: Any = None if modules.isdisjoint(_READS_ON) else vars(bus).get("_ser")
         self.watchable = watched and modules.isdisjoint(_READS_ON)
-        """Whether an event loop can watch :meth:`fileno` and then :meth:`receive` what waits without blocking."""
+        """True if an event loop can watch :meth:`fileno` and then :meth:`receive` pending frames without blocking."""
 
     def __str__(self) -> str:
         return str(self.address or self._bus.channel_info)
@@ -136,42 +134,42 @@ class Bus:
     # --- sending ------------------------------------------------------------------------------------------------------
 
     def send(self, frame: CanFrame, seconds: float) -> None:
-        """Hand a frame over to the interface.
+        """Pass a frame to the interface.
 
         Args:
-            frame: to send.
-            seconds: that it may wait until it is taken; at most twice that, between 31 ms and 1 s.
+            frame: The frame.
+            seconds: Seconds to wait until the interface accepts it; at most twice this time, between 31 ms and 1 s.
 
         Raises:
-            InvalidValue: it cannot be a frame.
-            TransportError: it was not taken in time; the bus goes on, there may be nobody to acknowledge.
-            ConnectionLost: the bus is gone.
+            InvalidValue: If it is not a valid frame.
+            TransportError: If it was not accepted in time; the bus stays usable, as perhaps no node acknowledged a frame.
+            ConnectionLost: If the bus is lost.
         """
         checked(frame)
         message = self._message(arbitration_id=frame.id, data=frame.data, is_rx=False)
         try:
-            if seconds != self._asked:
+            if seconds != self._requested:
                 self._set_limit(seconds)
             self._bus.send(message, self._limit)
         except Exception as error:
             if _is_interrupted(error):
                 return
             if not _is_full(error):
-                raise self._gone(error) from error
+                raise self._lost(error) from error
             if not self._is_taken(error):
                 raise self._not_taken(error) from error
 
     def _set_limit(self, seconds: float) -> None:
-        # powers of two: slcan sets up its port anew whenever the time-out is another one
-        self._limit = math.ldexp(1.0, min(math.frexp(max(seconds, _LEAST))[1], 0))
+        # powers of two, because slcan reconfigures its port whenever the time-out changes
+        self._limit = math.ldexp(1.0, min(math.frexp(max(seconds, _MIN_LIMIT))[1], 0))
         if self._port is not None:
             self._port.write_timeout = self._limit
-        self._asked = seconds
+        self._requested = seconds
 
     def _is_taken(self, error: BaseException) -> bool:
-        """Whether a port has taken a frame all the same: pyserial looks at the time after it has written.
+        """Return True if a port accepted the frame despite a time-out: pyserial checks the time after writing.
 
-        The time was not spent waiting for the port if it takes more: this program was held up.
+        If the port accepts more bytes, the time was not spent waiting for it: this program was suspended.
         """
         late = type(error.__cause__).__name__ == _LATE_WRITE
         return late and self._descriptor >= 0 and os.name != "nt" and _takes_more(self._descriptor)
@@ -179,14 +177,14 @@ class Bus:
     def _not_taken(self, reason: object) -> TransportError:
         return TransportError(
             tr(
-                "{bus}: the frame could not be sent ({reason}). Try: is anybody there to acknowledge it "
+                "{bus}: the frame could not be sent ({reason}). Try: check that another node acknowledges frames "
                 "(driver on, bit rate, wiring, termination)?",
                 bus=self,
                 reason=reason,
             )
         )
 
-    def _gone(self, error: BaseException) -> ConnectionLost:
+    def _lost(self, error: BaseException) -> ConnectionLost:
         reason = str(error) or type(error).__name__
         if error.__cause__ is not None:
             reason += f" ({error.__cause__})"
@@ -195,58 +193,58 @@ class Bus:
     # --- receiving ----------------------------------------------------------------------------------------------------
 
     def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame, ``None`` when the seconds have passed.
+        """Return the next frame, ``None`` after a time-out.
 
-        With 0 seconds ``None`` means that nothing is waiting, as far as can be told. Messages that are no
-        :class:`CanFrame` and bytes that are no message are passed over.
+        With 0 seconds, ``None`` means that no frame is pending, as far as this is known. Messages that are not a
+        :class:`CanFrame` and bytes that are not a message are skipped.
 
         Raises:
-            ConnectionLost: the bus is gone.
+            ConnectionLost: If the bus is lost.
         """
         if seconds <= 0 and self.tells and self._nothing():
             return None
         end = monotonic() + seconds
-        left, fruitless, passed = seconds, 0, 0
+        left, empty, rounds = seconds, 0, 0
         while True:
             try:
                 message = self._get(left)
-                came = message is not None
+                arrived = message is not None
                 frame = None if message is None else to_frame(message)
             except Exception as error:
                 if not self._is_noise(error):
-                    raise self._gone(error) from error
-                message, frame, came = None, None, True
+                    raise self._lost(error) from error
+                message, frame, arrived = None, None, True
             if frame is not None:
                 return frame
             if message is None:
-                fruitless += 1
-            passed += 1
+                empty += 1
+            rounds += 1
             left = end - monotonic()
             if left <= 0:
                 left = 0.0
-                if seconds > 0 or passed > _MOST or not (came or self._more(fruitless)):
+                if seconds > 0 or rounds > _MAX_EMPTY or not (arrived or self._more(empty)):
                     return None
-            if fruitless > _BURST:  # nothing but noise, or a bus that does not wait
-                sleep(min(left, _REST))
+            if empty > _EMPTY_BURST:  # only noise, or a bus that returns before its time-out
+                sleep(min(left, _EMPTY_PAUSE))
 
     def waiting(self) -> bool:
-        """Whether something has arrived that nobody has received; ``False`` where a bus does not tell."""
+        """Return True if a frame is pending; ``False`` if the bus does not report this."""
         return self.tells and not self._nothing()
 
     def _unreadable(self) -> bool:
         return not self._ready(0)
 
-    def _more(self, fruitless: int) -> bool:
-        """Whether something may be waiting although nothing came: a filter, or slcan, takes one message a time."""
+    def _more(self, empty: int) -> bool:
+        """Return True if a frame may be pending although none was returned: a filter and slcan take one message at a time."""
         if self.tells:
             return not self._nothing()
-        return self._bus.filters is not None and fruitless < _FILTERED
+        return self._bus.filters is not None and empty < _MAX_FILTERED
 
     def _when_readable(self, seconds: float) -> can.Message | None:
         self.holds = False
         if not self._ready(seconds):
             return None
-        self.holds = True  # until it is asked for the next one
+        self.holds = True  # until the next call
         message = self._bus.recv(0)
         if len(self._line) > _LONGEST_LINE:
             self._line.clear()
@@ -263,25 +261,23 @@ class Bus:
         if os.name == "nt":  # sockets only, and no poll
             try:
                 chosen = select.select([self._descriptor], [], [], seconds)
-            except (OSError, ValueError):  # it was closed: who receives is told
+            except (OSError, ValueError):  # closed: the receive then raises
                 return True
             return bool(chosen[0])
-        poll = select.poll()  # a new one each time: two threads cannot use one at the same time
+        poll = select.poll()  # a new object each time, because two threads cannot share one
         poll.register(self._descriptor, select.POLLIN)
         return bool(poll.poll(max(0.0, seconds) * 1e3))
 
     def _is_noise(self, error: Exception) -> bool:
-        """Whether an error of receiving is about what came, and not about the bus."""
+        """Return True if an error of receiving concerns the received bytes, not the bus."""
         import can
 
-        if isinstance(error, OSError):  # a time-out, or what was there has gone when it was looked at
+        if isinstance(error, OSError):  # a time-out, or the pending data is gone
             return isinstance(error, BlockingIOError | TimeoutError) and error.errno in (None, errno.EAGAIN)
         if isinstance(error, can.CanError):
             text = str(error)
             noise = "could not unpack" in text or "invalid delimiter" in text
-            if isinstance(
-                error.__cause__, UnicodeDecodeError
-            ):  # slcan keeps the line, and would stumble over it for ever
+            if isinstance(error.__cause__, UnicodeDecodeError):  # slcan keeps the line, and would fail on it again
                 self._line.clear()
                 noise = True
         else:
@@ -289,71 +285,71 @@ class Bus:
         return noise and self._is_open()
 
     def _is_open(self) -> bool:
-        """Whether the bus is open; one that somebody has closed raises ValueError as well."""
+        """Return True if the bus is open; a closed one raises ValueError too."""
         return self._descriptor < 0 or self.fileno() >= 0
 
     # --- the bus itself -----------------------------------------------------------------------------------------------
 
     def fileno(self) -> int:
-        """Descriptor of the bus, -1 where it has none, or none that is open."""
+        """Return the descriptor of the bus, -1 if it has none or is closed."""
         try:
             return self._bus.fileno()
-        except Exception:  # noqa: BLE001 - interfaces have none in many ways
+        except Exception:  # noqa: BLE001 - depends on the interface
             return -1
 
     def check_reopening(self) -> CanAddress:
-        """Return the address that the bus can be opened by again.
+        """Return the address for reopening the bus.
 
         Raises:
-            InvalidValue: it was not opened by one.
+            InvalidValue: If the bus was not opened by an address.
         """
         if self.address is None:
             raise InvalidValue(
-                tr("a bus that was opened elsewhere has to be opened again there. Try: give its address (can://...)")
+                tr("a bus that the caller opened cannot be reopened here. Try: pass its address (can://...)")
             )
         return self.address
 
     def reopen(self) -> None:
-        """Close the bus and open it again; blocks as long as that takes, as :func:`open_bus`.
+        """Close the bus and reopen it; blocks until it is open, as :func:`open_bus`.
 
         Raises:
-            InvalidValue: it was not opened by an address.
-            InvalidAddress, ConnectFailed, MissingExtra: as :func:`open_bus`; it is closed then.
+            InvalidValue: If the bus was not opened by an address.
+            InvalidAddress, ConnectFailed, MissingExtra: As for :func:`open_bus`; the bus is then closed.
         """
         address = self.check_reopening()
         self.close()
         self._use(open_bus(address))
 
     def close(self) -> None:
-        """Close the bus if it is one's own; a receive in another thread ends in an error, or when its time is up."""
+        """Close the bus if it is owned; a receive in another thread ends with an error or after its time-out."""
         if self._own:
             shut(self._bus)
 
 
 def shut(bus: can.BusABC) -> None:
-    """Close a bus of python-can, which may be broken."""
+    """Close a python-can bus, which may be broken."""
     try:
         bus.shutdown()
-    except Exception:  # noqa: BLE001 - slcan says goodbye to its adapter before it closes the port, which may be gone
+    except Exception:  # noqa: BLE001 - slcan first writes to its port, which may be gone
         port: Any = vars(bus).get("serialPortOrig")
         if port is not None:
             port.close()
 
 
 def _takes_more(descriptor: int) -> bool:
-    """Whether something can be written at once."""
+    """Return True if a descriptor is writable."""
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
     return any(event & select.POLLOUT for _, event in poll.poll(0))
 
 
 def _is_interrupted(error: BaseException) -> bool:
-    """Whether a port has taken a frame, and the wait until it was sent ended early: this program was stopped and continued."""
-    return getattr(error.__cause__, "args", ())[:1] == (errno.EINTR,)  # termios.error, of tcdrain; slcan wraps it
+    """Return True if a port accepted the frame, but the wait for its transmission was interrupted by a stop of the process."""
+    return getattr(error.__cause__, "args", ())[:1] == (errno.EINTR,)  # termios.error from tcdrain; slcan wraps it
 
 
 def _is_full(error: BaseException) -> bool:
-    """Whether a frame was not taken because others wait to be sent."""
+    """Return True if a frame was not accepted because the transmit queue is full."""
     import can
 
     numbers = {
@@ -363,8 +359,8 @@ def _is_full(error: BaseException) -> bool:
     }
     return (
         isinstance(error, can.CanTimeoutError)
-        or not numbers.isdisjoint(_FULL)
+        or not numbers.isdisjoint(_FULL_ERRORS)
         or "full" in str(error).lower()
         or type(error.__cause__).__name__ == _LATE_WRITE  # slcan wraps it
-        or "one or more recipients" in str(error)  # of virtual: somebody's queue is full
+        or "one or more recipients" in str(error)  # virtual: the queue of a receiver is full
     )

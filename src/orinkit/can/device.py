@@ -1,4 +1,4 @@
-"""What can be served on a CAN bus."""
+"""The protocol of devices that can be served on a CAN bus."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from orinkit.can.frame import CanFrame
 
 
 class DeviceClock(Protocol):
-    """A clock as those of :mod:`orinkit.virtual.clock`."""
+    """A clock like those of :mod:`orinkit.virtual.clock`."""
 
     scale: float
-    """Its seconds per real second."""
+    """Seconds of the clock per real second."""
 
     def now(self) -> float:
-        """Return its seconds."""
+        """Return the time of the clock, in s."""
 
 
 class CanDevice(Protocol):
-    """What :func:`serve_can` serves: a device that knows no bus. All of it is called from one thread."""
+    """A device for :func:`serve_can`, independent of the bus. All its methods are called from one thread."""
 
     @property
     def address(self) -> int:
-        """Its address on the bus, 0 to 255; no other device of the server has the same."""
+        """Address on the bus, 0 to 255; unique among the devices of a server."""
 
     @property
     def clock(self) -> DeviceClock:
-        """What :meth:`due` counts by."""
+        """The clock of :meth:`due`."""
 
     def receive(self, frame: CanFrame) -> list[CanFrame]:
-        """Take a frame, whoever it is for, and return what is to be sent now."""
+        """Process a frame for any destination, and return the frames to be sent now."""
 
     def advance(self) -> list[CanFrame]:
-        """Do what is due by the clock, and return what is to be sent."""
+        """Do what is due by the clock, and return the frames to be sent."""
 
     def due(self) -> float | None:
-        """Return when :meth:`advance` is wanted next, in seconds of the clock; ``None`` for not until a frame comes."""
+        """Return the next time to call :meth:`advance`, in s of the clock; ``None`` to wait for a frame."""
 
     def close(self) -> None:
-        """Let go of what it has; it is not used any more."""
+        """Release the resources of the device; it is not used afterwards."""

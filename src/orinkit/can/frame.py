@@ -1,7 +1,7 @@
-"""CAN frames, and operations that want them: what everything that speaks CAN has in common, without I/O.
+"""CAN frames, and operations that exchange them, without I/O.
 
-An operation is a generator: it yields a :class:`OperationStep`, which says what to send and how long to wait, and is sent the
-next frame, or ``None`` when the time is up.
+An operation is a generator: it yields an :class:`OperationStep` with the frames to send and the time to wait, and receives
+the next frame, or ``None`` after a time-out.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from orinkit.core.i18n import tr
 
 T = TypeVar("T")
 MAX_ID: Final = 0x1FFFFFFF
-"""The greatest extended identifier."""
+"""The highest extended identifier."""
 MAX_DATA: Final = 8
-"""Bytes of a classic CAN frame, at most."""
+"""Most bytes of a classic CAN frame."""
 
 
 class CanFrame(NamedTuple):
-    """A data frame of CAN 2.0B with an extended identifier; ABH3 drivers know no others.
+    """A data frame of CAN 2.0B with an extended identifier; ABH3 drivers use no others.
 
     Attributes:
         id: 29-bit identifier.
         data: 0 to 8 bytes.
-        time: when it arrived, in s by the interface's own clock; 0 of a frame to be sent.
+        time: Time of arrival in s, by the interface's own clock; 0 for a frame to be sent.
     """
 
     id: int
@@ -37,13 +37,13 @@ class CanFrame(NamedTuple):
 
 
 class OperationStep(NamedTuple):
-    """What an operation wants next.
+    """The next step of an operation.
 
     Attributes:
-        frames: to send, in order.
-        seconds: to wait for a frame; ``None`` for what is left of the wait before, so that other frames do not make it
-            any longer.
-        fresh: frames that have arrived before are dropped first: they cannot be answers to what is sent now.
+        frames: Frames to send, in order.
+        seconds: Seconds to wait for a frame; ``None`` for the rest of the previous wait, so that other frames do not prolong
+            it.
+        fresh: Drop frames that arrived earlier, as they cannot be replies to what is sent now.
     """
 
     frames: tuple[CanFrame, ...] = ()
@@ -55,13 +55,13 @@ CanOperation: TypeAlias = Generator[OperationStep, CanFrame | None, T]
 
 
 def checked(frame: CanFrame) -> CanFrame:
-    """Return a frame that can be sent.
+    """Check that a frame can be sent, and return it.
 
     Raises:
-        InvalidValue: its identifier has more than 29 bits, or it has more than 8 bytes.
+        InvalidValue: If its identifier has more than 29 bits, or it has more than 8 bytes.
     """
     if not 0 <= frame.id <= MAX_ID:
-        raise InvalidValue(tr("a CAN identifier has 29 bits, at most 0x1FFFFFFF: {id:#x}", id=frame.id))
+        raise InvalidValue(tr("a CAN identifier must be 0 to 0x1FFFFFFF (29 bits), not {id:#x}", id=frame.id))
     if len(frame.data) > MAX_DATA:
-        raise InvalidValue(tr("a CAN frame has at most 8 bytes, not {count}", count=len(frame.data)))
+        raise InvalidValue(tr("a CAN frame must have at most 8 bytes, not {count}", count=len(frame.data)))
     return frame

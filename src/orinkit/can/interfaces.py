@@ -1,4 +1,4 @@
-"""Opening a bus with python-can, and saying why it cannot be opened."""
+"""Open a bus with python-can, and explain why it cannot be opened."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import can
 
 _GROUP: Final = "239.74.163.2"
-"""The IPv4 group of udp_multicast; python-can's own choice is an IPv6 group, which fewer networks have."""
+"""The IPv4 group of udp_multicast; python-can's default is an IPv6 group, which fewer networks support."""
 _NEEDS: Final = {
     "udp_multicast": "msgpack",
     "slcan": "serial",
@@ -27,10 +27,10 @@ _NEEDS: Final = {
 }
 _PORTS: Final = ("slcan", "serial", "robotell", "seeedstudio")
 _PSEUDO: Final = "/dev/pts/"
-_TELLING: Final = ("socketcan", "udp_multicast", "virtual", "slcan", "serial")
-"""Interfaces whose class names all of its options; others look for more in what they are given."""
+_WITH_KNOWN_OPTIONS: Final = ("socketcan", "udp_multicast", "virtual", "slcan", "serial")
+"""Interfaces whose class has all options as parameters; the others accept further options."""
 _NO_OPTIONS: Final = ("channel", "kwargs", "can_filters", "timing", "protocol")
-_PAST_PORTS: Final = 65536
+_PORT_LIMIT: Final = 65536
 _REFUSED: Final = (ValueError, TypeError, OverflowError, AttributeError)
 _ABSENT: Final = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
 _FORBIDDEN: Final = (errno.EACCES, errno.EPERM)
@@ -61,12 +61,12 @@ def opened(address: CanAddress) -> can.BusABC:
 
 
 def _check_options(address: CanAddress) -> None:
-    """Refuse what python-can would swallow, or stumble over.
+    """Check options that python-can would ignore, or fail on.
 
     Raises:
-        InvalidAddress: there is an option that the interface has not, or a port that is none.
+        InvalidAddress: If the interface does not have an option, or the port is not valid.
     """
-    if address.interface in _TELLING:
+    if address.interface in _WITH_KNOWN_OPTIONS:
         from inspect import signature
 
         from can.interfaces import BACKENDS
@@ -76,10 +76,10 @@ def _check_options(address: CanAddress) -> None:
         for option, _ in address.options:
             if option not in known:
                 names = ", ".join(known)
-                raise _refused(address, tr("no option {option!r}; known: {names}", option=option, names=names))
+                raise _refused(address, tr("unknown option {option!r}; known: {names}", option=option, names=names))
     port = dict(address.options).get("port", 1)
-    if address.interface == "udp_multicast" and (not isinstance(port, int) or not 0 < port < _PAST_PORTS):
-        raise _refused(address, tr("port {port!r:.80} is not 1 to 65535", port=port))
+    if address.interface == "udp_multicast" and (not isinstance(port, int) or not 0 < port < _PORT_LIMIT):
+        raise _refused(address, tr("port must be 1 to 65535, not {port!r:.80}", port=port))
 
 
 def _settings(address: CanAddress) -> dict[str, Any]:
@@ -88,29 +88,29 @@ def _settings(address: CanAddress) -> dict[str, Any]:
     if address.interface == "udp_multicast":
         channel = channel or _GROUP
     elif address.channel.isascii() and address.channel.isdecimal() and str(int(address.channel)) == address.channel:
-        channel = int(address.channel)  # as python-can reads its own configuration
+        channel = int(address.channel)  # as python-can does with its own configuration
     if channel != "":
         settings["channel"] = channel
     if address.bitrate is not None:
         settings["bitrate"] = address.bitrate
     if address.interface == "slcan" and os.path.realpath(address.channel.partition("@")[0]).startswith(_PSEUDO):
-        settings.setdefault("sleep_after_open", 0)  # its own choice is 2 s, see open_bus
+        settings.setdefault("sleep_after_open", 0)  # default 2 s, see open_bus
     return settings
 
 
 def _failed(address: CanAddress, error: Exception) -> OrinError:
-    """Return the exception for a bus that could not be opened."""
+    """Return the exception for an error of python-can."""
     import can
 
     if isinstance(error, can.CanInitializationError) and isinstance(error.__cause__, (*_REFUSED, OSError)):
-        cause: BaseException = error.__cause__  # python-can wraps what it finds
+        cause: BaseException = error.__cause__  # python-can wraps the errors of interfaces
     else:
         cause = error
     reason = str(cause) or type(cause).__name__
     if isinstance(cause, ImportError) or "not installed" in reason or "Cannot import module" in reason:
         return MissingExtra(
             tr(
-                "{address}: {reason}. Try: pip install 'orinkit[can]', and the driver of the adapter",
+                "{address}: {reason}. Try: pip install 'orinkit[can]', and install the driver of the adapter",
                 address=_short(address),
                 reason=reason,
             )
@@ -120,7 +120,7 @@ def _failed(address: CanAddress, error: Exception) -> OrinError:
         return _refused(address, reason)
     if cause is not error and str(error) and str(error) != reason:
         reason = f"{error} ({reason})"
-    try_this = _what_to_try(address, number)
+    remedy = _remedy(address, number)
     return ConnectFailed(
         tr(
             "cannot open the CAN bus {address}: interface {interface}, channel {channel!r:.80}: "
@@ -129,7 +129,7 @@ def _failed(address: CanAddress, error: Exception) -> OrinError:
             interface=address.interface,
             channel=address.channel,
             reason=reason,
-            try_this=try_this,
+            try_this=remedy,
         )
     )
 
@@ -137,8 +137,8 @@ def _failed(address: CanAddress, error: Exception) -> OrinError:
 def _refused(address: CanAddress, reason: str) -> InvalidAddress:
     return InvalidAddress(
         tr(
-            "{address}: interface {interface}, channel {channel!r:.80}: {reason}. Try: the channel "
-            "and the options that python-can has for this interface",
+            "{address}: interface {interface}, channel {channel!r:.80}: {reason}. Try: check the channel "
+            "and the options of this interface in the documentation of python-can",
             address=_short(address),
             interface=address.interface,
             channel=address.channel,
@@ -147,28 +147,30 @@ def _refused(address: CanAddress, reason: str) -> InvalidAddress:
     )
 
 
-def _what_to_try(address: CanAddress, number: int | None) -> str:
+def _remedy(address: CanAddress, number: int | None) -> str:
     if address.interface in _PORTS and number in _FORBIDDEN and sys.platform != "win32":
-        return tr("become a member of the group of the port (Linux: sudo usermod -aG dialout $USER) and log in again")
+        return tr("join the group that owns the port (Linux: sudo usermod -aG dialout $USER) and log in again")
     if address.interface in _PORTS:
         return tr(
-            "is the adapter plugged in, is that the name of its port (can://slcan//dev/ttyACM0, "
-            "can://slcan/COM3), does no other program use it?"
+            "check that the adapter is plugged in, that the port name is right (can://slcan//dev/ttyACM0, "
+            "can://slcan/COM3), and that no other program uses it"
         )
     if address.interface == "socketcan" and number in _ABSENT:
         return tr(
-            "is the adapter plugged in, and is that its name? `ip link` lists them; sudo ip link set "
-            "{channel} up type can bitrate {bitrate}",
+            "check that the adapter is plugged in, its name (`ip link` lists them), and that it is up (sudo ip link set "
+            "{channel} up type can bitrate {bitrate})",
             channel=address.channel or "can0",
             bitrate=address.bitrate or 500000,
         )
     if address.interface == "socketcan":
         return tr(
-            "has this system CAN (Linux: sudo modprobe can_raw)? Without hardware: can://udp_multicast/239.74.163.2"
+            "check that the system supports CAN (Linux: sudo modprobe can_raw); without hardware, use can://udp_multicast/239.74.163.2"
         )
     if address.interface == "udp_multicast":
-        return tr("a multicast address (239.74.163.2), a port (?port=43113), and is there a network that carries it?")
-    return tr("is the adapter plugged in, its driver installed, the channel right?")
+        return tr(
+            "use a multicast address (239.74.163.2) and a free port (?port=43113), and check that the network supports multicast"
+        )
+    return tr("check that the adapter is plugged in, its driver is installed, and the channel is right")
 
 
 def _short(address: CanAddress) -> str:

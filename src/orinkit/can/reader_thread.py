@@ -1,4 +1,4 @@
-"""The thread that reads a CAN bus for an event loop that cannot watch it."""
+"""A thread that reads a CAN bus for an event loop that cannot watch its descriptor."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from orinkit.can.frame import CanFrame
 from orinkit.core.errors import OrinError
 from orinkit.transport.link_errors import lost
 
-_SLICE: Final = 0.25  # s after which it finds that it is to end
-_BACKLOG: Final = 10_000  # frames that are kept for a loop that is not running
+_SLICE: Final = 0.25  # s between checks for a stop
+_BACKLOG: Final = 10_000  # frames buffered while the loop is not running
 
 
 class BusReader(threading.Thread):
-    """Reads a bus, and tells the loop that something has come.
+    """Reads a bus, and notifies the event loop of new frames.
 
     Args:
-        bus: that nobody else reads.
-        loop: that is told.
-        came: is called there when there are frames, or an error.
+        bus: The bus; nothing else may read it.
+        loop: The event loop to notify.
+        came: Called in the loop when there are frames or an error.
 
     Attributes:
-        stopping: to be set when it is to end, which it does within a fraction of a second.
-        quiet: whether it has taken all that had arrived, and waits for more.
-        error: that it has ended by.
+        stopping: Set it to end the thread, which takes a fraction of a second.
+        quiet: True while it has read everything that has arrived, and waits for more.
+        error: The error that ended it.
     """
 
     def __init__(self, bus: Bus, loop: asyncio.AbstractEventLoop, came: Callable[[], None]) -> None:
@@ -41,10 +41,10 @@ class BusReader(threading.Thread):
         self._came = came
         self._ended = asyncio.Event()
         self._frames: deque[CanFrame] = deque(maxlen=_BACKLOG)
-        self._told = False  # the loop knows that there is something
+        self._notified = False  # the loop has been notified
 
     def run(self) -> None:
-        """Read until it is told to stop, or the bus is gone."""
+        """Read until it is stopped or the bus is lost."""
         frame = None
         try:
             while not self.stopping:
@@ -53,13 +53,13 @@ class BusReader(threading.Thread):
                 self.quiet = False
                 if frame is not None:
                     self._frames.append(frame)
-                    if not self._told:
-                        self._told = True
+                    if not self._notified:
+                        self._notified = True
                         self._post(self._came)
         except OrinError as error:
             self.error = error
             self._post(self._came)
-        except Exception as error:  # noqa: BLE001 - of an adapter's driver; who waits is to know
+        except Exception as error:  # noqa: BLE001 - from an adapter's driver; receivers get it
             self.error = lost(f"{self._bus}: {error!r}")
             self._post(self._came)
         self._post(self._ended.set)
@@ -67,19 +67,19 @@ class BusReader(threading.Thread):
     def _post(self, call: Callable[[], None]) -> None:
         try:
             self._loop.call_soon_threadsafe(call)
-        except RuntimeError:  # the loop was closed, and nobody has closed the line
+        except RuntimeError:  # the loop was closed, but not the bus
             self.stopping = True
 
     def taken(self) -> list[CanFrame]:
-        """Return what has come; is called in the loop."""
-        self._told = False  # first: what comes from now on is told again
+        """Return the new frames; called in the loop."""
+        self._notified = False  # first: later frames notify the loop again
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
     async def left(self, seconds: float) -> None:
-        """Wait until it has ended, at most so many seconds."""
+        """Wait until the thread has ended, for at most ``seconds``."""
         try:
             async with asyncio.timeout(seconds):
                 await self._ended.wait()
-        except TimeoutError:  # a driver that does not come back; it is a daemon
+        except TimeoutError:  # a driver that does not return; the thread is a daemon
             return
         self.join()

@@ -1,4 +1,4 @@
-"""The bus of a CAN server: it never raises anything, and comes back when it was lost."""
+"""The bus of a CAN server: it raises no exceptions, and is reopened after a loss."""
 
 from __future__ import annotations
 
@@ -17,57 +17,57 @@ if TYPE_CHECKING:
     import can
 
 _log = logging.getLogger("orinkit.server")
-_SEND: Final = 0.02  # s that a frame may wait to be taken
-_FIRST_DELAY: Final = 0.5  # s before a bus that was lost is opened again
+_SEND: Final = 0.02  # s to wait until the interface accepts a frame
+_FIRST_DELAY: Final = 0.5  # s before a lost bus is reopened
 _LONGEST_DELAY: Final = 5.0
-_PROVEN: Final = 1.0  # s without an error after which a bus is back, though nothing was received
-_QUIET: Final = 1.0  # s between two frames that are none and are logged
+_PROVEN: Final = 1.0  # s without an error after which a bus counts as restored, even if nothing is received
+_QUIET: Final = 1.0  # s between two logged invalid frames
 _JOIN: Final = 5.0
 
 
 class ReconnectingBus:
-    """A bus that is opened again when it is lost. All of it is called from one thread, but :meth:`close`.
+    """A bus that is reopened after a loss. All methods except :meth:`close` are called from one thread.
 
     Args:
-        at: where the bus is, or one that is open and belongs to somebody else.
-        ending: is set when the server is to end.
+        at: Address of the bus, or an open python-can bus, which is not closed.
+        ending: Set when the server is to end.
 
     Raises:
-        InvalidAddress, ConnectFailed, MissingExtra: as :func:`orinkit.can.bus.open_bus`.
+        InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
     """
 
     def __init__(self, at: CanAddress | can.BusABC, ending: threading.Event) -> None:
         self._ending = ending
-        given: Bus | None = Bus.open(at) if isinstance(at, CanAddress) else Bus(at, own=False)
+        bus: Bus | None = Bus.open(at) if isinstance(at, CanAddress) else Bus(at, own=False)
         self.url = str(at) if isinstance(at, CanAddress) else _url(at)
-        self._bus = given
-        self._last = given
-        self._lock = threading.Lock()  # of what follows
+        self._bus = bus
+        self._last = bus
+        self._lock = threading.Lock()  # protects the following attributes
         self._opened: Bus | None = None
         self._closed = False
         self._opener: threading.Thread | None = None
         self._delay = _FIRST_DELAY
-        self._back_at: float | None = None  # since when a bus that was lost is open again
-        self._is_lost = False  # and that was logged
+        self._back_at: float | None = None  # time at which a lost bus was reopened
+        self._is_lost = False  # the loss has been logged
         self._is_refused = False
         self._quiet_until = 0.0
 
     def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame, ``None`` when the seconds have passed; without a bus they pass as well."""
-        bus = self._bus or self._fresh()
+        """Return the next frame, ``None`` after a time-out; without a bus, wait for the time-out."""
+        bus = self._bus or self._take_reopened()
         if bus is None:
             self._ending.wait(seconds)
             return None
         try:
             frame = bus.receive(seconds)
-        except Exception as error:  # noqa: BLE001 - what an interface raises is its own affair
+        except Exception as error:  # noqa: BLE001 - interfaces may raise anything
             self._lose(error)
             return None
-        self._works(frame is not None)
+        self._record_success(frame is not None)
         return frame
 
     def send(self, frames: Iterable[CanFrame]) -> None:
-        """Send frames, in order; when one is not taken, it and those behind it are dropped."""
+        """Send frames, in order; if one is not accepted, it and those after it are dropped."""
         for frame in frames:
             bus = self._bus
             if bus is None:
@@ -79,22 +79,22 @@ class ReconnectingBus:
                 return
             except TransportError as error:
                 if not self._is_refused:
-                    _log.warning("frames are dropped until they are taken again: %s", error)
+                    _log.warning("dropping frames until the interface accepts them again: %s", error)
                 self._is_refused = True
                 return
-            except Exception as error:  # noqa: BLE001 - a bus raises nothing else; what is sent is a device's
-                self._complain(frame, error)
+            except Exception as error:  # noqa: BLE001 - caused by an invalid frame of a device
+                self._log_invalid(frame, error)
                 continue
             self._is_refused = False
 
-    def _complain(self, frame: object, error: Exception) -> None:
-        """Log what cannot be sent, once a second at most."""
+    def _log_invalid(self, frame: object, error: Exception) -> None:
+        """Log an invalid frame, at most once per second."""
         if monotonic() >= self._quiet_until:
-            _log.error("%s: a device wants to send %.80r, which is no frame: %s", self.url, frame, error)
+            _log.error("%s: a device sent %.80r, which is not a CAN frame: %s", self.url, frame, error)
             self._quiet_until = monotonic() + _QUIET
 
     def close(self) -> None:
-        """Close the bus, unless it belongs to somebody else."""
+        """Close the bus, unless it was passed in open."""
         self._ending.set()
         opener = self._opener
         if opener is not None:
@@ -107,12 +107,12 @@ class ReconnectingBus:
             if bus is not None:
                 bus.close()
 
-    # --- lost and found -----------------------------------------------------------------------------------------------
+    # --- loss and reopening -------------------------------------------------------------------------------------------
 
     def _lose(self, error: Exception) -> None:
-        """Give up a bus, and have it opened again."""
+        """Drop a lost bus, and start to reopen it."""
         if not self._is_lost:
-            _log.warning("the CAN bus is lost; it will be tried again and again: %s", error)
+            _log.warning("the CAN bus is lost; reopening it: %s", error)
         else:
             self._delay = min(2 * self._delay, _LONGEST_DELAY)
         self._is_lost, self._back_at = True, None
@@ -121,13 +121,13 @@ class ReconnectingBus:
         self._opener.start()
 
     def _open_again(self) -> None:
-        """Wait and open the bus, until it can be; in a thread of its own, as opening may take long."""
+        """Try to open the bus until it succeeds; in a separate thread, as opening may take long."""
         last = self._last
         assert last is not None
         last.close()
         while not self._ending.wait(self._delay):
             try:
-                # what belongs to somebody else may work again by itself
+                # a bus that was passed in open may recover by itself
                 bus = last if last.address is None else Bus.open(last.address)
             except Exception as error:  # noqa: BLE001 - the next try may succeed
                 _log.debug("the CAN bus cannot be opened: %s", error)
@@ -139,8 +139,8 @@ class ReconnectingBus:
                     return
             bus.close()
 
-    def _fresh(self) -> Bus | None:
-        """Return the bus that has been opened again, once."""
+    def _take_reopened(self) -> Bus | None:
+        """Return the reopened bus, once."""
         with self._lock:
             bus, self._opened = self._opened, None
         if bus is not None:
@@ -148,15 +148,15 @@ class ReconnectingBus:
             self._back_at = monotonic()
         return bus
 
-    def _works(self, received: bool) -> None:
-        """Note that there was no error."""
+    def _record_success(self, received: bool) -> None:
+        """Record a call without an error."""
         if self._back_at is not None and (received or monotonic() - self._back_at >= _PROVEN):
             _log.info("the CAN bus %s is back", self.url)
             self._is_lost, self._back_at, self._delay = False, None, _FIRST_DELAY
 
 
 def _url(bus: can.BusABC) -> str:
-    """Return a name for a bus that was opened elsewhere, in the manner of a URL."""
+    """Return a name in the form of a URL for a bus that was passed in open."""
     from can.interfaces import BACKENDS
 
     kind = (type(bus).__module__, type(bus).__name__)

@@ -1,4 +1,4 @@
-"""Devices on a CAN bus, beside an ordinary program: :func:`serve_can`. The rest is imported when something is served."""
+"""Serve devices on a CAN bus from a thread: :func:`serve_can`. Other modules are imported when it is called."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     import can
 
 DEFAULT_BUS: Final = "can://udp_multicast/239.74.163.2"
-"""A bus without hardware that all programs of a network share."""
+"""A bus without hardware, shared by all programs of a network."""
 
 _JOIN: Final = 5.0  # s
 
 
 class CanServer:
-    """Devices on a bus, in a thread of their own; :func:`serve_can` makes one."""
+    """Devices on a bus, served from a thread; created by :func:`serve_can`."""
 
     def __init__(self, devices: Iterable[CanDevice], at: str | can.BusABC) -> None:
         from orinkit.can.device_thread import ServedDevice, run
@@ -39,13 +39,13 @@ class CanServer:
 
     @property
     def url(self) -> str:
-        """Where the devices are: ``can://INTERFACE/CHANNEL``."""
+        """Address of the bus: ``can://INTERFACE/CHANNEL``."""
         return self._wire.url
 
     def wait(self, seconds: float | None = None) -> None:
-        """Wait until the server is closed by another thread, the seconds have passed, or Ctrl-C is pressed.
+        """Wait until another thread closes the server, ``seconds`` have passed, or Ctrl-C is pressed.
 
-        Ctrl-C ends the wait quietly, so that ``with serve_can(...) as server: server.wait()`` is a whole program.
+        Ctrl-C ends the wait without an exception, so ``with serve_can(...) as server: server.wait()`` is a complete program.
         """
         try:
             self._thread.join(seconds)
@@ -53,7 +53,7 @@ class CanServer:
             pass
 
     def close(self) -> None:
-        """Leave the bus and close the devices; does nothing the second time."""
+        """Close the bus and the devices. May be called again."""
         self._ending.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(_JOIN)
@@ -73,18 +73,18 @@ class CanServer:
 
 
 def serve_can(*devices: CanDevice, at: str | can.BusABC = DEFAULT_BUS) -> CanServer:
-    """Serve devices on a CAN bus beside the program until the server is closed; use it in a ``with`` statement.
+    """Serve devices on a CAN bus from a thread until the server is closed; use it in a ``with`` statement.
 
     Args:
-        devices: closed with the server.
-        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, as python-can names them, or a bus that is open
-            already; nobody else may receive from that one, and it is not closed with the server.
+        devices: The devices; they are closed with the server.
+        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, with the names of python-can, or an open python-can bus,
+            which is not closed; nothing else may receive from it.
 
     Raises:
-        InvalidAddress: the URL cannot be used.
-        InvalidValue: two devices have the same address.
-        ConnectFailed: the bus cannot be opened.
-        MissingExtra: python-can is not installed, or a package that the interface needs.
+        InvalidAddress: If the URL is not valid.
+        InvalidValue: If two devices have the same address.
+        ConnectFailed: If the bus cannot be opened.
+        MissingExtra: If python-can, or a package that the interface requires, is not installed.
     """
     return CanServer(devices, at)
 
@@ -93,20 +93,22 @@ def _address(url: str) -> CanAddress:
     address = parse_address(url)
     if isinstance(address, CanAddress):
         return address
-    raise InvalidAddress(tr("{url!r:.200} is no CAN bus. Example: {example}", url=url, example=DEFAULT_BUS))
+    raise InvalidAddress(
+        tr("{url!r:.200} is not the address of a CAN bus. Example: {example}", url=url, example=DEFAULT_BUS)
+    )
 
 
 def _checked(devices: Iterable[CanDevice]) -> list[CanDevice]:
-    """Return devices that can be on one bus.
+    """Check that the devices can share a bus, and return them.
 
     Raises:
-        InvalidValue: two have the same address.
+        InvalidValue: If two have the same address.
     """
     found: dict[int, CanDevice] = {}
     for device in devices:
         if device.address in found:
             raise InvalidValue(
-                tr("two devices have the address {address}: each one on a bus needs its own", address=device.address)
+                tr("two devices have the address {address}: addresses on a bus must be unique", address=device.address)
             )
         found[device.address] = device
     return list(found.values())

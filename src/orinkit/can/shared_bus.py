@@ -1,10 +1,10 @@
-"""One CAN bus shared by many, on the threads of those who call.
+"""A CAN bus shared by several receivers, on the callers' threads.
 
-There is no thread of its own: whoever waits for a frame reads the bus, for all. A thread that waits while another one reads
-is woken when a frame for it was read, and reads on itself when the other one leaves. A single caller reads the bus on its
-own thread, with nothing in between.
+There is no background thread: a thread that waits for a frame reads the bus for all receivers. A thread that waits while
+another one reads is woken when a frame for it arrives, and takes over when the reading thread leaves. A single caller
+reads the bus directly on its own thread.
 
-A line that has broken stays broken until :meth:`SharedCanBus.reopen`. The twin is :mod:`orinkit.can.aio_shared_bus`.
+A lost bus stays broken until :meth:`SharedCanBus.reopen`. The asyncio twin is :mod:`orinkit.can.aio_shared_bus`.
 """
 
 from __future__ import annotations
@@ -24,58 +24,61 @@ from orinkit.transport.link_errors import closed
 
 T = TypeVar("T")
 Accepts: TypeAlias = Callable[[CanFrame], bool]
-"""Whether a frame is for a port; is asked on any thread that reads, and must not wait, nor raise anything."""
+"""Filter of a receiver. Called on any thread that reads; must neither block nor raise."""
 
 SIZE: Final = 256
-"""Frames that wait in a port."""
-_SLICE: Final = 0.25  # s after which a wait finds that the line was closed
-_LEAVING: Final = 2.0  # s that a thread that reads gets to leave the bus
-_DRAINING: Final = 0.5  # s that clearing may take, though more and more comes
-_GLANCES: Final = 100  # until a thread that reads has handed out all; no time, for the machine may stand still
+"""Frames buffered in a receiver."""
+_SLICE: Final = 0.25  # s between checks for a closed bus
+_STOP_TIMEOUT: Final = 2.0  # s to wait for the reading thread to stop
+_DRAIN_TIMEOUT: Final = 0.5  # s, longest time for draining while frames keep arriving
+_GLANCES: Final = (
+    100  # polls until the reading thread has dispatched all; a count, not a time, as the machine may be suspended
+)
 _GLANCE: Final = 2e-4  # s
-_LOOK: Final = 2e-3  # s
+_STOP_POLL: Final = 2e-3  # s
 
 
 class FrameLink(Protocol):
-    """What an operation is carried out over, on the caller's thread: :class:`CanReceiver`."""
+    """The interface on which :func:`run_can` runs an operation: :class:`CanReceiver`."""
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order."""
 
     def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame for this port, ``None`` when the seconds have passed."""
+        """Return the next frame for this receiver, ``None`` after a time-out."""
 
     def clear(self) -> None:
-        """Drop what has arrived for this port."""
+        """Drop the frames that have arrived for this receiver."""
 
 
 class SharedCanBus:
-    """A bus that many ports share. Every method may be called from any thread.
+    """A bus shared by several receivers. Every method may be called from any thread.
 
     Args:
-        bus: is this line's from then on: nobody else receives from it. It is closed with the line if it is its own.
+        bus: The bus; from now on nothing else may receive from it. It is closed with the shared bus if it is owned.
     """
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        # of what follows; never held while the bus is read. A port may be closed by the garbage collector, while it is held
+        # Protects the following attributes; never held while the bus is read. Reentrant, as the garbage collector may close a
+        # receiver while it is held.
         self._lock = threading.RLock()
-        self._ports: tuple[CanReceiver, ...] = ()  # replaced as a whole: who reads goes through it without the lock
-        self._waiting: list[CanReceiver] = []  # those with a thread that waits for another one that reads
-        self._reader: int | None = None  # the thread that reads the bus
-        self._quiet = False  # it has taken all that has arrived, and waits for more
+        self._ports: tuple[CanReceiver, ...] = ()  # replaced as a whole: the reading thread iterates without the lock
+        self._waiting: list[CanReceiver] = []  # receivers whose thread waits while another one reads
+        self._reader: int | None = None  # identifier of the thread that reads the bus
+        self._quiet = False  # the reading thread has read everything, and waits for more
         self._closed = False
-        self._broken: str | None = None  # why
+        self._broken: str | None = None  # reason for the loss
         self._unusable = False  # closed or broken
         self._sending = threading.RLock()
         self._reopening = threading.RLock()
 
     @classmethod
     def open(cls, address: CanAddress) -> Self:
-        """Open a bus and a line over it; blocks as long as that takes.
+        """Open a bus to be shared; blocks until it is open.
 
         Raises:
-            InvalidAddress, ConnectFailed, MissingExtra: as :func:`orinkit.can.bus.open_bus`.
+            InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
         """
         return cls(Bus.open(address))
 
@@ -84,20 +87,20 @@ class SharedCanBus:
 
     @property
     def broken(self) -> bool:
-        """Whether the bus was lost; what waited knows, and everything else raises until :meth:`reopen`."""
+        """True if the bus was lost: pending waits have raised, and so do all calls until :meth:`reopen`."""
         return self._broken is not None
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed here."""
+        """True if the shared bus was closed."""
         return self._closed
 
     def port(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
-        """Return a port, which gets each frame from now on that it accepts; others may get the same frame.
+        """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
-            accepts: whether a frame is for it.
-            size: frames that wait in it; of more the oldest are dropped.
+            accepts: Returns True if a frame is for the receiver.
+            size: Frames to buffer; beyond that, the oldest are dropped.
         """
         port = CanReceiver(self, accepts, size, self._lock)
         with self._lock:
@@ -113,24 +116,26 @@ class SharedCanBus:
     # --- sending ------------------------------------------------------------------------------------------------------
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, in order, without those of others in between.
+        """Send frames, in order, and not interleaved with those of other threads.
 
         Args:
-            frames: to send; all of them are looked at before the first is sent.
-            seconds: that each may wait until the interface takes it.
+            frames: The frames; all of them are checked before the first is sent.
+            seconds: Seconds that each may wait until the interface accepts it.
 
         Raises:
-            InvalidValue: one cannot be a frame; none was sent.
-            TransportError: one was not taken in time, nor were those behind it; the line goes on.
-            ConnectionLost: the bus is gone.
-            ConnectionClosed: the line was closed.
+            InvalidValue: If one is not a valid frame; none was sent.
+            TransportError: If one was not accepted in time; those after it were not sent, and the bus stays usable.
+            ConnectionLost: If the bus is lost.
+            ConnectionClosed: If the shared bus was closed.
         """
         if len(frames) > 1:
             for frame in frames:
                 checked(frame)
         try:
             if not self._sending.acquire(timeout=max(0.0, seconds) + _SLICE):
-                raise TransportError(tr("{bus}: others are sending all the time. Try: a longer timeout", bus=self))
+                raise TransportError(
+                    tr("{bus}: other threads occupied the bus for the whole timeout. Try: a longer timeout", bus=self)
+                )
             if self._unusable:
                 self._check()
             for frame in frames:
@@ -138,16 +143,16 @@ class SharedCanBus:
         except ConnectionLost as error:
             self._break(error)
             raise
-        finally:  # whether it was acquired cannot be told where Ctrl-C comes in between; nor may it come before a call of ours
+        finally:  # Ctrl-C may come right after the acquisition, so no flag can record it; and no call may precede the release
             try:
                 self._sending.release()
-            except RuntimeError:  # it was not
+            except RuntimeError:  # not acquired
                 pass
 
     # --- receiving ----------------------------------------------------------------------------------------------------
 
     def receive(self, port: CanReceiver, seconds: float) -> CanFrame | None:
-        """Return the next frame for a port, as :meth:`CanReceiver.receive`."""
+        """Return the next frame for a receiver, as :meth:`CanReceiver.receive`."""
         end = monotonic() + seconds
         reads = False
         try:
@@ -168,57 +173,57 @@ class SharedCanBus:
                     seconds = end - monotonic()
             return self._read(port, seconds, end)
         finally:
-            if reads:  # before any call: Ctrl-C may come in each of them
+            if reads:  # before any call, as Ctrl-C may come in each of them
                 self._reader = None
                 self._quiet = False
             if self._waiting:
-                self._pass_on()
+                self._wake_next_reader()
 
     def _wait(self, port: CanReceiver, seconds: float) -> None:
-        """Wait until there is a frame, or nobody who reads; the lock is held before and after."""
+        """Wait until there is a frame, or until no thread reads; the lock is held before and after."""
         self._waiting.append(port)
         try:
-            if self._reader is not None:  # who leaves looks at those who wait without the lock
+            if self._reader is not None:  # the leaving thread checks _waiting without the lock
                 port.woken.wait(seconds)
         finally:
             self._waiting.remove(port)
 
-    def _pass_on(self) -> None:
-        """Wake a thread that waits if nobody reads the bus."""
+    def _wake_next_reader(self) -> None:
+        """Wake a waiting thread if no thread reads the bus."""
         with self._lock:
             if self._reader is None and self._waiting:
                 self._waiting[0].woken.notify()
 
     def _read(self, port: CanReceiver, left: float, end: float) -> CanFrame | None:
-        """Read the bus for all until there is a frame for a port, or the time is up; this thread is the one that reads."""
+        """Read the bus for all receivers, on the reading thread, until there is a frame for one of them or a time-out."""
         if left < 0:
             left = 0.0
         while True:
             self._quiet = True
-            frame = self._take(min(left, _SLICE))
+            frame = self._receive_frame(min(left, _SLICE))
             self._quiet = False
             while frame is not None:
-                if self._hand_out(frame, port):
+                if self._dispatch(frame, port):
                     return frame
                 if len(self._ports) == 1 or self._unusable or monotonic() >= end:
                     break
-                # who wants to clear another port has to know when all that has arrived was taken
-                frame = self._take(0.0)
+                # a thread that clears another receiver waits until all pending frames are read
+                frame = self._receive_frame(0.0)
             if self._unusable or port.closed:
                 self._check(port)
             left = end - monotonic()
             if left <= 0:
                 return None
 
-    def _take(self, seconds: float) -> CanFrame | None:
+    def _receive_frame(self, seconds: float) -> CanFrame | None:
         try:
             return self._bus.receive(seconds)
         except ConnectionLost as error:
             self._break(error)
             raise (closed() if self._closed else error) from error.__cause__
 
-    def _hand_out(self, frame: CanFrame, mine: CanReceiver | None) -> bool:
-        """Give a frame to every port that accepts it; returns whether one's own does, which does not keep it."""
+    def _dispatch(self, frame: CanFrame, mine: CanReceiver | None) -> bool:
+        """Put a frame into every receiver that accepts it, except ``mine``; return True if ``mine`` accepts it."""
         is_mine = False
         for port in self._ports:
             if port.accepts(frame):
@@ -231,12 +236,12 @@ class SharedCanBus:
         return is_mine
 
     def clear(self, port: CanReceiver) -> None:
-        """Drop what has arrived for a port, as :meth:`CanReceiver.clear`."""
+        """Drop the frames that have arrived for a receiver, as :meth:`CanReceiver.clear`."""
         if self._unusable or port.closed:
             self._check(port)
         if self._bus.tells and not self._bus.waiting() and self._reader is None and not port.frames:
-            return  # in this order: what a thread took that was reading until now has reached the port
-        glances = _GLANCES
+            return  # in this order: frames read by a thread that just stopped reading are in the receiver by now
+        polls = _GLANCES
         reads = False
         try:
             while True:
@@ -248,9 +253,9 @@ class SharedCanBus:
                 if reads:
                     self._drain()
                     break
-                # in this order: what was taken is held until it is handed out
-                glances -= 1
-                if (not self._bus.waiting() and not self._bus.holds and self._quiet) or glances <= 0:
+                # in this order: "holds" stays set until the frame is dispatched
+                polls -= 1
+                if (not self._bus.waiting() and not self._bus.holds and self._quiet) or polls <= 0:
                     break
                 sleep(_GLANCE)
         finally:
@@ -258,17 +263,17 @@ class SharedCanBus:
                 self._reader = None
                 self._quiet = False
             if reads and self._waiting:
-                self._pass_on()
+                self._wake_next_reader()
         if port.frames:
             with self._lock:
                 port.frames.clear()
 
     def _drain(self) -> None:
-        """Take all that has arrived, for all; this thread is the one that reads."""
+        """Read all pending frames for all receivers, on the reading thread."""
         end = 0.0
-        while (frame := self._take(0.0)) is not None:
-            self._hand_out(frame, None)
-            end = end or monotonic() + _DRAINING
+        while (frame := self._receive_frame(0.0)) is not None:
+            self._dispatch(frame, None)
+            end = end or monotonic() + _DRAIN_TIMEOUT
             if monotonic() > end:
                 break
 
@@ -284,26 +289,24 @@ class SharedCanBus:
         for port in self._waiting:
             port.woken.notify_all()
 
-    def _see_off(self) -> None:
-        """Wait for the thread that reads to notice that it is to leave."""
-        end = monotonic() + _LEAVING
+    def _wait_for_reader(self) -> None:
+        """Wait until the reading thread has stopped."""
+        end = monotonic() + _STOP_TIMEOUT
         while self._reader not in (None, threading.get_ident()) and monotonic() < end:
-            sleep(_LOOK)
+            sleep(_STOP_POLL)
 
     def reopen(self, *, force: bool = False) -> None:
-        """Open a bus again that was lost; ports stay valid, and are empty. Blocks as long as that takes.
+        """Reopen a lost bus; receivers stay valid, and are emptied. Blocks until the bus is open.
 
-        Where several threads call it, one of them opens the bus and the others wait for that; it does nothing to a line that
-        is not broken.
+        If several threads call it, one of them reopens the bus and the others wait. It does nothing if the bus is not lost.
 
         Args:
-            force: close and open it although it is not known to be broken; waits end with ConnectionLost.
+            force: Reopen the bus even if no loss is known; pending waits end with ConnectionLost.
 
         Raises:
-            InvalidValue: the bus was not opened by an address.
-            InvalidAddress, ConnectFailed, MissingExtra: as :func:`orinkit.can.bus.open_bus`; the line is still
-                broken.
-            ConnectionClosed: the line was closed.
+            InvalidValue: If the bus was not opened by an address.
+            InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`; the bus stays broken.
+            ConnectionClosed: If the shared bus was closed.
         """
         first = False
         try:
@@ -315,10 +318,10 @@ class SharedCanBus:
                 return
             self._bus.check_reopening()
             with self._lock:
-                self._broken = self._broken or tr("{bus} is being opened again", bus=self)
+                self._broken = self._broken or tr("{bus} is being reopened", bus=self)
                 self._unusable = True
                 self._wake_all()
-            self._see_off()
+            self._wait_for_reader()
             with self._sending:
                 self._bus.reopen()
             with self._lock:
@@ -326,13 +329,13 @@ class SharedCanBus:
                     port.frames.clear()
                 self._broken = None
                 self._unusable = self._closed
-            if self._closed:  # meanwhile
+            if self._closed:  # closed meanwhile
                 self._bus.close()
             self._check_open()
-        finally:  # whether it was acquired cannot be told where Ctrl-C comes in between; nor may it come before a call of ours
+        finally:  # Ctrl-C may come right after the acquisition, so no flag can record it; and no call may precede the release
             try:
                 self._reopening.release()
-            except RuntimeError:  # it was not
+            except RuntimeError:  # not acquired
                 pass
 
     def _check_open(self) -> None:
@@ -340,17 +343,17 @@ class SharedCanBus:
             raise closed()
 
     def close(self) -> None:
-        """Close the line; waits in other threads end with ConnectionClosed within a fraction of a second."""
+        """Close the shared bus; waits in other threads end with ConnectionClosed within a fraction of a second."""
         with self._lock:
             if self._closed:
                 return
             self._closed = self._unusable = True
             self._wake_all()
-        self._see_off()
+        self._wait_for_reader()
         self._bus.close()
 
     def forget(self, port: CanReceiver) -> None:
-        """Give a port no more frames, as :meth:`CanReceiver.close`."""
+        """Remove a receiver, as :meth:`CanReceiver.close`."""
         with self._lock:
             self._ports = tuple(each for each in self._ports if each is not port)
             port.closed = True
@@ -359,17 +362,17 @@ class SharedCanBus:
 
 
 class CanReceiver:
-    """What one user has of a line: the frames that it accepts. :meth:`SharedCanBus.port` makes one.
+    """Receives the frames of a shared bus that match a filter; created by :meth:`SharedCanBus.port`.
 
-    Every method may be called from any thread; one thread at a time should receive, as a frame goes to one of them only.
+    Every method may be called from any thread; only one thread at a time should receive, as each frame goes to one caller.
 
     Attributes:
-        line: it belongs to.
-        accepts: whether a frame is for it.
-        frames: that wait; is used with the line's lock.
-        woken: tells a thread that waits that something has changed; has the line's lock.
-        dropped: frames that were dropped because too many waited.
-        closed: whether it was closed.
+        line: The shared bus.
+        accepts: The filter.
+        frames: The buffered frames; protected by the lock of the shared bus.
+        woken: Condition that wakes a waiting thread; uses the lock of the shared bus.
+        dropped: Number of frames dropped from the full buffer.
+        closed: True if the receiver was closed.
     """
 
     def __init__(self, line: SharedCanBus, accepts: Accepts, size: int, lock: threading.RLock) -> None:
@@ -381,7 +384,7 @@ class CanReceiver:
         self.closed = False
 
     def put(self, frame: CanFrame) -> None:
-        """Keep a frame; the line's lock is held."""
+        """Buffer a frame; the lock of the shared bus is held."""
         self.dropped += len(self.frames) == self.frames.maxlen
         self.frames.append(frame)
 
@@ -390,41 +393,41 @@ class CanReceiver:
         self.line.send(frames, seconds)
 
     def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame for this port, ``None`` when the seconds have passed; 0 s takes what is there.
+        """Return the next frame for this receiver, ``None`` after a time-out; 0 s returns a pending frame only.
 
         Raises:
-            ConnectionLost: the bus is gone, and was not opened again.
-            ConnectionClosed: the line or the port was closed.
+            ConnectionLost: If the bus is lost and was not reopened.
+            ConnectionClosed: If the shared bus or the receiver was closed.
         """
         return self.line.receive(self, seconds)
 
     def clear(self) -> None:
-        """Drop what has arrived for this port on the bus until now; other ports get theirs.
+        """Drop the frames that have arrived on the bus for this receiver; other receivers get theirs.
 
-        What arrives in this very moment, or waits in an adapter, cannot be told from what comes later.
+        Frames that are just arriving, or are still in an adapter, cannot be distinguished from later ones.
 
         Raises:
-            ConnectionLost, ConnectionClosed: as :meth:`receive`.
+            ConnectionLost, ConnectionClosed: As for :meth:`receive`.
         """
         self.line.clear(self)
 
     def close(self) -> None:
-        """Get no more frames; a wait in another thread ends within a fraction of a second. May be called again."""
+        """Stop receiving; a wait in another thread ends within a fraction of a second. May be called again."""
         self.line.forget(self)
 
 
 def run_can(operation: CanOperation[T], port: FrameLink) -> T:
-    """Carry out an operation on the caller's thread and return its result.
+    """Run an operation on the caller's thread and return its result.
 
-    An exception, as KeyboardInterrupt, ends the operation and leaves the port usable: what was not received yet is
-    dropped by the next operation that wants to begin afresh.
+    An exception such as KeyboardInterrupt ends the operation and leaves the receiver usable: frames that were not received
+    yet are dropped by the next operation with a ``fresh`` step.
 
     Args:
-        operation: what to do.
-        port: to do it over.
+        operation: The operation.
+        port: The receiver to use.
 
     Raises:
-        ConnectionLost, ConnectionClosed, TransportError: as :meth:`SharedCanBus.send` and :meth:`CanReceiver.receive`.
+        ConnectionLost, ConnectionClosed, TransportError: As for :meth:`SharedCanBus.send` and :meth:`CanReceiver.receive`.
     """
     received: CanFrame | None = None
     deadline = 0.0
