@@ -184,7 +184,7 @@ def test_whatis_loopback(host, expected):
         (["--tcp", "udp://127.0.0.1:0"], "--tcp udp://127.0.0.1:0: that is an address of udp"),
         (["--udp", "127.0.0.1:0", "--udp", "pty://"], "--udp pty://: that is an address of pty"),
         (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: that is an address of tcp"),
-        (["--serial", "/dev/ttyS0?speed=9600"], "there is no setting 'speed'"),
+        (["--serial", "/dev/ttyS0?speed=9600"], "unknown setting 'speed'"),
         (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
         (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only an address of this machine itself"),
         (["--permission", "me=rw"], "'me' is not an IP address or network"),

@@ -106,7 +106,7 @@ def test_a_port_that_is_none(port):
 
 
 def test_a_client_still_needs_a_host(refused):
-    assert "5007 is no host" in refused("get", "5007", "I1", code=2)
+    assert "5007 is not a host" in refused("get", "5007", "I1", code=2)
 
 
 # --- certificates -----------------------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ def test_tls_at_the_door_of_http():
         contact.check_begin(begin)
     with pytest.raises(ProtocolError, match=r"Try: https://127\.0\.0\.1:8080"):
         contact.check_begin(b"\x15\x03\x01\x00\x02")
-    with pytest.raises(ProtocolError, match="no HTTP"):
+    with pytest.raises(ProtocolError, match="not HTTP"):
         contact.check_begin(b"\x01\x15\x00\x00\x00")
 
 

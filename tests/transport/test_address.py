@@ -144,23 +144,23 @@ def test_pseudo_terminals() -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "a host and perhaps a port are needed"),
-        ("udp://", "a host and perhaps a port are needed"),
-        ("udp://:5007", "a host and perhaps a port are needed"),
-        ("[[]", "a host and perhaps a port are needed"),
-        ("udp://[[::1]]", "a host and perhaps a port are needed"),
-        ("tcp://a[b]:1", "a host and perhaps a port are needed"),
+        ("", "expected HOST or HOST:PORT"),
+        ("udp://", "expected HOST or HOST:PORT"),
+        ("udp://:5007", "expected HOST or HOST:PORT"),
+        ("[[]", "expected HOST or HOST:PORT"),
+        ("udp://[[::1]]", "expected HOST or HOST:PORT"),
+        ("tcp://a[b]:1", "expected HOST or HOST:PORT"),
         ("udp://a:b", "port 'b' is not 0 to 65535"),
-        ("udp://5007", "5007 is no host"),
-        ("can:", "an interface of python-can is needed"),
+        ("udp://5007", "5007 is not a host"),
+        ("can:", "expected an interface of python-can"),
         ("gopher://x", "unknown transport 'gopher'"),
-        ("serial://", "a serial port is needed"),
-        ("serial://?baudrate=1", "a serial port is needed"),
-        ("serial:///dev/a\tb", "a serial port is needed"),
-        ("serial:///dev/a%00b", "a serial port is needed"),
-        ("serial:///dev/\ud800", "a serial port is needed"),
-        ("serial:///dev/" + "a" * 5000, "a serial port is needed"),
-        ("serial:///dev/ttyS0?baud=9600", "there is no setting 'baud'"),
+        ("serial://", "a serial port is required"),
+        ("serial://?baudrate=1", "a serial port is required"),
+        ("serial:///dev/a\tb", "a serial port is required"),
+        ("serial:///dev/a%00b", "a serial port is required"),
+        ("serial:///dev/\ud800", "a serial port is required"),
+        ("serial:///dev/" + "a" * 5000, "a serial port is required"),
+        ("serial:///dev/ttyS0?baud=9600", "unknown setting 'baud'"),
         ("serial:///dev/ttyS0?bits=8&bits=8", "bits is given twice"),
         ("serial:///dev/ttyS0?baudrate=fast", "baudrate cannot be 'fast'"),
         ("serial:///dev/ttyS0?baudrate=", "baudrate cannot be ''"),
@@ -171,15 +171,15 @@ def test_pseudo_terminals() -> None:
         ("serial:///dev/ttyS0?bits=9", "bits cannot be '9'"),
         ("serial:///dev/ttyS0?stop=3", "stop cannot be '3'"),
         ("serial:///dev/ttyS0?flow=3", "flow cannot be '3'"),
-        ("com:", "a serial port is needed"),
-        ("com:0", "COM ports count from 1"),
-        ("com:1:38400:N:8:1:0:7", "at most 5 settings follow the port"),
+        ("com:", "a serial port is required"),
+        ("com:0", "COM ports are numbered from 1"),
+        ("com:1:38400:N:8:1:0:7", "at most 5 settings may follow the port"),
         ("com:1:x", "baudrate cannot be 'x'"),
         ("com:1:9600:Q", "parity cannot be 'Q'"),
         ("com:1:9600:N:4", "bits cannot be '4'"),
         ("com:1:9600:N:8:0", "stop cannot be '0'"),
         ("com:1:9600:N:8:1:-1", "flow cannot be '-1'"),
-        ("pty://x", "pty takes nothing more"),
+        ("pty://x", "nothing may follow pty://"),
     ],
 )
 def test_what_is_no_address(text: str, reason: str) -> None:
@@ -194,7 +194,7 @@ def test_what_is_no_address(text: str, reason: str) -> None:
 
 @pytest.mark.parametrize("value", [5007, None, b"tcp://a", 10**5000, [10**5000]], ids=brief)
 def test_no_text(value: Any) -> None:
-    with pytest.raises(InvalidAddress, match="a text is needed"):
+    with pytest.raises(InvalidAddress, match="expected a string"):
         parse_address(value)
 
 
@@ -206,7 +206,8 @@ def test_in_japanese() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [("/dev/ttyUSB0", "serial:// before it"), ("serial://dev/ttyUSB0", "begins with a slash")]
+    ("text", "said"),
+    [("/dev/ttyUSB0", "requires the prefix serial://"), ("serial://dev/ttyUSB0", "begins with a slash")],
 )
 def test_slips_with_ports(text: str, said: str) -> None:
     with pytest.raises(InvalidAddress, match=said) as caught:

@@ -752,20 +752,20 @@ def test_an_answer_that_is_too_long(ways: Ways, sent: bytes) -> None:
         ("304 Not Modified", ConnectFailed, "another address"),
         ("400 Bad Request", ProtocolError, "host, port and path"),
         ("401 Unauthorized", ConnectFailed, "token="),
-        ("403 Forbidden", ConnectFailed, "let this client in"),
+        ("403 Forbidden", ConnectFailed, "denies access"),
         ("404 Not Found", ConnectFailed, "host, port and path"),
         ("405 Method Not Allowed", ConnectFailed, "POST"),
         ("407 Proxy Authentication Required", ConnectFailed, "proxy"),
-        ("408 Request Timeout", TransportError, "not carried out"),
+        ("408 Request Timeout", TransportError, "not executed"),
         ("413 Payload Too Large", LimitExceeded, "A request of 6 bytes"),
         ("415 Unsupported Media Type", ProtocolError, "host, port and path"),
         ("418 I'm a Teapot", ProtocolError, "host, port and path"),
         ("421 Misdirected Request", ConnectFailed, "this name"),
-        ("429 Too Many Requests", TransportError, "too many requests"),
-        ("500 Internal Server Error", ProtocolError, "not known"),
-        ("502 Bad Gateway", ConnectionLost, "behind it"),
-        ("503 Service Unavailable", ConnectionLost, "closing"),
-        ("504 Gateway Timeout", ConnectionLost, "behind it"),
+        ("429 Too Many Requests", TransportError, "Too many requests"),
+        ("500 Internal Server Error", ProtocolError, "is unknown"),
+        ("502 Bad Gateway", ConnectionLost, "upstream"),
+        ("503 Service Unavailable", ConnectionLost, "shutting down"),
+        ("504 Gateway Timeout", ConnectionLost, "upstream"),
         ("599 Nothing", ProtocolError, "host, port and path"),
     ],
 )
@@ -777,7 +777,7 @@ def test_a_status_that_is_an_error(ways: Ways, status: str, kind: type[OrinError
         with pytest.raises(OrinError, match=text) as caught:
             way.ask(b"Func=1")
         assert type(caught.value) is kind
-        assert str(caught.value).startswith(f"{peer.address} answered HTTP {status[:4]}")
+        assert str(caught.value).startswith(f"{peer.address} returned HTTP {status[:4]}")
         assert ("(What the server says / 理由)" in str(caught.value)) is bool(body)
         assert "more" not in str(caught.value).replace("any more", "")
         i18n.use("ja")
@@ -1033,7 +1033,7 @@ def test_tls_where_there_is_none(ways: Ways) -> None:
         line.line._receive()
         line.send(reply(b"", "400 Bad Request"))
 
-    with HttpPeer(confused) as peer, pytest.raises(ConnectFailed, match="http:// if the server has no TLS"):
+    with HttpPeer(confused) as peer, pytest.raises(ConnectFailed, match="http:// if the server does not use TLS"):
         ways(peer.address._replace(scheme="https"), KNOWN).ask(b"x")
 
 

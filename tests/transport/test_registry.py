@@ -92,7 +92,7 @@ def test_what_a_row_says_fits_together(row: Transport) -> None:
 
 
 def test_messages_list_the_rows() -> None:
-    with pytest.raises(InvalidAddress, match=r"'gopher'; tcp, udp, serial, com, http, https, pty, can are known"):
+    with pytest.raises(InvalidAddress, match=r"'gopher'; known: tcp, udp, serial, com, http, https, pty, can"):
         parse_address("gopher://x")
 
 
@@ -181,7 +181,7 @@ def test_an_address_that_a_package_refuses(installed: Path) -> None:
         ("bad_transport:ROW", "1 / 0", "ZeroDivisionError"),
         ("bad_transport:ROW", "import there_is_none", "No module named 'there_is_none'"),
         ("bad_transport:ROW", "", "AttributeError"),
-        ("bad_transport:ROW", "ROW = 1", "it is no row of the scheme bad"),
+        ("bad_transport:ROW", "ROW = 1", "it is not a Transport with the scheme bad"),
         ("no_such_module:ROW", "", "No module named 'no_such_module'"),
     ],
 )
@@ -194,7 +194,7 @@ def test_a_package_that_cannot_be_loaded_is_named(
         with pytest.raises(InvalidAddress, match="the transport bad of the package bad-transport") as caught:
             orinkit.connect("bad://x")
         assert said in str(caught.value)
-        with pytest.raises(InvalidAddress, match=r"unknown transport 'gopher'.* bad are known"):
+        with pytest.raises(InvalidAddress, match=r"unknown transport 'gopher'; known: .* bad"):
             parse_address("gopher://x")
         assert parse_address("tcp://a").scheme == "tcp"
 
@@ -213,14 +213,14 @@ def test_entry_points_that_cannot_be_read(monkeypatch: pytest.MonkeyPatch) -> No
 def test_references_that_lead_nowhere(unchanged: None) -> None:
     register(UNIX._replace(scheme="one", link="there_is_none:link"))
     register(UNIX._replace(scheme="two", parse="orinkit.transport.address:there_is_none"))
-    with pytest.raises(InvalidAddress, match="there_is_none:link of a transport cannot be loaded"):
+    with pytest.raises(InvalidAddress, match="cannot load .*there_is_none:link of a transport"):
         resolve("there_is_none:link")
     with pytest.raises(InvalidAddress, match=r"address:there_is_none of a transport"):
         parse_address("two://x")
 
 
 def test_rows_that_cannot_be_registered(unchanged: None) -> None:
-    with pytest.raises(InvalidValue, match="another transport of the scheme tcp"):
+    with pytest.raises(InvalidValue, match="the scheme tcp already has another transport"):
         register(UNIX._replace(scheme="tcp"))
     for scheme in ("Unix", "", "a b", "1"):
         with pytest.raises(InvalidValue, match="cannot be the scheme"):
@@ -234,7 +234,7 @@ def test_a_row_without_links(unchanged: None) -> None:
     with pytest.raises(InvalidAddress, match="'unix:///x' cannot be used here"):
         orinkit.serve(Recorder(), "unix:///x")
     for kind in ("unix", "there_is_none"):
-        with pytest.raises(StreamError, match=f"over {kind} cannot be lent"):
+        with pytest.raises(StreamError, match=f"over {kind} cannot be handed over"):
             links.lendable(kind)
 
 

@@ -1,1 +1,4 @@
-"""Transports: the only place with sockets, ports, clocks and waiting. Two drivers, one small module per kind of link."""
+"""Transports: the only package that uses sockets, ports, clocks and waiting.
+
+It has two runners, and one small module per kind of link.
+"""

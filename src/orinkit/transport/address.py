@@ -1,7 +1,9 @@
-"""Where to connect or listen: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0``, ``http://...``.
+"""Addresses to connect to or to listen on, as URLs.
 
-DENSO's connection strings too: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For ABH3
-drivers ``can://INTERFACE/CHANNEL``, as ``can://socketcan/can0``.
+Examples: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0``, ``http://...``.
+
+DENSO's connection strings are accepted too: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``,
+``com:1:38400:N:8:1:0``. ABH3 drivers use ``can://INTERFACE/CHANNEL``, for example ``can://socketcan/can0``.
 """
 
 from __future__ import annotations
@@ -20,12 +22,12 @@ DEFAULT_PORT: Final = 5007
 
 _WEB: Final = {"http": 80, "https": 443}
 LONGEST: Final = 4000
-"""Characters of a path."""
+"""The largest number of characters of a path."""
 _USUAL: Final = "tcp"
-"""The scheme of an address that has none."""
+"""The scheme of an address without one."""
 _BITRATES: Final = range(1000, 1_000_001)  # of classic CAN
 _TAKEN: Final = ("interface", "channel", "bustype", "context", "config_context", "ignore_config")
-"""Names of python-can that cannot be options: the address says the first two, and reads no configuration files."""
+"""Parameters of python-can that cannot be options: the address has the first two; configuration files are not read."""
 
 
 class Address(NamedTuple):
@@ -33,8 +35,8 @@ class Address(NamedTuple):
 
     Attributes:
         scheme: ``"tcp"`` or ``"udp"``.
-        host: name or address; an IPv6 address without its brackets.
-        port: 0 to 65535; 0 lets a server take a free one.
+        host: Name or IP address; an IPv6 address without brackets.
+        port: 0 to 65535; with 0 a server takes a free port.
     """
 
     scheme: str
@@ -47,8 +49,8 @@ class Address(NamedTuple):
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine itself, as far as its name tells."""
-    from ipaddress import ip_address  # few programs ask
+    """Return True if the host is this machine, judging by its name or IP address only."""
+    from ipaddress import ip_address  # few programs need it
 
     try:
         return ip_address(host).is_loopback
@@ -57,9 +59,9 @@ def is_loopback(host: str) -> bool:
 
 
 def network_of(host: str) -> str:
-    """Return what counts as one place of origin: an IPv4 address, a /64 network of IPv6, this machine, or any other name.
+    """Return the origin that a host counts as: an IPv4 address, an IPv6 /64 network, this machine, or any other name.
 
-    Whoever has an IPv6 address usually has all of its /64 network, and a machine has all addresses of 127.0.0.0/8.
+    The owner of an IPv6 address usually has its whole /64 network, and a machine has all addresses of 127.0.0.0/8.
     """
     from ipaddress import IPv6Address, IPv6Network, ip_address
 
@@ -76,13 +78,13 @@ def network_of(host: str) -> str:
 
 
 class HttpAddress(NamedTuple):
-    """Where e-CAP is spoken; ``str`` gives its URL.
+    """The address of an e-CAP server; ``str`` returns its URL.
 
     Attributes:
         scheme: ``"http"`` or ``"https"``.
-        host: name or address; an IPv6 address without its brackets.
-        port: 0 to 65535; 0 lets a server take a free one.
-        path: from the first slash on; a server answers at every path.
+        host: Name or IP address; an IPv6 address without brackets.
+        port: 0 to 65535; with 0 a server takes a free port.
+        path: Path, from the first slash on; a server replies at every path.
     """
 
     scheme: str
@@ -95,23 +97,23 @@ class HttpAddress(NamedTuple):
 
 
 CanOption: TypeAlias = str | int | float | bool
-"""What an option of a CAN interface can be."""
+"""The value of an option of a CAN interface."""
 
 
 @dataclass(frozen=True, slots=True)
 class CanAddress:
-    """A CAN bus, as python-can opens it; ``str`` gives its URL.
+    """The address of a CAN bus that python-can opens; ``str`` returns its URL.
 
-    ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``: the channel is all that is between the first slash behind the
+    ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``: the channel is the text between the first slash after the
     interface and the ``?``, percent-decoded: ``can://socketcan/can0``, ``can://slcan//dev/ttyACM0``,
-    ``can://udp_multicast/239.74.163.2?port=43113``, ``can://virtual/test``. An option that looks like a number is one,
-    ``true`` and ``false`` are bool; ``007`` is text, as a number would be written otherwise.
+    ``can://udp_multicast/239.74.163.2?port=43113``, ``can://virtual/test``. Options that look like numbers are parsed
+    as numbers, ``true`` and ``false`` as bool. ``007`` remains text, because a number would not be written like that.
 
     Attributes:
-        interface: as python-can calls it.
-        channel: of the interface; ``""`` for the usual one.
-        bitrate: bit/s; ``None`` for what the interface is set to.
-        options: further ones that python-can gets, pairs of a name and a value, in their order.
+        interface: The name of the interface in python-can.
+        channel: The channel of the interface; ``""`` for its default.
+        bitrate: bit/s; ``None`` keeps the setting of the interface.
+        options: Further options for python-can, as pairs of name and value, in their order.
     """
 
     scheme: ClassVar[str] = "can"
@@ -129,42 +131,43 @@ class CanAddress:
 
 
 PLAIN: Final = "/\\:.,-_+@"
-"""What a path has often, and stays readable."""
+"""Characters that are not percent-encoded in a path, because they are frequent there."""
 
 
 def parse_address(text: str) -> AnyAddress:
-    """Read a URL or a connection string; a bare host means TCP, a missing port 5007.
+    """Parse a URL or a connection string. A host without a scheme means TCP; the default port is 5007.
 
     Raises:
-        InvalidAddress: it is none, its transport is unknown, or the package of its transport cannot be loaded.
+        InvalidAddress: If the address is malformed, its transport is unknown, or the package of its transport cannot be
+            loaded.
     """
     if not isinstance(text, str):
-        raise bad_address(brief(text), tr("a text is needed"))
+        raise bad_address(brief(text), tr("expected a string"))
     given = _split_scheme(text)
     if text.strip().startswith("/"):
-        raise bad_address(text, tr("a serial port has serial:// before it"), "serial")
+        raise bad_address(text, tr("a serial port requires the prefix serial://"), "serial")
     row = registry.find(given.scheme)
     if row is None:
         known = registry.schemes()
         raise bad_address(
-            text, tr("unknown transport {scheme!r:.80}; {known} are known", scheme=given.scheme, known=known)
+            text, tr("unknown transport {scheme!r:.80}; known: {known}", scheme=given.scheme, known=known)
         )
     address: AnyAddress = registry.resolve(row.parse)(given)
     return address
 
 
 def bad_address(text: str, reason: str, scheme: str = _USUAL) -> InvalidAddress:
-    """Return the exception for an address that cannot be read.
+    """Return the exception for an address that cannot be parsed.
 
     Args:
-        text: the address.
-        reason: in the current language.
-        scheme: whose row has an example of what would do.
+        text: The address.
+        reason: Why it cannot be parsed, in the current language.
+        scheme: The scheme whose row has the example for the message.
     """
     row = registry.find(scheme) or registry.find(_USUAL)
     example = "" if row is None else row.example
     return InvalidAddress(
-        tr("{text!r:.200} is no address: {reason}. Example: {example}", text=text, reason=reason, example=example)
+        tr("invalid address {text!r:.200}: {reason}. Example: {example}", text=text, reason=reason, example=example)
     )
 
 
@@ -183,7 +186,7 @@ def _split_scheme(text: str) -> AddressText:
 
 
 def parse_host(given: AddressText) -> Address:
-    """Read ``192.168.0.1:5007``."""
+    """Parse ``192.168.0.1:5007``."""
     return Address(given.scheme, *_split_port(given.text, given.rest.removesuffix("/"), given.scheme))
 
 
@@ -197,9 +200,9 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
         host, colon, port = place.partition(":")
         whole = ":" not in port
     if host.isdecimal():
-        raise bad_address(text, tr("{host:.80} is no host", host=host), scheme)
+        raise bad_address(text, tr("{host:.80} is not a host", host=host), scheme)
     if not whole or not host or any(sign in host for sign in " /?@#[]\0\t\r\n"):
-        reason = tr("a host and perhaps a port are needed")
+        reason = tr("expected HOST or HOST:PORT")
         raise bad_address(text, reason, scheme)
     if not colon:
         return host, usual
@@ -211,11 +214,11 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
 
 
 def parse_http(given: AddressText) -> HttpAddress:
-    """Read ``127.0.0.1:8080/path?query``."""
+    """Parse ``127.0.0.1:8080/path?query``."""
     text, scheme, rest, _ = given
     place, slash, path = rest.partition("/")
     if "?" in place or "#" in rest or any(not "!" <= sign <= "~" for sign in path):
-        reason = tr("a path has no blanks, no # and only ASCII: others are written %XX")
+        reason = tr("a path must be ASCII without spaces and #; write other characters as %XX")
         raise bad_address(text, reason, scheme)
     return HttpAddress(scheme, *_split_port(text, place, scheme), slash + path or "/")
 
@@ -224,20 +227,20 @@ def parse_http(given: AddressText) -> HttpAddress:
 
 
 def parse_can(given: AddressText) -> CanAddress:
-    """Read ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
+    """Parse ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
     from urllib.parse import unquote
 
     text = given.text
     place, _, query = given.rest.partition("?")
     interface, _, channel = place.partition("/")
     if not interface.replace("-", "_").isidentifier() or not interface.isascii() or len(interface) > _NAME:
-        reason = tr("an interface of python-can is needed: socketcan, slcan, serial, udp_multicast, virtual, pcan ...")
+        reason = tr("expected an interface of python-can: socketcan, slcan, serial, udp_multicast, virtual, pcan ...")
         raise bad_address(text, reason, "can")
     channel = unquote(channel, errors="surrogateescape")
     if interface == "udp_multicast" and channel[:1] == "[" and channel[-1:] == "]":
-        channel = channel[1:-1]  # an IPv6 address as in other URLs
+        channel = channel[1:-1]  # an IPv6 address is written as in other URLs
     if len(channel) > LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
-        raise bad_address(text, tr("that is no channel"), "can")
+        raise bad_address(text, tr("invalid channel"), "can")
     options: dict[str, CanOption] = {}
     for part in query.split("&") if query else ():
         name, _, value = part.partition("=")
@@ -252,14 +255,14 @@ def parse_can(given: AddressText) -> CanAddress:
 
 
 def _option(text: str) -> CanOption:
-    """Return what an option is, so that :func:`_option_text` gives the same text or one that means the same."""
+    """Parse the value of an option; :func:`_option_text` returns the same text, or an equivalent one."""
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     if len(text) > _NUMBER or not text.isascii() or text.strip("+-.0123456789eE"):
         return text
     try:
         if text.lstrip("-").isdecimal():
-            return int(text) if str(int(text)) == text else text  # 007 may be the number of an adapter
+            return int(text) if str(int(text)) == text else text  # 007 may be the serial number of an adapter
         number = float(text)
     except ValueError:
         return text
@@ -277,14 +280,14 @@ _NUMBER: Final = 40  # characters of a number
 def _wrong_option(name: str, *, twice: bool) -> str:
     if twice:
         return tr("{name} is given twice", name=name)
-    return tr("{name!r:.80} cannot be an option", name=name)
+    return tr("{name!r:.80} is not a valid option", name=name)
 
 
 def wrong_value(name: str, value: str, known: str) -> str:
-    """Return the reason why a setting cannot have a value."""
-    return tr("{name} cannot be {value!r:.80}; known: {known}", name=name, value=value, known=known)
+    """Return the message for a setting with an invalid value."""
+    return tr("{name} cannot be {value!r:.80}; expected: {known}", name=name, value=value, known=known)
 
 
 def whole_number(text: str) -> int:
-    """Return a whole number, -1 for what is none."""
+    """Return the non-negative integer that a text contains, or -1 if it is not valid."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else -1

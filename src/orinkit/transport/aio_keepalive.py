@@ -1,4 +1,4 @@
-"""Signs of life of a client in asyncio, by a task; the twin is :mod:`orinkit.transport.keepalive`."""
+"""Keep-alives of a client in asyncio; the synchronous counterpart is :mod:`orinkit.transport.keepalive`."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from orinkit.core.errors import OrinError
 
 
 async def atake_now(lock: asyncio.Lock) -> bool:
-    """Take a lock if nobody has it; returns whether it was taken; nobody else runs meanwhile."""
+    """Acquire a lock if it is free, without yielding to other tasks; return True if it was acquired."""
     return not lock.locked() and await lock.acquire()
 
 
 class AsyncKeepAlive:
-    """In a task: a blocked event loop does not beat."""
+    """Calls a coroutine method at a fixed interval, in a task; a blocked event loop suspends it."""
 
     def __init__(self, beat: Callable[[], Awaitable[object]], every: float) -> None:
         self._beat = WeakMethod(beat)
         self._every = every
         self._task = asyncio.get_running_loop().create_task(self._run())
         self._task.add_done_callback(_forget)
-        finalize(beat.__self__, _cancel, self._task)  # type: ignore[attr-defined]  # a method, as WeakMethod wants
+        finalize(beat.__self__, _cancel, self._task)  # type: ignore[attr-defined]  # WeakMethod requires a method
 
     async def _run(self) -> None:
         while True:
@@ -37,7 +37,7 @@ class AsyncKeepAlive:
             del beat
 
     def end(self) -> None:
-        """Beat no more."""
+        """Stop the calls."""
         _cancel(self._task)
 
 

@@ -1,4 +1,4 @@
-"""Links in asyncio, by address; the twin is :mod:`orinkit.transport.links`."""
+"""Opening links in asyncio, by address; the synchronous counterpart is :mod:`orinkit.transport.links`."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ async def open_link(
     """Open a link to an address.
 
     Args:
-        address: of the controller.
-        seconds: that it may take.
-        access: for HTTP.
-        most: bytes of a reply over HTTP.
-        dead_after: seconds without an answer from the controller's machine after which a TCP connection is given up.
+        address: The address of the controller.
+        seconds: Time-out, s.
+        access: Credentials for HTTP.
+        most: The largest number of bytes of a reply over HTTP.
+        dead_after: s without a response from the controller's machine after which a TCP connection is given up.
 
     Raises:
-        InvalidAddress: it is one for servers, or of a CAN bus.
-        ConnectFailed: it cannot be opened; with HTTP that shows later.
-        MissingExtra: a serial port, or HTTP, needs a package.
+        InvalidAddress: If the address is one for servers, or of a CAN bus.
+        ConnectFailed: If the link cannot be opened; over HTTP this is reported by the first request.
+        MissingExtra: If the package for serial ports, or for HTTP, is not installed.
     """
     row = row_of(address)
     if not row.aio_link:

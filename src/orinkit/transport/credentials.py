@@ -1,4 +1,4 @@
-"""What a client needs beside an address to be let in."""
+"""The credentials of a client."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Final, NamedTuple
 
 
 class Credentials(NamedTuple):
-    """What a client shows to a server over HTTP, and how it knows the server.
+    """Data by which an HTTP client authenticates itself and verifies the server.
 
     Attributes:
-        token: is sent as ``Authorization: Bearer ...``; none where it is empty.
-        cafile: certificates, PEM, that the server's is to be signed by; those of the system where it is empty.
+        token: Token, sent as ``Authorization: Bearer ...``; no token is sent if it is empty.
+        cafile: File of the certificates (PEM) that must have signed the server's; if it is empty, those of the system.
     """
 
     token: str = ""
@@ -18,4 +18,4 @@ class Credentials(NamedTuple):
 
 
 NOTHING: Final = Credentials()
-"""For a server that lets everybody in, known by the system's certificates."""
+"""No token, and the system's certificates."""

@@ -1,11 +1,12 @@
-"""Connections belong to the process that has opened them: a child that it forks does not keep them.
+"""Fork safety: connections belong to the process that opened them, and forked children do not keep them.
 
-A forked child has a copy of every descriptor, and a connection lasts as long as anybody has it. Without this the other
-side would not see a killed program go while a child of it lives, and an arm that the program moved would go on.
+A forked child has a copy of every descriptor, and a connection stays open until every copy is closed. Without this
+module, the peer of a killed program would not see the connection end while a child is alive, and the arm would continue
+to move.
 
-Descriptors are replaced by those of the null device, not closed: their numbers stay in use in the child, where objects
-that know nothing of this may close them once more, and an event loop's selector, which the child shares with its parent,
-is left alone. Nothing is shut down: for the parent the connection goes on.
+Descriptors are not closed, but replaced by the null device. Their numbers remain in use in the child, because other
+objects may close them again, and the selector of an event loop, which the child shares with its parent, is not changed.
+No connection is shut down: it remains open for the parent.
 """
 
 from __future__ import annotations
@@ -21,14 +22,17 @@ from orinkit.transport.link_errors import closed
 
 
 class Inheritable(Protocol):
-    """Something that a forked child is not to keep."""
+    """An object with descriptors that a forked child must not keep."""
 
     def left_behind(self) -> Iterable[int]:
-        """Be of no more use, in the child; returns the descriptors that it has. Locks may be held by threads that are gone."""
+        """Invalidate the object in the child and return its descriptors.
+
+        Locks may be held by threads that do not exist in the child.
+        """
 
 
 class ProcessBound:
-    """What client links have in common: the exception by which they say that they are of no more use."""
+    """Base of client links: provides the exception for a link that is closed or belongs to another process."""
 
     _left = False
 
@@ -40,20 +44,20 @@ _kept: Final[WeakSet[Inheritable]] = WeakSet()
 
 
 def keep_from_children(thing: Inheritable) -> None:
-    """Have something left behind in every child that this process forks from now on, as long as it exists."""
+    """Register an object to be invalidated in every child that this process forks while the object exists."""
     _kept.add(thing)
 
 
 def _leave_behind() -> None:
-    """Run in a forked child, before anything else of it."""
+    """Invalidate all registered objects; called first in a forked child."""
     try:
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
-    except OSError:  # no descriptor is to be had
+    except OSError:  # no descriptor is available
         nothing = -1
     for each in list(_kept):
         try:
             descriptors = list(each.left_behind())
-        except Exception:  # noqa: BLE001, S112 - it was just being closed; the others are to be left behind all the same
+        except Exception:  # noqa: BLE001, S112 - it was just being closed; the others must still be invalidated
             continue
         for descriptor in descriptors:
             _replace(descriptor, nothing)
@@ -68,18 +72,18 @@ def _replace(descriptor: int, nothing: int) -> None:
             os.dup2(nothing, descriptor, inheritable=False)
         else:
             os.close(descriptor)
-    except OSError:  # it has been closed meanwhile
+    except OSError:  # already closed
         pass
 
 
 def _in_child() -> ConnectionClosed:
     return ConnectionClosed(
         tr(
-            "the connection belongs to the process that opened it, and this is a forked child of "
-            "that. Try: connect in the child, or start it with multiprocessing's method 'spawn'"
+            "the connection belongs to the process that opened it; this is a forked child of "
+            "that process. Try: connect in the child, or use multiprocessing's start method 'spawn'"
         )
     )
 
 
-if hasattr(os, "register_at_fork"):  # not in Windows, which knows no fork
+if hasattr(os, "register_at_fork"):  # Windows has no fork
     os.register_at_fork(after_in_child=_leave_behind)

@@ -1,6 +1,7 @@
-"""Signs of life of a client: something that is done again and again beside the program, in a thread.
+"""Keep-alives of a client: a method that is called periodically in a background thread.
 
-The twin is :mod:`orinkit.transport.aio_keepalive`. A pulse does not keep alive what it belongs to, and ends with it.
+The asynchronous counterpart is :mod:`orinkit.transport.aio_keepalive`. The timer has only a weak reference to the owner
+of the method, and ends with it.
 """
 
 from __future__ import annotations
@@ -13,23 +14,23 @@ from orinkit.core.errors import OrinError
 
 
 def take_now(lock: threading.RLock) -> bool:
-    """Take a lock if nobody else has it; returns whether it was taken."""
+    """Acquire a lock if no other thread has it; return True if it was acquired."""
     return lock.acquire(blocking=False)
 
 
 class KeepAlive:
-    """In a daemon thread of its own.
+    """Calls a method at a fixed interval, in a daemon thread of its own.
 
     Args:
-        beat: a method; it may wait. What it fails with is for the program's next call to find out.
-        every: seconds from one beat to the next.
+        beat: A method; it may block. Its errors are ignored: the program's next call reports them.
+        every: s between two calls.
     """
 
     def __init__(self, beat: Callable[[], object], every: float) -> None:
         self._beat = WeakMethod(beat)
         self._every = every
         self._ended = threading.Event()
-        finalize(beat.__self__, self._ended.set)  # type: ignore[attr-defined]  # a method, as WeakMethod wants
+        finalize(beat.__self__, self._ended.set)  # type: ignore[attr-defined]  # WeakMethod requires a method
         threading.Thread(target=self._run, name="orinkit-pulse", daemon=True).start()
 
     def _run(self) -> None:
@@ -44,5 +45,5 @@ class KeepAlive:
             del beat
 
     def end(self) -> None:
-        """Beat no more."""
+        """Stop the calls."""
         self._ended.set()

@@ -1,4 +1,4 @@
-"""The exceptions of all links."""
+"""Exceptions that all links raise."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from orinkit.core.i18n import tr
 
 
 def lost(reason: object) -> ConnectionLost:
-    """Return the exception for a link that broke."""
-    return ConnectionLost(tr("the connection broke: {reason}", reason=reason))
+    """Return the exception for a lost connection."""
+    return ConnectionLost(tr("connection lost: {reason}", reason=reason))
 
 
 def closed() -> ConnectionClosed:
-    """Return the exception for a link that was closed here."""
-    return ConnectionClosed(tr("the connection is closed; connect again"))
+    """Return the exception for a link that this side has closed."""
+    return ConnectionClosed(tr("the connection is closed. Try: connect again"))
 
 
 def connect_failed(address: object, error: BaseException) -> ConnectFailed:
@@ -21,7 +21,7 @@ def connect_failed(address: object, error: BaseException) -> ConnectFailed:
     reason = str(error) or type(error).__name__
     return ConnectFailed(
         tr(
-            "cannot connect to {address}: {reason}. Try: is the controller on, the address right, the port open?",
+            "cannot connect to {address}: {reason}. Try: check that the controller is on, the address and the port",
             address=address,
             reason=reason,
         )
@@ -29,5 +29,5 @@ def connect_failed(address: object, error: BaseException) -> ConnectFailed:
 
 
 def other_loop() -> TransportError:
-    """Return the exception for a link that is used in another event loop than the one it was opened in."""
-    return TransportError(tr("the connection belongs to another event loop; connect again in this one"))
+    """Return the exception for a link that is used in an event loop other than the one it was opened in."""
+    return TransportError(tr("the connection belongs to another event loop. Try: connect again in this one"))

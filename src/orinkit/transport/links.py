@@ -1,4 +1,4 @@
-"""Links on the caller's own thread, by address or by descriptor; the twin is :mod:`orinkit.transport.aio_links`."""
+"""Opening synchronous links, by address or by descriptor; :mod:`orinkit.transport.aio_links` is the asynchronous one."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def open_link(
     """Open a link to an address.
 
     Args:
-        address: of the controller.
-        seconds: that it may take.
-        access: for HTTP.
-        most: bytes of a reply over HTTP.
-        dead_after: seconds without an answer from the controller's machine after which a TCP connection is given up.
+        address: The address of the controller.
+        seconds: Time-out, s.
+        access: Credentials for HTTP.
+        most: The largest number of bytes of a reply over HTTP.
+        dead_after: s without a response from the controller's machine after which a TCP connection is given up.
 
     Raises:
-        InvalidAddress: it is one for servers, or of a CAN bus.
-        ConnectFailed: it cannot be opened; with HTTP that shows later.
-        MissingExtra: a serial port, or HTTP, needs a package.
+        InvalidAddress: If the address is one for servers, or of a CAN bus.
+        ConnectFailed: If the link cannot be opened; over HTTP this is reported by the first request.
+        MissingExtra: If the package for serial ports, or for HTTP, is not installed.
     """
     row = row_of(address)
     if not row.link:
@@ -40,33 +40,33 @@ def open_link(
 
 
 def lendable(kind: str) -> Transport:
-    """Return the row of links that another process can adopt.
+    """Return the transport of a link that can be handed over to another process.
 
     Args:
-        kind: name of the profile: ``"tcp"``, ``"udp"``, ``"serial"``, or that of a transport from elsewhere.
+        kind: The name of the profile: ``"tcp"``, ``"udp"``, ``"serial"``, or that of a transport of another package.
 
     Raises:
-        StreamError: If it cannot adopt them.
+        StreamError: If links of this transport cannot be handed over.
     """
     row = find(kind)
     if row is None or not row.adopt:
-        raise StreamError(tr("a connection over {kind} cannot be lent to another process", kind=kind))
+        raise StreamError(tr("a connection over {kind} cannot be handed over to another process", kind=kind))
     return row
 
 
 def adopt(kind: str, descriptor: int) -> Link:
-    """Use a link that another process has opened, by its descriptor, which is this link's from then on.
+    """Return a link for a descriptor that another process has opened; the link owns the descriptor.
 
     Args:
-        kind: as of :func:`lendable`.
-        descriptor: of the socket or the port.
+        kind: The name of the profile, as for :func:`lendable`.
+        descriptor: The descriptor of the socket or the port.
     """
     link: Link = resolve(lendable(kind).adopt)(descriptor)
     return link
 
 
 def refused(address: AnyAddress) -> InvalidAddress:
-    """Return the exception for an address where no client can connect, or no server listen."""
+    """Return the exception for an address that a client cannot connect to, or that a server cannot listen on."""
     refusal = row_of(address).refusal
     if refusal:
         reason: InvalidAddress = resolve(refusal)(address)
@@ -77,15 +77,15 @@ def refused(address: AnyAddress) -> InvalidAddress:
 def for_servers(_address: AnyAddress) -> InvalidAddress:
     """Return the exception for an address that a client cannot use."""
     return InvalidAddress(
-        tr("'pty://' is an address for servers; connect to the serial:// address that the server tells")
+        tr("'pty://' is an address for servers; connect to the serial:// address that the server prints")
     )
 
 
 def for_drivers(address: AnyAddress) -> InvalidAddress:
-    """Return the exception for a CAN bus where a controller is wanted, or is to be served."""
+    """Return the exception for a CAN bus given instead of the address of a controller."""
     return InvalidAddress(
         tr(
-            "{address!r:.200} is a CAN bus, where no b-CAP is spoken. For ABH3 drivers: orinkit.abh3.connect(...)",
+            "{address!r:.200} is a CAN bus, which does not carry b-CAP. For ABH3 drivers: orinkit.abh3.connect(...)",
             address=str(address),
         )
     )

@@ -1,10 +1,10 @@
-"""THE TABLE of transports: one row per scheme of an address.
+"""THE TABLE of transports: one row per address scheme.
 
-A row names what is above this module, and what has to be imported only when it is used, by references
+A row refers to objects of higher layers, and to objects that are imported on first use, by references
 ``"module:attribute"``; :func:`resolve` returns the object. A new transport is a module and a row.
 
-A package outside orinkit registers its row under the entry point ``orinkit.transports``. The name of the entry is the
-scheme, its value is where the row is::
+A package outside orinkit registers its row in the entry point group ``orinkit.transports``. The name of the entry point
+is the scheme, its value refers to the row::
 
     [project.entry-points."orinkit.transports"]
     unix = "my_package.unix:UNIX"
@@ -27,30 +27,30 @@ if TYPE_CHECKING:
     from orinkit.transport.credentials import Credentials
 
 GROUP: Final = "orinkit.transports"
-"""The entry points' group."""
+"""The group of the entry points."""
 
 _LONGEST: Final = 300  # characters of an exception in a message
 
 Reference: TypeAlias = str
-"""``"module:attribute"``, imported when it is used; ``""`` for nothing."""
+"""``"module:attribute"``, imported on first use; ``""`` for none."""
 
 
 class AnyAddress(Protocol):
-    """An address; ``str`` gives its URL."""
+    """An address; ``str`` returns its URL."""
 
     @property
     def scheme(self) -> str:
-        """The scheme of its row."""
+        """The scheme, which identifies the row."""
 
 
 class AddressText(NamedTuple):
-    """What the parser of a row gets.
+    """An address split at its scheme, the input of the parser of a row.
 
     Attributes:
-        text: the whole address, for messages.
-        scheme: in lower case.
-        rest: behind ``://``, or behind the colon.
-        url: the address has the form ``scheme://rest``, not ``scheme:rest``.
+        text: The whole address, for messages.
+        scheme: The scheme in lower case.
+        rest: The text after ``://``, or after the colon.
+        url: True if the address has the form ``scheme://rest``, not ``scheme:rest``.
     """
 
     text: str
@@ -60,13 +60,13 @@ class AddressText(NamedTuple):
 
 
 class LinkOptions(NamedTuple):
-    """How a client opens a link.
+    """Parameters for a client to open a link.
 
     Attributes:
-        seconds: that it may take.
-        access: for HTTP.
-        most: bytes of a reply over HTTP.
-        dead_after: seconds without an answer from the controller's machine after which a TCP connection is given up.
+        seconds: Time-out, s.
+        access: Credentials for HTTP.
+        most: The largest number of bytes of a reply over HTTP.
+        dead_after: s without a response from the controller's machine after which a TCP connection is given up.
     """
 
     seconds: float
@@ -76,13 +76,13 @@ class LinkOptions(NamedTuple):
 
 
 class ServeOption(NamedTuple):
-    """The option of ``orinkit serve`` and ``orinkit gateway``: ``--SCHEME PLACE``.
+    """The command-line option ``--SCHEME ADDRESS`` of ``orinkit serve`` and ``orinkit gateway``.
 
     Attributes:
-        help: in English; :func:`~orinkit.core.i18n.tr` translates it.
-        ports: a number alone is a port of this machine.
-        flag: the option takes no place.
-        secure: the scheme if the server has a certificate.
+        help: Help text in English; :func:`~orinkit.core.i18n.tr` translates it.
+        ports: True if a number alone is a port of this machine.
+        flag: True if the option takes no address.
+        secure: The scheme to use if the server has a certificate.
     """
 
     help: str
@@ -92,22 +92,24 @@ class ServeOption(NamedTuple):
 
 
 class Transport(NamedTuple):
-    """A row.
+    """A row of the table: one transport.
 
     Attributes:
-        scheme: of the address, in lower case.
+        scheme: The scheme of the address, in lower case.
         parse: ``(AddressText) -> AnyAddress``. Raises InvalidAddress.
-        example: an address, for messages.
-        profile: a :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another :class:`~orinkit.cao.transport_profile.TransportProfile` for
-            e-CAP. Its name is a scheme with the same profile, whose row adopts its links.
+        example: An example address, for messages.
+        profile: A :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another
+            :class:`~orinkit.cao.transport_profile.TransportProfile` for e-CAP. The name of the profile is the scheme of
+            the row whose ``adopt`` is used for its links.
         link: ``(address, LinkOptions) -> Link``, for a client.
         aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.
-        listener: ``async (address, Connections) -> Listener``, for a server. With ``http`` it gets its HttpOptions too.
-        refusal: ``(address) -> InvalidAddress``, why there is no link, or no listener.
-        option: of ``orinkit serve``.
-        http: clients may show a token, servers a certificate.
-        alias: the scheme of the addresses that this is another form of.
+        listener: ``async (address, Connections) -> Listener``, for a server. If ``http`` is True, it receives
+            HttpOptions too.
+        refusal: ``(address) -> InvalidAddress``, the reason why there is no link, or no listener.
+        option: The option of ``orinkit serve``.
+        http: True if clients may send a token, and servers may have a certificate.
+        alias: The scheme that this one is another notation of.
     """
 
     scheme: str
@@ -125,7 +127,7 @@ class Transport(NamedTuple):
 
     @property
     def references(self) -> tuple[Reference, ...]:
-        """All references of the row."""
+        """All references of the row, without empty ones."""
         each = (self.parse, self.profile, self.link, self.aio_link, self.adopt, self.listener, self.refusal)
         return tuple(filter(None, each))
 
@@ -156,8 +158,8 @@ _BUILT_IN: Final = (
         listener="orinkit.server.tcp:TcpListener.open",
         option=ServeOption(
             N_(
-                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be given again. Port 0 takes a "
-                "free one. No default if another address is given."
+                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be repeated. Port 0 takes a "
+                "free port. No default if another address is given."
             ),
             ports=True,
         ),
@@ -172,7 +174,7 @@ _BUILT_IN: Final = (
         adopt="orinkit.transport.sockets.udp:UdpLink.adopt",
         listener="orinkit.server.udp:UdpListener.open",
         option=ServeOption(
-            N_("HOST:PORT to listen on with UDP, or PORT alone for 127.0.0.1; may be given again."), ports=True
+            N_("HOST:PORT to listen on with UDP, or PORT alone for 127.0.0.1; may be repeated."), ports=True
         ),
     ),
     Transport(
@@ -185,7 +187,7 @@ _BUILT_IN: Final = (
         adopt="orinkit.transport.serial.opening:adopt",
         listener="orinkit.server.serial_line:PortListener.open",
         option=ServeOption(
-            N_("Serial port to listen on, as /dev/ttyUSB0?baudrate=115200; 38400 8N1 by default; may be given again.")
+            N_("Serial port to listen on, such as /dev/ttyUSB0?baudrate=115200; default 38400 8N1; may be repeated.")
         ),
     ),
     Transport("com", parse="orinkit.transport.serial.address:parse_com", example="com:1:38400:N:8:1:0", alias="serial"),
@@ -193,8 +195,8 @@ _BUILT_IN: Final = (
         "http",
         ServeOption(
             N_(
-                "HOST:PORT to listen on for e-CAP over HTTP, or PORT alone for 127.0.0.1; may be given "
-                "again. A host alone means port 80. With --cert it is https, and port 443."
+                "HOST:PORT to listen on for e-CAP over HTTP, or PORT alone for 127.0.0.1; may be "
+                "repeated. A host alone means port 80. With --cert, https and port 443 are used."
             ),
             ports=True,
             secure="https",
@@ -220,27 +222,27 @@ _rows: Final = {row.scheme: row for row in _BUILT_IN}
 
 
 def rows() -> tuple[Transport, ...]:
-    """Return the rows of orinkit and those that are registered by now."""
+    """Return the rows of orinkit, and those registered so far."""
     return tuple(_rows.values())
 
 
 def known(scheme: str) -> bool:
-    """Return True if the scheme has a row already, without a look at entry points."""
+    """Return True if the scheme has a row; entry points are not searched."""
     return scheme in _rows
 
 
 def aliases() -> tuple[str, ...]:
-    """Return the schemes that are another form of an address of another one."""
+    """Return the schemes that are another notation of a scheme."""
     return tuple(row.scheme for row in rows() if row.alias)
 
 
 def examples() -> str:
-    """Return an address of each transport that a client can use, for messages."""
+    """Return an example address of each transport that a client can use, for messages."""
     return ", ".join(row.example for row in rows() if row.link)
 
 
 def schemes() -> str:
-    """Return all schemes, those of entry points too, for messages."""
+    """Return all schemes, including those of entry points, for messages."""
     return ", ".join(dict.fromkeys([*_rows, *entries()]))
 
 
@@ -248,12 +250,12 @@ def register(row: Transport) -> None:
     """Add a row.
 
     Raises:
-        InvalidValue: If the scheme is none, or has another row.
+        InvalidValue: If the scheme is not valid, or has another row.
     """
     if row.scheme != row.scheme.lower() or not row.scheme.replace("-", "_").isidentifier():
         raise InvalidValue(tr("{scheme!r:.80} cannot be the scheme of a transport", scheme=row.scheme))
     if _rows.setdefault(row.scheme, row) != row:
-        raise InvalidValue(tr("there is another transport of the scheme {scheme}", scheme=row.scheme))
+        raise InvalidValue(tr("the scheme {scheme} already has another transport", scheme=row.scheme))
 
 
 def find(scheme: str) -> Transport | None:
@@ -270,39 +272,39 @@ def find(scheme: str) -> Transport | None:
 
 
 def row_of(address: AnyAddress) -> Transport:
-    """Return the row of an address that was parsed.
+    """Return the row of a parsed address.
 
     Raises:
-        InvalidAddress: If there is none: the address is not of this registry.
+        InvalidAddress: If the scheme of the address is unknown.
     """
     row = find(address.scheme)
     if row is None:
-        raise InvalidAddress(tr("unknown transport {scheme!r:.80}; {known} are known", scheme=address.scheme, known=schemes()))  # fmt: skip
+        raise InvalidAddress(tr("unknown transport {scheme!r:.80}; known: {known}", scheme=address.scheme, known=schemes()))  # fmt: skip
     return row
 
 
 def entries() -> dict[str, EntryPoint]:
-    """Return the entry points by scheme; nothing of them is imported."""
+    """Return the entry points by scheme, without importing them."""
     return _entries(tuple(sys.path))
 
 
-@cache  # a client may send any number of unknown schemes, and each look at all packages holds up the others
+@cache  # a client may send any number of unknown schemes, and each search of all packages would delay other clients
 def _entries(_path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    from importlib import metadata  # takes long, and few programs have such a package
+    from importlib import metadata  # slow to import, and few programs have such a package
 
     try:
         found = metadata.entry_points(group=GROUP)
-    except Exception:  # noqa: BLE001 - the data of one of all installed packages are damaged
+    except Exception:  # noqa: BLE001 - the metadata of an installed package are damaged
         return {}
     return {entry.name.lower(): entry for entry in sorted(found, key=lambda each: (each.name, each.value))}
 
 
 def resolve(reference: Reference) -> Any:
-    """Return what a reference names.
+    """Return the object that a reference names.
 
     Raises:
         InvalidAddress: If it cannot be imported.
-        MissingExtra: If a package is missing that an extra of orinkit has.
+        MissingExtra: If a package of one of orinkit's extras is not installed.
     """
     from importlib import import_module
 
@@ -315,7 +317,7 @@ def resolve(reference: Reference) -> Any:
         raise
     except (ImportError, AttributeError) as error:
         raise InvalidAddress(
-            tr("{reference} of a transport cannot be loaded: {reason}", reference=reference, reason=_reason(error))
+            tr("cannot load {reference} of a transport: {reason}", reference=reference, reason=_reason(error))
         ) from error
     return found
 
@@ -326,7 +328,7 @@ def _load(scheme: str, entry: EntryPoint) -> Transport:
     except Exception as error:
         raise _unloadable(scheme, entry, _reason(error)) from error
     if not isinstance(row, Transport) or row.scheme != scheme:
-        raise _unloadable(scheme, entry, tr("it is no row of the scheme {scheme}", scheme=scheme))
+        raise _unloadable(scheme, entry, tr("it is not a Transport with the scheme {scheme}", scheme=scheme))
     register(row)
     return row
 
@@ -334,7 +336,7 @@ def _load(scheme: str, entry: EntryPoint) -> Transport:
 def _unloadable(scheme: str, entry: EntryPoint, reason: str) -> InvalidAddress:
     return InvalidAddress(
         tr(
-            "the transport {scheme} of the package {package} ({place}) cannot be loaded: {reason}. Try: pip install "
+            "cannot load the transport {scheme} of the package {package} ({place}): {reason}. Try: pip install "
             "--force-reinstall {package}",
             scheme=scheme,
             package=_package(entry),
@@ -347,7 +349,7 @@ def _unloadable(scheme: str, entry: EntryPoint, reason: str) -> InvalidAddress:
 def _package(entry: EntryPoint) -> str:
     try:
         name = "" if entry.dist is None else entry.dist.name
-    except Exception:  # noqa: BLE001 - its METADATA are damaged, or are missing
+    except Exception:  # noqa: BLE001 - its METADATA file is damaged or missing
         name = ""
     return name or entry.module
 

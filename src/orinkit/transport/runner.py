@@ -1,8 +1,8 @@
-"""The two drivers, side by side: one protocol operation, on the caller's own thread or in asyncio.
+"""The two runners of protocol operations: on the caller's thread (:func:`run`), and in asyncio (:func:`arun`).
 
-An operation is a generator as :meth:`orinkit.bcap.client.BcapConversation.call`: it yields bytes to send and how many
-seconds to wait for an answer, and is sent what was received. Beside them, waiting without receiving: :func:`pause`,
-:func:`apause`, and :class:`Deadline` for how long.
+An operation is a generator such as :meth:`orinkit.bcap.client.BcapConversation.call`: it yields bytes to send and how
+many seconds to wait for a reply, and receives the bytes that arrive. The module also has waiting without receiving,
+:func:`pause` and :func:`apause`, and :class:`Deadline`.
 """
 
 from __future__ import annotations
@@ -18,132 +18,132 @@ T = TypeVar("T")
 _GOODBYE = 0.1  # s for each packet of a close_sequence
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
 ClosePacket: TypeAlias = tuple[bytes, float]
-"""Something to send before a link is closed, and how many seconds to wait for an answer."""
+"""A packet to send before a link is closed, and how many seconds to wait for the reply."""
 
 
 class Link(Protocol):
-    """A way to the other side, used by one thread at a time."""
+    """A synchronous connection to a peer, used by one thread at a time."""
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Send all of the bytes within the seconds."""
+        """Send all bytes within the given seconds."""
 
     def receive(self, seconds: float) -> bytes | None:
-        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
+        """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed."""
 
     def fileno(self) -> int:
-        """Descriptor, to be lent to another process."""
+        """Return the descriptor, for handing it over to another process."""
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
 
     def close(self) -> None:
-        """Close; may be called again."""
+        """Close the link; calls after the first have no effect."""
 
 
 class AsyncLink(Protocol):
-    """The same for asyncio."""
+    """A connection to a peer, in asyncio."""
 
     def send(self, data: bytes) -> None:
-        """Send all of the bytes; they are queued whole, so a cancelled task cannot send half of them."""
+        """Queue all bytes for sending, at once, so that a cancelled task cannot send a part of them."""
 
     async def receive(self, seconds: float) -> bytes | None:
-        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed."""
+        """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed."""
 
     def fileno(self) -> int:
-        """Descriptor, to be lent to another process; nothing is received here until the next call."""
+        """Return the descriptor, for handing it over to another process; nothing is received here until the next call."""
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
 
     def close(self) -> None:
-        """Close; may be called again."""
+        """Close the link; calls after the first have no effect."""
 
 
 class DetachedLink:
-    """Stands for a link that another process has: nothing can be sent over it."""
+    """Placeholder for a link that was handed over to another process; it cannot send."""
 
     def __init__(self, link: Link, closing: Callable[[], None]) -> None:
         self.link = link
         self._closing = closing
 
-    def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - as of every link
-        """Refuse.
+    def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - signature of every link
+        """Raise StreamError: the link is in another process.
 
         Raises:
-            StreamError: always.
+            StreamError: Always.
         """
-        raise _lent()
+        raise _handed_over()
 
     def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
-        """Refuse, as :meth:`send`."""
-        raise _lent()
+        """Raise StreamError, as :meth:`send`."""
+        raise _handed_over()
 
     def fileno(self) -> int:
-        """Refuse, as :meth:`send`."""
-        raise _lent()
+        """Raise StreamError, as :meth:`send`."""
+        raise _handed_over()
 
     def release(self) -> None:
-        """Close the link itself, in this process."""
+        """Close the underlying link in this process."""
         self.link.release()
 
     def close(self) -> None:
-        """Have the other process give it up in good order, and close it here."""
+        """Request the other process to close the link in good order, and close it here."""
         self._closing()
         self.link.release()
 
 
 class AsyncDetachedLink:
-    """The same for asyncio."""
+    """Placeholder for a link that was handed over to another process, in asyncio."""
 
     def __init__(self, link: AsyncLink, closing: Callable[[], None]) -> None:
         self.link = link
         self._closing = closing
 
-    def send(self, data: bytes) -> None:  # noqa: ARG002 - as of every link
-        """Refuse.
+    def send(self, data: bytes) -> None:  # noqa: ARG002 - signature of every link
+        """Raise StreamError: the link is in another process.
 
         Raises:
-            StreamError: always.
+            StreamError: Always.
         """
-        raise _lent()
+        raise _handed_over()
 
     async def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
-        """Refuse, as :meth:`send`."""
-        raise _lent()
+        """Raise StreamError, as :meth:`send`."""
+        raise _handed_over()
 
     def fileno(self) -> int:
-        """Refuse, as :meth:`send`."""
-        raise _lent()
+        """Raise StreamError, as :meth:`send`."""
+        raise _handed_over()
 
     def release(self) -> None:
-        """Close the link itself, in this process."""
+        """Close the underlying link in this process."""
         self.link.release()
 
     def close(self) -> None:
-        """Have the other process give it up in good order, and close it here."""
+        """Request the other process to close the link in good order, and close it here."""
         self._closing()
         self.link.release()
 
 
-def _lent() -> StreamError:
+def _handed_over() -> StreamError:
     return StreamError(
         tr(
-            "the connection is in slave mode: it carries nothing but set-points until the block "
-            "ends. Try: the stream's own feedback, or another connection"
+            "the connection is in slave mode: it carries only set-points until the block "
+            "ends. Try: the feedback of the stream, or another connection"
         )
     )
 
 
 def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:
-    """Carry out an operation on the caller's thread and return its result.
+    """Run an operation on the caller's thread and return its result.
 
-    An exception from outside in the middle of it, such as KeyboardInterrupt, closes the link: bytes may have been
-    received and lost, and what follows could no longer be told apart.
+    An exception that interrupts the operation, such as KeyboardInterrupt, closes the link: received bytes may be lost,
+    so replies could no longer be matched to requests.
 
     Args:
-        operation: what to do.
-        link: to do it over.
-        close_sequence: gives what to send before the link is closed by such an exception.
+        operation: The operation.
+        link: The link to use.
+        close_sequence: Returns the packets to send before such an exception closes the link.
     """
     received: bytes | None = None
     deadline = 0.0
@@ -168,13 +168,13 @@ def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterab
         if sent:
             try:
                 send_close(link, close_sequence())
-            finally:  # who is interrupted once more does not wait for an answer to that
+            finally:  # a second interrupt skips the wait for the replies
                 link.close()
         raise
 
 
 def send_close(link: Link, packets: Iterable[ClosePacket]) -> None:
-    """Send packets, and wait for their answers where that is asked for; a link that is broken or closed is no error."""
+    """Send packets and wait for their replies if required; a lost or closed connection is not an error."""
     try:
         for data, seconds in packets:
             link.send(data, _GOODBYE)
@@ -185,7 +185,7 @@ def send_close(link: Link, packets: Iterable[ClosePacket]) -> None:
 
 
 async def asend_close(link: AsyncLink, packets: Iterable[ClosePacket]) -> None:
-    """The same in asyncio."""
+    """Send packets, as :func:`send_close`, in asyncio."""
     try:
         for data, seconds in packets:
             link.send(data)
@@ -196,9 +196,11 @@ async def asend_close(link: AsyncLink, packets: Iterable[ClosePacket]) -> None:
 
 
 async def arun(
-    operation: Operation[T], link: AsyncLink, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple  # noqa: ARG001 - as run
+    operation: Operation[T],
+    link: AsyncLink,
+    close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,  # noqa: ARG001 - as run
 ) -> T:
-    """Carry out an operation in asyncio and return its result; one that is cancelled leaves the link as it is."""
+    """Run an operation in asyncio and return its result; cancelling it does not close the link."""
     received: bytes | None = None
     deadline = 0.0
     try:
@@ -217,22 +219,22 @@ async def arun(
 
 
 def pause(seconds: float) -> None:
-    """Wait on the caller's thread; nothing is received meanwhile."""
+    """Block the caller's thread for the given seconds, without receiving."""
     sleep(max(0.0, seconds))
 
 
 async def apause(seconds: float) -> None:
-    """Wait in asyncio."""
-    import asyncio  # a synchronous program needs none
+    """Sleep for the given seconds in asyncio."""
+    import asyncio  # synchronous programs do not need it
 
     await asyncio.sleep(max(0.0, seconds))
 
 
 class Deadline:
-    """A limit on how long something may take.
+    """A point in time by which a call must have ended.
 
     Args:
-        seconds: from now on; ``None`` for no limit.
+        seconds: s from now; ``None`` for no limit.
     """
 
     __slots__ = ("_end",)
@@ -242,10 +244,10 @@ class Deadline:
 
     @property
     def left(self) -> float:
-        """Seconds that are left, infinite where there is no limit, never below 0."""
+        """The remaining time, s; infinite without a limit, never below 0."""
         return max(0.0, self._end - monotonic())
 
     @property
     def passed(self) -> bool:
-        """Whether no time is left."""
+        """True if no time is left."""
         return not self.left

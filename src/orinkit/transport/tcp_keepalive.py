@@ -1,7 +1,7 @@
-"""Noticing within seconds that the other side of a TCP connection is gone without a word: a cable pulled, a machine off.
+"""TCP options that detect within seconds that the peer has become unreachable: a cable pulled, a machine switched off.
 
-The system's own limits are hours. Two of its timers are set, as neither is enough alone: probes of an idle connection
-(keep-alive) only run while nothing waits to be acknowledged, and the limit on what waits only counts then.
+The system's defaults are hours. Two of its timers are set, because neither is sufficient alone: probes of an idle
+connection (keep-alive) are sent only while no data is unacknowledged, and the user time-out applies only while some is.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 DEAD_AFTER: Final = 10.0
-"""Seconds after which a connection is given up whose other side does not answer."""
+"""s without a response from the peer after which a connection is given up."""
 
-_LEAST: Final = 2.0  # s: systems count the seconds until a probe, and those until the next one
-_MOST: Final = 7200.0  # s: that of the systems themselves
+_LEAST: Final = 2.0  # s: systems count whole seconds until the first probe, and between probes
+_MOST: Final = 7200.0  # s: the default of the systems
 _TCP: Final = socket.IPPROTO_TCP
-_IDLE: Final = ("TCP_KEEPIDLE", "TCP_KEEPALIVE")  # the second in macOS
+_IDLE: Final = ("TCP_KEEPIDLE", "TCP_KEEPALIVE")  # the second one is macOS
 _CONNECTION_DROP_TIME: Final = 0x80  # macOS: TCP_RXT_CONNDROPTIME, s
 _MAXIMUM_RETRANSMISSION: Final = 5  # Windows: TCP_MAXRT, s
 
 
 class Settable(Protocol):
-    """A socket, or what an event loop shows of it."""
+    """A socket, or the view of it that an event loop provides."""
 
     def setsockopt(self, level: int, option: int, value: int, /) -> None:
         """Set an option."""
 
 
 def check_dead_after(seconds: float) -> float:
-    """Return the seconds after which a silent connection is given up.
+    """Check the time after which an unresponsive connection is given up, and return it as a float.
 
     Raises:
-        InvalidValue: it is no number from 2 to 7,200.
+        InvalidValue: If it is not a number from 2 to 7,200 s.
     """
     given: object = seconds
     if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST <= given <= _MOST:
         raise InvalidValue(
             tr(
-                "dead_after must be {least:g} to {most:g} seconds, not {given!r:.40}",
+                "dead_after must be {least:g} to {most:g} s, not {given!r:.40}",
                 least=_LEAST,
                 most=_MOST,
                 given=given,
@@ -52,13 +52,13 @@ def check_dead_after(seconds: float) -> float:
 
 
 def prepare(connection: Settable, dead_after: float) -> None:
-    """Set the options of a TCP connection: packets are sent at once, and a dead peer is noticed.
+    """Set the options of a TCP connection: packets are sent at once, and an unreachable peer is detected.
 
-    An option that the system does not have, or does not take, is left as it is.
+    Options that the system does not have, or rejects, are skipped.
 
     Args:
-        connection: to be set.
-        dead_after: seconds without an answer after which the system gives it up.
+        connection: The socket.
+        dead_after: s without a response after which the system gives the connection up.
     """
     _set(connection, _TCP, "TCP_NODELAY", 1)
     _set(connection, socket.SOL_SOCKET, "SO_KEEPALIVE", 1)
@@ -85,6 +85,6 @@ def _set(connection: Settable, level: int, name: str, value: int) -> bool:
 def _set_number(connection: Settable, level: int, option: int, value: int) -> bool:
     try:
         connection.setsockopt(level, option, value)
-    except OSError:  # the other side has gone already, or the system does not know the option
+    except OSError:  # the peer has already closed, or the system does not have the option
         return False
     return True

@@ -1,1 +1,1 @@
-"""e-CAP over HTTP, client side."""
+"""Client side of e-CAP over HTTP."""

@@ -1,8 +1,8 @@
-"""e-CAP over HTTP for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.http.link`.
+"""e-CAP over HTTP for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.http.link`.
 
-Each request is posted by a task of its own, which goes on when the caller of :meth:`AsyncHttpLink.receive` is cancelled or
-its time is up; the next request, or closing, ends it and its connection. Closing waits for nothing: the connection below
-httpx2 is one of :mod:`orinkit.transport.sockets.aio_byte_link`, which can be closed at once.
+Each request is posted by a task of its own, which continues if the caller of :meth:`AsyncHttpLink.receive` is cancelled
+or times out; the next request, or closing the link, cancels it and closes its connection. Closing does not block:
+httpx2 uses a connection of :mod:`orinkit.transport.sockets.aio_byte_link`, which can be closed at once.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
 
 require(tr(NEED), "http", "httpx2")
 
-import httpcore2  # noqa: E402 - what is missing is to be told first
+import httpcore2  # noqa: E402 - report a missing package first
 import httpx2  # noqa: E402
 
 from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
@@ -40,21 +40,22 @@ _TLS_FAILURES: Final = (ssl.SSLError, ConnectionResetError, ConnectionAbortedErr
 
 
 class AsyncHttpLink(HttpLinkBase):
-    """A server of e-CAP, in asyncio; nothing is opened before the first request.
+    """A link to an e-CAP server, in asyncio; the first request opens the connection.
 
     Args:
-        address: of the server.
-        access: what lets a client in.
-        most: bytes of a reply.
-        known: what is known of the server already.
-        dead_after: seconds without an answer from the server's machine after which a connection is given up.
+        address: The address of the server.
+        access: The client's credentials.
+        most: The largest number of bytes of a reply.
+        known: Known properties of the server, ``None`` if there are none.
+        dead_after: s without a response from the server's machine after which a connection is given up.
 
     Raises:
-        InvalidValue: the token cannot be sent, or there are no certificates in the file.
+        InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
     """
 
     def __init__(
-        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None = None,
+        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None =
+        None,
         dead_after: float = DEAD_AFTER,
     ) -> None:  # fmt: skip
         self._loop = asyncio.get_running_loop()
@@ -66,39 +67,40 @@ class AsyncHttpLink(HttpLinkBase):
 
     @classmethod
     async def open(cls, address: HttpAddress, opening: LinkOptions) -> Self:
-        """Make a link, as :func:`orinkit.transport.aio_links.open_link`; the first request connects."""
+        """Create a link, as :func:`orinkit.transport.aio_links.open_link`; the first request connects."""
         return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
     def send(self, data: bytes) -> None:
-        """Keep the body of a request, which :meth:`receive` posts.
+        """Store the body of a request, which :meth:`receive` posts.
 
-        An earlier one that has not been answered is given up, and its connection closed.
+        An earlier request without a reply is cancelled, and its connection closed.
 
         Raises:
-            ConnectionClosed: the link was closed before.
-            TransportError: it is used in another event loop than the one it was opened in.
+            ConnectionClosed: If the link is closed.
+            TransportError: If the link was opened in another event loop.
         """
         self._check()
         self._drop()
         self._asked = _PendingRequest(data)
 
     async def receive(self, seconds: float) -> bytes | None:
-        """Post the request, if that has not been done, and return what comes.
+        """Post the request, if it is not posted yet, and return the received data.
 
         Args:
-            seconds: to wait; longer, :attr:`patience`, for a server that cannot say that it is at work.
+            seconds: Time-out, s; extended to :attr:`patience` if the server does not report that a call is executing.
 
         Returns:
-            the whole answer; a line feed as a sign that the server is at work; ``b""`` if it has closed the connection
-            without an answer; ``None`` when the seconds have passed. The request stays under way.
+            The complete reply; a line feed if the server reports that the call is executing; ``b""`` if the server has
+            closed the connection without a reply; ``None`` if the time has passed. The request then remains in
+            progress.
 
         Raises:
-            ConnectFailed: nobody is there, or does not let this client in.
-            ConnectionLost: the connection broke, or the session has ended.
-            TransportError: the server has not carried out the call; or the link belongs to another event loop.
-            ProtocolError: what came is no answer of e-CAP.
-            LimitExceeded: it is too long.
-            ConnectionClosed: the link was closed before, or is meanwhile.
+            ConnectFailed: If the server cannot be reached, or rejects this client.
+            ConnectionLost: If the connection was lost, or the session has ended.
+            TransportError: If the server has not executed the call, or the link was opened in another event loop.
+            ProtocolError: If the data received is not an e-CAP reply.
+            LimitExceeded: If the reply is too long.
+            ConnectionClosed: If the link is closed, before or during the call.
         """
         self._check()
         asked = self._asked
@@ -109,12 +111,12 @@ class AsyncHttpLink(HttpLinkBase):
             longer = self._contact.wait(asked.data, seconds)
             asked.task = self._loop.create_task(self._carry(asked, seconds))
         await asked.wait(seconds)
-        if not asked.news and self._wants(asked):
+        if not asked.news and self._is_current(asked):
             if self._transport.connecting:
                 self._drop()
                 raise connect_failed(self._contact.address, TimeoutError("timed out"))
             await asked.wait(longer - seconds)
-        if not self._wants(asked):
+        if not self._is_current(asked):
             raise closed()
         if not asked.done:
             return asked.take_sign()
@@ -125,8 +127,8 @@ class AsyncHttpLink(HttpLinkBase):
             self._transport.drop()
             raise
 
-    def _wants(self, asked: _PendingRequest) -> bool:
-        """Tell whether a request has neither been given up by another task, which closes the link, nor by closing it."""
+    def _is_current(self, asked: _PendingRequest) -> bool:
+        """Return True if the request was not cancelled, by another task's request or by closing the link."""
         return self._open and asked is self._asked
 
     def _check(self) -> None:
@@ -136,7 +138,7 @@ class AsyncHttpLink(HttpLinkBase):
             raise other_loop()
 
     async def _carry(self, asked: _PendingRequest, seconds: float) -> bytes:
-        """Carry out a request; is cancelled when nobody wants it any more."""
+        """Run a request; the task is cancelled when the request is superseded or the link closed."""
         try:
             return await self._post(asked, seconds)
         except httpcore2.ProtocolError as error:
@@ -162,7 +164,7 @@ class AsyncHttpLink(HttpLinkBase):
         return body.whole()
 
     async def _shown(self, response: httpx2.Response, seconds: float) -> bytes:
-        """Return as much of the body of an error as comes soon."""
+        """Return the part of the body of an error response that arrives in time."""
         shown = b""
         try:
             async with asyncio.timeout(seconds), aclosing(response.aiter_raw()) as pieces:
@@ -171,18 +173,18 @@ class AsyncHttpLink(HttpLinkBase):
                     if len(shown) >= SHOWN:
                         break
         except (TimeoutError, OrinError, httpcore2.ProtocolError):
-            pass  # the status says enough
+            pass  # the status is sufficient
         return shown[:SHOWN]
 
     def _drop(self) -> None:
-        """Give up the request that is under way, if there is one."""
+        """Cancel the request in progress, if any."""
         asked, self._asked = self._asked, None
         if asked is not None:
             asked.give_up()
             self._transport.drop()
 
     def close(self) -> None:
-        """Close; a receive that is waiting ends at once."""
+        """Close the link; a pending receive ends at once."""
         if self._open:
             self._open = False
             self._drop()
@@ -190,28 +192,28 @@ class AsyncHttpLink(HttpLinkBase):
 
 
 class _PendingRequest:
-    """A request, and what has come of it.
+    """A request and its state.
 
     Attributes:
-        data: its body.
-        task: that carries it out, and returns the answer, ``b""`` if none came.
-        done: the task has ended.
+        data: The body of the request.
+        task: The task that runs it and returns the reply, ``b""`` if there was none.
+        done: True if the task has ended.
     """
 
     def __init__(self, data: bytes) -> None:
         self.data = data
         self.task: asyncio.Task[bytes] | None = None
         self.done = False
-        self._taken: asyncio.Future[None] | None = None  # while there is a sign of work that nobody has taken
+        self._taken: asyncio.Future[None] | None = None  # while an "executing" sign is not consumed
         self._waiter: asyncio.Future[None] | None = None
 
     @property
     def news(self) -> bool:
-        """Whether there is anything to take."""
+        """True if the request has ended, or an "executing" sign can be taken."""
         return self.done or self._taken is not None
 
     async def wait(self, seconds: float) -> None:
-        """Wait for news."""
+        """Wait until :attr:`news` is True, or the time has passed."""
         if self.news or seconds <= 0:
             return
         loop = asyncio.get_running_loop()
@@ -224,13 +226,13 @@ class _PendingRequest:
             self._waiter = None
 
     async def sign(self) -> None:
-        """Say that the server is at work, and wait until that is taken: a server that floods is left to its buffers."""
+        """Set the "executing" sign and wait until it is taken, so that a flooding server fills its own buffers."""
         self._taken = asyncio.get_running_loop().create_future()
         self._wake()
         await self._taken
 
     def take_sign(self) -> bytes | None:
-        """Take a sign of work, if there is one."""
+        """Take the "executing" sign, if it is set."""
         if self._taken is None:
             return None
         if not self._taken.done():
@@ -239,14 +241,14 @@ class _PendingRequest:
         return _SIGN
 
     def finish(self) -> None:
-        """Say that the task has ended."""
+        """Mark the task as ended."""
         self.done = True
         self._wake()
 
     def give_up(self) -> None:
-        """Stop the task."""
+        """Cancel the task."""
         if self.task is not None and not self.task.cancel() and not self.task.cancelled():
-            self.task.exception()  # that nobody wants to know any more
+            self.task.exception()  # marks the exception as retrieved
         self._wake()
 
     def _wake(self) -> None:
@@ -255,10 +257,10 @@ class _PendingRequest:
 
 
 class _HttpConnection(httpx2.AsyncBaseTransport):
-    """One connection to one server, opened when it is needed.
+    """A single connection to a server, opened on demand.
 
     Attributes:
-        connecting: it is being opened.
+        connecting: True while it is being opened.
     """
 
     def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
@@ -274,19 +276,19 @@ class _HttpConnection(httpx2.AsyncBaseTransport):
 
     @property
     def ended(self) -> bool:
-        """Whether the other side has closed the connection."""
+        """True if the server has closed the connection."""
         return self._stream is not None and self._stream.ended
 
     @property
     def unanswered(self) -> bool:
-        """Whether it has done so without a byte of an answer."""
+        """True if the server has closed the connection without a byte of a reply."""
         return self._stream is not None and self._stream.ended and not self._stream.begin
 
     async def connect(self) -> None:
-        """See to it that there is a connection over which nothing is under way, and which the other side has not closed.
+        """Ensure that there is an idle connection that the server has not closed.
 
         Raises:
-            ConnectFailed: there is none.
+            ConnectFailed: If the connection cannot be opened.
         """
         if self._connection is not None and self._connection.is_available() and not self._connection.has_expired():
             return
@@ -300,7 +302,7 @@ class _HttpConnection(httpx2.AsyncBaseTransport):
         self._connection = httpcore2.AsyncHTTP11Connection(self._url.origin, self._stream, KEPT)
 
     async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
-        """Send a request over the connection, once, and return the reply as soon as its headers have come."""
+        """Send a request once over the connection, and return the reply after its headers were received."""
         reply = await self._exchange(request)
         if reply is None:
             self.hang_up()
@@ -310,7 +312,7 @@ class _HttpConnection(httpx2.AsyncBaseTransport):
         return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply, ``None`` where something came behind the last one; then nothing has been sent."""
+        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
         assert self._connection is not None
         assert self._stream is not None
         assert isinstance(request.stream, httpx2.AsyncByteStream)
@@ -326,19 +328,19 @@ class _HttpConnection(httpx2.AsyncBaseTransport):
         return None if self._stream.unsent else reply
 
     def drop(self) -> None:
-        """Close the connection if something is under way over it."""
+        """Close the connection unless it is idle."""
         if self._connection is not None and not self._connection.is_idle():
             self.hang_up()
 
     def hang_up(self) -> None:
-        """Close the connection, at once."""
+        """Close the connection at once."""
         self._connection = None
         if self._stream is not None:
             self._stream.hang_up()
 
 
 class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
-    """A TCP connection, perhaps with TLS; :meth:`open` makes one."""
+    """A TCP connection, with or without TLS; created by :meth:`open`."""
 
     def __init__(self, dead_after: float) -> None:
         super().__init__()
@@ -347,10 +349,10 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
 
     @classmethod
     async def open(cls, known: KnownServer) -> Self:
-        """Connect.
+        """Connect to a server.
 
         Raises:
-            ConnectFailed: that could not be done.
+            ConnectFailed: If the connection cannot be established.
         """
         loop = asyncio.get_running_loop()
         address, context = known.contact.address, known.context
@@ -366,16 +368,16 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
         return wire
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The link is up."""
+        """Store the transport, and set the options of the socket."""
         super().connection_made(transport)
         prepare(transport.get_extra_info("socket"), self._dead_after)
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
-        """Where to put what comes next: a view, for with TLS asyncio fills slices of it, which must not be copies."""
+        """Return the buffer for the next bytes: a view, because asyncio fills slices with TLS, which must not be copies."""
         return self._view
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Bytes came."""
+        """Store received bytes."""
         self._came(self._view[:nbytes])
 
     def _descriptor(self, transport: asyncio.Transport) -> int:
@@ -384,26 +386,26 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
 
     @property
     def has_news(self) -> bool:
-        """Whether anything has come, or the end; or something is still being sent."""
+        """True if the connection is stale: something was received, it was closed, or bytes are still unsent."""
         link = self._transport
         if link is None or self._ended or self._received or link.is_closing() or link.get_write_buffer_size():
             return True
         return has_news(self._descriptor(link))
 
     def close(self) -> None:
-        """Close; TLS does not say goodbye, as that would take time."""
+        """Close the connection, without the closing handshake of TLS, which would take time."""
         if self._transport is not None:
             self._transport.abort()
         super().close()
 
 
 class _Stream(httpcore2.AsyncNetworkStream):
-    """A connection as httpx2 uses it.
+    """A connection with the interface that httpx2 requires.
 
     Attributes:
-        unsent: what has been written, and is sent when an answer is waited for.
-        begin: the first bytes of the reply.
-        ended: the other side has closed the connection.
+        unsent: Bytes that were written; they are sent by the next read.
+        begin: The first bytes of the reply.
+        ended: True if the server has closed the connection.
     """
 
     def __init__(self, wire: _TcpStream, contact: HttpServerInfo) -> None:
@@ -414,16 +416,16 @@ class _Stream(httpcore2.AsyncNetworkStream):
         self.ended = False
 
     async def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
-        """Keep bytes, so that headers and body travel together."""
+        """Store bytes, so that headers and body are sent together."""
         self.unsent += buffer
 
     async def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
-        """Send what has been written, and return the next bytes."""
+        """Send the stored bytes, and return the next received bytes."""
         if self.unsent:
             unsent, self.unsent = bytes(self.unsent), bytearray()
             try:
                 self._wire.send(unsent)
-            except ConnectionLost:  # a server may refuse a request that it has not read, and close
+            except ConnectionLost:  # a server may reject a request before reading it, and close
                 pass
         data = None
         while data is None:
@@ -435,15 +437,15 @@ class _Stream(httpcore2.AsyncNetworkStream):
         return data
 
     async def aclose(self) -> None:
-        """Close."""
+        """Close the connection."""
         self._wire.close()
 
     def hang_up(self) -> None:
-        """Close, at once."""
+        """Close the connection at once."""
         self._wire.close()
 
     def get_extra_info(self, info: str) -> Any:
-        """Tell whether bytes, or the end, have come over a connection that nobody has asked anything."""
+        """Return True for ``is_readable`` if an idle connection is stale: readable, or closed by the server."""
         return self._wire.has_news if info == "is_readable" else None
 
 
@@ -457,5 +459,5 @@ class _BodyStream(httpx2.AsyncByteStream):
         return self._reply.aiter_stream()
 
     async def aclose(self) -> None:
-        """Close, and with it the connection if more of the body is to come."""
+        """Close the reply, and also the connection if the body is incomplete."""
         await self._reply.aclose()

@@ -1,4 +1,4 @@
-"""What both links over HTTP show of their server."""
+"""Base of the two links over HTTP."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
 class HttpLinkBase(ProcessBound, ABC):
-    """What both links show of their server.
+    """Base of the two links: the properties of their server.
 
     Args:
-        address: of the server.
-        access: what lets a client in.
-        most: bytes of a reply.
-        known: what is known of the server already, ``None`` for nothing.
-        dead_after: seconds without an answer from its machine after which a connection is given up.
+        address: The address of the server.
+        access: The client's credentials.
+        most: The largest number of bytes of a reply.
+        known: Known properties of the server, ``None`` if there are none.
+        dead_after: s without a response from the server's machine after which a connection is given up.
 
     Raises:
-        InvalidValue: the token cannot be sent, or there are no certificates in the file.
+        InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
     """
 
     def __init__(
-        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None = None,
+        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None =
+        None,
         dead_after: float = DEAD_AFTER,
     ) -> None:  # fmt: skip
         if known is None:
@@ -44,12 +45,12 @@ class HttpLinkBase(ProcessBound, ABC):
 
     @property
     def tells(self) -> bool | None:
-        """Whether the server says that it is at work on a call; ``None`` where that is not known yet."""
+        """True if the server reports that a call is still executing; ``None`` if that is not known yet."""
         return self._contact.tells
 
     @property
     def patience(self) -> float:
-        """Seconds that a server gets for a call that cannot say that it is at work; may be set."""
+        """Time-out of a call, s, for a server that does not report that the call is still executing; writable."""
         return self._contact.patience
 
     @patience.setter
@@ -57,20 +58,20 @@ class HttpLinkBase(ProcessBound, ABC):
         self._contact.patience = seconds
 
     def fileno(self) -> int:
-        """Refuse.
+        """Raise StreamError: a connection over HTTP cannot be handed over.
 
         Raises:
-            StreamError: a connection over HTTP cannot be lent.
-            ConnectionClosed: the link has been closed.
+            StreamError: If the link is open.
+            ConnectionClosed: If the link is closed.
         """
         if not self._open:
             raise self._unusable()
-        raise _not_to_be_lent()
+        raise _cannot_hand_over()
 
     def another(self) -> Self:
-        """Return a link to the same server, for the same client, over which nothing is under way.
+        """Return an idle link to the same server, in the same session.
 
-        It is closed where the server has never answered, and so knows nothing of this client.
+        It is already closed if the server has never replied, because then there is no session.
         """
         made = type(self)(self._contact.address, known=self._known)
         if self.tells is None:
@@ -78,24 +79,24 @@ class HttpLinkBase(ProcessBound, ABC):
         return made
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the connection goes on in its parent."""
+        """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
         return ()
 
     def release(self) -> None:
-        """Close, as nobody else can have it."""
+        """Close the link, which no other process can have."""
         self.close()
 
     @abstractmethod
     def close(self) -> None:
-        """Close; a receive that is waiting ends at once."""
+        """Close the link; a pending receive ends at once."""
 
 
-def _not_to_be_lent() -> StreamError:
-    """Return the exception for a connection that another process is to have."""
+def _cannot_hand_over() -> StreamError:
+    """Return the exception for a connection that cannot be handed over to another process."""
     return StreamError(
         tr(
-            "a connection over HTTP cannot be lent to another process. Try: slave mode with set-points over {others}",
+            "a connection over HTTP cannot be handed over to another process. Try: slave mode over {others}",
             others=", ".join(f"{row.scheme}://" for row in rows() if row.adopt),
         )
     )

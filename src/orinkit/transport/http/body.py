@@ -1,4 +1,4 @@
-"""The body of a reply over HTTP, as it comes."""
+"""Assembly of the body of a reply over HTTP."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from orinkit.core.i18n import tr
 
 
 class Body:
-    """The body of a reply, as it comes.
+    """The body of a reply, assembled from pieces.
 
     Args:
-        most: bytes that it may have.
-        too_long: makes the exception for more.
-        strange: makes the exception for what cannot be, given what it is.
-        detail: what the reply's header says of a failure, which is put behind the return code: it has no other place there.
+        most: The largest number of bytes.
+        too_long: Returns the exception for a longer body.
+        strange: Returns the exception for an invalid reply, given a description of it.
+        detail: Description of a failure from a header of the reply; appended to the return code, because the body has
+            no other place for it.
     """
 
     def __init__(
@@ -32,10 +33,10 @@ class Body:
         self._data = bytearray()
 
     def add(self, piece: bytes) -> bool:
-        """Take the next bytes; returns True for blank lines ahead of the answer: the server is at work.
+        """Add the next bytes; return True for blank lines before the reply, which report that the call is executing.
 
         Raises:
-            LimitExceeded: there are more than allowed.
+            LimitExceeded: If the body is too long.
         """
         if not self._data:
             piece = piece.lstrip()
@@ -47,13 +48,13 @@ class Body:
         return False
 
     def whole(self) -> bytes:
-        """Return the answer, which is complete.
+        """Return the complete reply.
 
         Raises:
-            ProtocolError: there is none.
+            ProtocolError: If the body is empty.
         """
         if not self._data:
-            raise self._strange(tr("an empty answer"))
+            raise self._strange(tr("an empty reply"))
         if self._detail and b"," not in self._data:
             self._data += b"," + self._detail
         return bytes(self._data)

@@ -1,8 +1,8 @@
-"""The connection of a client over HTTP, on the caller's own thread.
+"""The synchronous HTTP connection of a client.
 
-Nothing is ever posted twice: httpx2 is given a transport with a single connection, which is looked at before it is used. A
-time-out of httpx2 is for one piece of what comes; that of a call is for all of it, so every wait of this transport ends when
-the time of the call is up.
+No request is ever posted twice: httpx2 uses a transport with a single connection, which is checked before each use. A
+time-out of httpx2 applies to one piece of a reply, that of a call to the whole reply. Therefore every wait of this
+transport ends at the deadline of the call.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from orinkit.transport.tcp_keepalive import prepare
 
 
 class HttpConnection(httpx2.BaseTransport):
-    """One connection to one server, opened when it is needed.
+    """A single connection to a server, opened on demand.
 
     Attributes:
-        deadline: when every wait ends.
-        closed: for good.
-        halted: the thread that uses it is to stop.
+        deadline: The deadline of every wait.
+        closed: True if it is closed for good.
+        halted: True if the thread that uses it must stop.
     """
 
     def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
@@ -46,31 +46,31 @@ class HttpConnection(httpx2.BaseTransport):
         self._connection: httpcore2.HTTP11Connection | None = None
         self._stream: _Stream | None = None
         self._socket: socket.socket | None = None
-        self._left: socket.socket | None = None  # by a parent
-        self._changing = threading.RLock()  # while a socket is closed no other thread touches it
+        self._left: socket.socket | None = None  # the socket of the parent process
+        self._changing = threading.RLock()  # no other thread may use a socket while it is being closed
         self.closed = False
         self.halted = False
 
     @property
     def stopped(self) -> bool:
-        """Whether nothing is to be waited for any more."""
+        """True if waiting must end."""
         return self.closed or self.halted
 
     @property
     def ended(self) -> bool:
-        """Whether the other side has closed the connection."""
+        """True if the server has closed the connection."""
         return self._stream is not None and self._stream.ended
 
     @property
     def unanswered(self) -> bool:
-        """Whether it has done so without a byte of an answer."""
+        """True if the server has closed the connection without a byte of a reply."""
         return self._stream is not None and self._stream.ended and not self._stream.begin
 
     def connect(self) -> None:
-        """See to it that there is a connection over which nothing is under way, and which the other side has not closed.
+        """Ensure that there is an idle connection that the server has not closed.
 
         Raises:
-            ConnectFailed: there is none.
+            ConnectFailed: If the connection cannot be opened.
         """
         if self._connection is not None and self._connection.is_available() and not self._connection.has_expired():
             return
@@ -79,7 +79,7 @@ class HttpConnection(httpx2.BaseTransport):
         self._connection = httpcore2.HTTP11Connection(self._url.origin, self._stream, KEPT)
 
     def handle_request(self, request: httpx2.Request) -> httpx2.Response:
-        """Send a request over the connection, once, and return the reply as soon as its headers have come."""
+        """Send a request once over the connection, and return the reply after its headers were received."""
         reply = self._exchange(request)
         if reply is None:
             self._hang_up()
@@ -89,7 +89,7 @@ class HttpConnection(httpx2.BaseTransport):
         return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply, ``None`` where something came behind the last one; then nothing has been sent."""
+        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
         assert self._connection is not None
         assert self._stream is not None
         assert isinstance(request.stream, httpx2.SyncByteStream)
@@ -105,36 +105,36 @@ class HttpConnection(httpx2.BaseTransport):
         return None if self._stream.unsent else reply
 
     def drop(self) -> None:
-        """Close the connection if something is under way over it."""
+        """Close the connection unless it is idle."""
         if self._connection is not None and not self._connection.is_idle():
             self._hang_up()
 
     def close(self) -> None:
-        """End the connection for good; may be called from another thread, and again."""
+        """Close the connection for good; may be called from another thread, and repeatedly."""
         self.closed = True
         self.halt()
 
     def halt(self) -> None:
-        """Have the thread that uses the connection stop, from another one."""
+        """Make the thread that uses the connection stop; called from another thread."""
         self.halted = True
         with self._changing:
             self._end()
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed for good in a forked child; returns the descriptor."""
+        """Mark the connection as closed for good in a forked child, and return the descriptor."""
         self.closed = self.halted = True
         self._changing = threading.RLock()
-        left, self._socket = self._socket, None  # not to be shut down from here
+        left, self._socket = self._socket, None  # must not be shut down here
         self._left = left
         return () if left is None else (left.fileno(),)
 
     def let_go(self) -> None:
-        """Give the descriptor back; nothing is under way."""
+        """Close the descriptor; the connection must be idle."""
         if self._socket is not None:
             self.part(self._socket)
 
     def part(self, connection: socket.socket) -> None:
-        """Close a socket."""
+        """Close a socket, while no other thread uses it."""
         with self._changing:
             connection.close()
 
@@ -147,12 +147,12 @@ class HttpConnection(httpx2.BaseTransport):
     def _end(self) -> None:
         try:
             if self._socket is not None:
-                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket's own goes on without TLS
-        except OSError:  # the other side may have gone first
+                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket.shutdown would continue without TLS
+        except OSError:  # the peer may have closed first
             pass
 
     def _open(self) -> socket.socket:
-        """Connect to the first place that can be reached."""
+        """Connect to the first address that can be reached."""
         address = self._contact.address
         try:
             places = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
@@ -191,7 +191,7 @@ class HttpConnection(httpx2.BaseTransport):
         secure = connection
         try:
             host = self._contact.address.host
-            with self._changing:  # a socket that another thread shuts down meanwhile would be left open by ssl
+            with self._changing:  # ssl would leave a socket open that another thread shuts down meanwhile
                 if self.stopped:
                     raise closed()
                 secure = context.wrap_socket(connection, server_hostname=host, do_handshake_on_connect=False)
@@ -203,7 +203,7 @@ class HttpConnection(httpx2.BaseTransport):
         return secure
 
     def _take(self, connection: socket.socket, seconds: float) -> None:
-        """Make a socket this transport's, so that another thread can close it."""
+        """Make a socket the current one, so that another thread can shut it down."""
         if not seconds:
             raise TimeoutError("timed out")
         connection.settimeout(seconds)
@@ -213,36 +213,36 @@ class HttpConnection(httpx2.BaseTransport):
 
 
 class _Stream(httpcore2.NetworkStream):
-    """A connection, every wait of which ends with the transport's deadline.
+    """A connection of which every wait ends at the transport's deadline.
 
     Attributes:
-        unsent: what has been written, and is sent when an answer is waited for.
-        begin: the first bytes of the reply.
-        ended: the other side has closed the connection.
+        unsent: Bytes that were written; they are sent by the next read.
+        begin: The first bytes of the reply.
+        ended: True if the server has closed the connection.
     """
 
     def __init__(self, connection: socket.socket, transport: HttpConnection, contact: HttpServerInfo) -> None:
         self._socket = connection
         self._transport = transport
         self._contact = contact
-        self._can_look = hasattr(select, "poll") and not isinstance(connection, ssl.SSLSocket)
-        self._going = memoryview(b"")  # what is being sent
+        self._can_poll = hasattr(select, "poll") and not isinstance(connection, ssl.SSLSocket)
+        self._sending = memoryview(b"")  # bytes being sent
         self._torn = False
         self.unsent = bytearray()
         self.begin = b""
         self.ended = False
 
     def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
-        """Keep bytes, so that headers and body travel together."""
+        """Store bytes, so that headers and body are sent together."""
         self.unsent += buffer
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
-        """Send what has been written, and return the next bytes, which may come before all is sent."""
+        """Send the stored bytes, and return the next received bytes, which may arrive before all is sent."""
         try:
             if self.unsent:
-                self._going, self.unsent = memoryview(self.unsent), bytearray()
+                self._sending, self.unsent = memoryview(self.unsent), bytearray()
                 self._send()
-            while self._going and self._is_taken():
+            while self._sending and self._wait_writable():
                 self._send()
             self._limit()
             data = self._socket.recv(max_bytes)
@@ -259,20 +259,20 @@ class _Stream(httpcore2.NetworkStream):
     def _send(self) -> None:
         try:
             self._limit()
-            self._going = self._going[self._socket.send(self._going) :]
+            self._sending = self._sending[self._socket.send(self._sending) :]
         except TimeoutError:
             raise
-        except OSError:  # a server may refuse a request that it has not read, and close
+        except OSError:  # a server may reject a request before reading it, and close
             self._torn = True
-            self._going = memoryview(b"")
+            self._sending = memoryview(b"")
 
-    def _is_taken(self) -> bool:
-        """Wait until the other side takes more, or says something before it has all."""
-        if not self._can_look:
+    def _wait_writable(self) -> bool:
+        """Wait until more can be sent, or data arrives before all is sent; return True in the first case."""
+        if not self._can_poll:
             return True
-        looking = select.poll()
-        looking.register(self._socket.fileno(), select.POLLIN | select.POLLOUT)
-        events = looking.poll(self._transport.deadline.left * 1000)
+        poller = select.poll()
+        poller.register(self._socket.fileno(), select.POLLIN | select.POLLOUT)
+        events = poller.poll(self._transport.deadline.left * 1000)
         if not events:
             raise TimeoutError
         return not events[0][1] & select.POLLIN
@@ -284,13 +284,13 @@ class _Stream(httpcore2.NetworkStream):
         self._socket.settimeout(left)
 
     def close(self) -> None:
-        """Close."""
+        """Close the connection."""
         self._transport.part(self._socket)
 
     def get_extra_info(self, info: str) -> Any:
-        """Tell whether the connection, over which nothing is under way, is of no more use: bytes, or the end, have come."""
+        """Return True for ``is_readable`` if an idle connection is stale: readable, or closed by the server."""
         if info == "is_readable":
-            return self._torn or bool(self._going) or has_news(self._socket.fileno())
+            return self._torn or bool(self._sending) or has_news(self._socket.fileno())
         return None
 
 
@@ -304,15 +304,15 @@ class _BodyStream(httpx2.SyncByteStream):
         return self._reply.iter_stream()
 
     def close(self) -> None:
-        """Close, and with it the connection if more of the body is to come."""
+        """Close the reply, and also the connection if the body is incomplete."""
         self._reply.close()
 
 
 def url_of(contact: HttpServerInfo) -> httpx2.URL:
-    """Return the URL that requests are for.
+    """Return the URL of requests.
 
     Raises:
-        InvalidAddress: there can be no such URL.
+        InvalidAddress: If the URL is not valid.
     """
     try:
         return httpx2.URL(contact.url)
@@ -321,12 +321,12 @@ def url_of(contact: HttpServerInfo) -> httpx2.URL:
 
 
 class KnownServer(NamedTuple):
-    """What is known of a server.
+    """Properties of a server that several links share.
 
     Attributes:
-        contact: with it.
-        context: how its certificate is checked, ``None`` without TLS.
-        dead_after: seconds without an answer from its machine after which a connection is given up.
+        contact: The state of the HTTP exchange with the server.
+        context: TLS settings to verify the server's certificate, ``None`` without TLS.
+        dead_after: s without a response from the server's machine after which a connection is given up.
     """
 
     contact: HttpServerInfo
@@ -335,10 +335,10 @@ class KnownServer(NamedTuple):
 
 
 def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | None:
-    """Return how a server is known, ``None`` without TLS.
+    """Return the TLS settings to verify a server's certificate, ``None`` without TLS.
 
     Raises:
-        InvalidValue: there are no certificates in the file.
+        InvalidValue: If the file contains no certificates.
     """
     if address.scheme != "https":
         return None
@@ -354,7 +354,7 @@ def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | No
 
 
 def has_news(descriptor: int) -> bool:
-    """Tell whether something waits to be received, or the end; a socket that is closed has that."""
+    """Return True if a socket is readable, at its end or closed."""
     if descriptor < 0:
         return True
     try:

@@ -1,6 +1,6 @@
-"""e-CAP over HTTP for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.http.aio_link`.
+"""Synchronous e-CAP over HTTP for clients; the asynchronous counterpart is :mod:`orinkit.transport.http.aio_link`.
 
-A call is one POST over a connection that is kept for the next one (:mod:`orinkit.transport.http.connection`).
+A call is one POST over a persistent connection (:mod:`orinkit.transport.http.connection`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 require(tr(NEED), "http", "httpx2")
 
-import httpcore2  # noqa: E402 - what is missing is to be told first
+import httpcore2  # noqa: E402 - report a missing package first
 import httpx2  # noqa: E402
 
 from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
@@ -34,21 +34,22 @@ _SIGN: Final = b"\n"
 
 
 class HttpLink(HttpLinkBase):
-    """A server of e-CAP, used by one thread at a time; nothing is opened before the first request.
+    """A link to an e-CAP server, used by one thread at a time; the first request opens the connection.
 
     Args:
-        address: of the server.
-        access: what lets a client in.
-        most: bytes of a reply.
-        known: what is known of the server already.
-        dead_after: seconds without an answer from the server's machine after which a connection is given up.
+        address: The address of the server.
+        access: The client's credentials.
+        most: The largest number of bytes of a reply.
+        known: Known properties of the server, ``None`` if there are none.
+        dead_after: s without a response from the server's machine after which a connection is given up.
 
     Raises:
-        InvalidValue: the token cannot be sent, or there are no certificates in the file.
+        InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
     """
 
     def __init__(
-        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None = None,
+        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None =
+        None,
         dead_after: float = DEAD_AFTER,
     ) -> None:  # fmt: skip
         super().__init__(address, access, most, known=known, dead_after=dead_after)
@@ -56,24 +57,25 @@ class HttpLink(HttpLinkBase):
         self._transport = HttpConnection(self._known, self._url)
         self._client = httpx2.Client(transport=self._transport, trust_env=False)
         self._busy = threading.Lock()
-        self._owner = 0  # the thread that the request is of
-        self._request: bytes | None = None  # that has not been posted
+        self._owner = 0  # the thread that sent the request
+        self._request: bytes | None = None  # not posted yet
         self._body: Body | None = None
         self._pieces: Iterator[bytes] = iter(())
 
     @classmethod
     def open(cls, address: HttpAddress, opening: LinkOptions) -> Self:
-        """Make a link, as :func:`orinkit.transport.links.open_link`; the first request connects."""
+        """Create a link, as :func:`orinkit.transport.links.open_link`; the first request connects."""
         return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Keep the body of a request, which :meth:`receive` posts.
+        """Store the body of a request, which :meth:`receive` posts.
 
-        An earlier one that has not been answered is given up, and its connection closed. If another thread still waits
-        for its answer, this one is about to close the link: the other's :meth:`receive` ends as if that had been done.
+        An earlier request without a reply is cancelled, and its connection closed. If another thread still waits for
+        that reply, this thread is about to close the link: the other thread's :meth:`receive` ends as if the link were
+        closed.
 
         Raises:
-            ConnectionClosed: the link was closed before; or that other thread did not end within the seconds.
+            ConnectionClosed: If the link is closed, or that other thread did not end in time.
         """
         if not self._open:
             raise self._unusable()
@@ -92,23 +94,23 @@ class HttpLink(HttpLinkBase):
                 self._let_go()
 
     def receive(self, seconds: float) -> bytes | None:
-        """Post the request, if that has not been done, and return what comes.
+        """Post the request, if it is not posted yet, and return the received data.
 
         Args:
-            seconds: to wait; longer, :attr:`patience`, for a server that cannot say that it is at work.
+            seconds: Time-out, s; extended to :attr:`patience` if the server does not report that a call is executing.
 
         Returns:
-            the whole answer; a line feed as a sign that the server is at work; ``b""`` if it has closed the connection
-            without an answer; ``None`` when the seconds have passed. The request is then given up, and nothing more
-            comes until the next one.
+            The complete reply; a line feed if the server reports that the call is executing; ``b""`` if the server has
+            closed the connection without a reply; ``None`` if the time has passed. The request is then cancelled, and
+            nothing more is received until the next request.
 
         Raises:
-            ConnectFailed: nobody is there, or does not let this client in.
-            ConnectionLost: the connection broke, or the session has ended.
-            TransportError: the server has not carried out the call.
-            ProtocolError: what came is no answer of e-CAP.
-            LimitExceeded: it is too long.
-            ConnectionClosed: the link was closed before, or is meanwhile.
+            ConnectFailed: If the server cannot be reached, or rejects this client.
+            ConnectionLost: If the connection was lost, or the session has ended.
+            TransportError: If the server has not executed the call.
+            ProtocolError: If the data received is not an e-CAP reply.
+            LimitExceeded: If the reply is too long.
+            ConnectionClosed: If the link is closed, before or during the call.
         """
         if not self._open:
             raise self._unusable()
@@ -121,7 +123,7 @@ class HttpLink(HttpLinkBase):
 
     def _received(self, seconds: float) -> bytes | None:
         if self._owner not in (0, threading.get_ident()):
-            raise closed()  # the link belongs to who closes it
+            raise closed()  # the link belongs to the thread that closes it
         try:
             data = self._go_on(seconds)
         except (OrinError, httpcore2.TimeoutException, httpcore2.ProtocolError) as error:
@@ -142,7 +144,7 @@ class HttpLink(HttpLinkBase):
     def _go_on(self, seconds: float) -> bytes | None:
         self._transport.deadline = Deadline(seconds)
         if self._request is not None:
-            request, self._request = self._request, None  # whatever happens, it is posted once
+            request, self._request = self._request, None  # cleared first, so that it is posted only once
             self._post(request, seconds)
         if self._body is None:
             return None
@@ -166,7 +168,7 @@ class HttpLink(HttpLinkBase):
         self._pieces = response.iter_raw()
 
     def _shown(self, response: httpx2.Response) -> bytes:
-        """Return as much of the body of an error as comes soon."""
+        """Return the part of the body of an error response that arrives in time."""
         self._transport.deadline = Deadline(min(self._transport.deadline.left, SHOWING))
         shown = b""
         try:
@@ -175,29 +177,29 @@ class HttpLink(HttpLinkBase):
                 if len(shown) >= SHOWN:
                     break
         except (OrinError, httpcore2.TimeoutException, httpcore2.ProtocolError):
-            pass  # the status says enough
+            pass  # the status is sufficient
         return shown[:SHOWN]
 
     def _drop(self) -> None:
-        """Give up the request that is under way, if there is one."""
+        """Cancel the request in progress, if any."""
         self._request = self._body = None
         self._pieces = iter(())
         self._transport.drop()
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the connection goes on in its parent."""
+        """Mark the link as closed in a forked child; the connection stays open in the parent."""
         super().left_behind()
         self._busy = threading.Lock()
         return self._transport.left_behind()
 
     def close(self) -> None:
-        """Close; a receive that another thread is in ends at once."""
+        """Close the link; a receive pending in another thread ends at once."""
         self._open = False
         self._transport.close()
         self._let_go()
 
     def _let_go(self) -> None:
-        """Give the descriptor back, unless a thread is in :meth:`receive`: it could be another file's before that has ended."""
+        """Close the descriptor, unless a thread is in :meth:`receive`: its number could be reused before that ends."""
         if self._busy.acquire(blocking=False):
             try:
                 self._transport.let_go()

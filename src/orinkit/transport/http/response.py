@@ -1,18 +1,18 @@
-"""What the links over HTTP have in common, without I/O: headers, cookies, and what each reply means.
+"""The HTTP exchange with an e-CAP server, without I/O: headers, cookies, and the meaning of each response.
 
-A reply with status 200 has an answer of e-CAP in its body. Any other is an exception, which says what to try:
+A response with status 200 contains an e-CAP reply. Any other raises an exception, whose message has a remedy:
 
 ==================================================  ===============================================================
 301 and other redirects, 401, 403, 404, 405, 407,   ``ConnectFailed``: no e-CAP for this client at this address; the
-421                                                 call was not carried out. A redirect is named, never followed.
-408, 429                                            ``TransportError``: the call was not carried out; another one may be
+421                                                 call was not executed. Redirects are reported, never followed.
+408, 429                                            ``TransportError``: the call was not executed; it may be repeated
 413, 414, 431                                       ``LimitExceeded``: the request is too long for this server
-502, 503, 504                                       ``ConnectionLost``: the server, or the one behind it, has gone
-any other                                           ``ProtocolError``: not what e-CAP answers
+502, 503, 504                                       ``ConnectionLost``: the server, or its upstream server, is down
+any other                                           ``ProtocolError``: not a valid response for e-CAP
 ==================================================  ===============================================================
 
-What is no HTTP at all is a ``ProtocolError`` too. None of them is fatal: each reply has its own beginning, so nothing is
-ever out of step.
+A response that is not HTTP is a ``ProtocolError`` too. None of these errors invalidates the link: the beginning of each
+response is unambiguous, so replies cannot be mismatched.
 """
 
 from __future__ import annotations
@@ -41,28 +41,28 @@ from orinkit.transport.link_errors import lost
 from orinkit.values.codec import DEFAULT_LIMITS
 
 MOST: Final = DEFAULT_LIMITS.packet + 65536
-"""Bytes of a reply, by default."""
+"""The default largest number of bytes of a reply."""
 BEGIN: Final = 5
-"""How many bytes at the beginning of a reply are looked at."""
+"""Number of bytes at the beginning of a reply that are checked."""
 PATIENCE: Final = 180.0
-"""Seconds that a server gets for a call that cannot say that it is at work."""
+"""Time-out of a call, s, for a server that does not report that the call is still executing."""
 KEPT: Final = 4.0
-"""Seconds that an idle connection is used again; servers close theirs after 5 s and more."""
+"""s for which an idle connection is reused; servers close idle connections after 5 s or more."""
 SHOWN: Final = 4096
-"""How many bytes of the body are read that comes with an error."""
+"""The largest number of bytes read of the body of an error response."""
 SHOWING: Final = 1.0
-"""Seconds that are waited for them."""
+"""Time-out for reading them, s."""
 NEED: Final = N_("e-CAP over HTTP")
 
-_ALERT: Final = b"\x15\x03"  # how TLS says no to what is none
+_ALERT: Final = b"\x15\x03"  # a TLS alert record: the reply of a TLS server to plain text
 _EXECUTING: Final = "Orinkit-Executing"
-_SIGNS: Final = 400  # ms between the signs of a server that it is at work
-_FEWEST: Final = 80  # ms, the least that is allowed
-_QUICK: Final = re.compile(rb"Func=[12](?![0-9])")  # Service_Start and Service_Stop: no work for any server
+_SIGNS: Final = 400  # ms between a server's signs that a call is executing
+_FEWEST: Final = 80  # ms, the smallest allowed value
+_QUICK: Final = re.compile(rb"Func=[12](?![0-9])")  # Service_Start and Service_Stop: fast on every server
 _WATCHED: Final = re.compile(r"orinkit-[0-9]{1,5}")
 _COOKIES: Final = 20
 _COOKIE: Final = 4096  # characters
-_LINE: Final = 200  # characters of a text of the server
+_LINE: Final = 200  # characters of a text from the server
 _HTTP: Final = b"HTTP/"
 _TITLE: Final = re.compile(r"<title[^>]*>([^<]*)", re.IGNORECASE)
 _PLAIN: Final = ("", "identity")
@@ -70,7 +70,7 @@ _DETAIL: Final = "orinkit-detail"
 _READ: Final = ("orinkit-executing", "set-cookie", "content-encoding", "content-length", _DETAIL)
 _LONGEST_DETAIL: Final = 4096  # characters
 
-_KINDS: Final[dict[int, Callable[[str], OrinError]]] = {
+_EXCEPTIONS: Final[dict[int, Callable[[str], OrinError]]] = {
     401: ConnectFailed,
     403: ConnectFailed,
     404: ConnectFailed,
@@ -86,45 +86,44 @@ _KINDS: Final[dict[int, Callable[[str], OrinError]]] = {
     503: ConnectionLost,
     504: ConnectionLost,
 }
-_NO_ECAP: Final = N_("That is no answer of e-CAP. Try: are host, port and path those of the server of e-CAP?")
+_NO_ECAP: Final = N_("That is not an e-CAP response. Try: check host, port and path of the e-CAP server")
 _HINTS: Final = {
-    403: N_("The server does not let this client in. Try: what it says of itself, or ask whoever runs it"),
-    405: N_("There is a server, which does not take POST at this path. Try: the path of e-CAP"),
-    407: N_("A proxy is in the way, and wants a password. Try: an address that is reached without one"),
-    408: N_("The request took too long to arrive; it was not carried out. Try: again, over a faster network"),
-    421: N_("The server does not go by this name. Try: its address, or have it serve this name too"),
-    429: N_("There were too many requests; this one was not carried out. Try: again, a little later"),
-    500: N_("The server has failed; whether the call was carried out is not known. Try: the server's log"),
+    403: N_("The server denies access to this client. Try: check its message, or ask its administrator"),
+    405: N_("The server does not accept POST at this path. Try: the path of e-CAP"),
+    407: N_("A proxy requires a password. Try: an address that is reachable without a proxy"),
+    408: N_("The request took too long to arrive; it was not executed. Try: again, over a faster network"),
+    421: N_("The server does not serve this host name. Try: its IP address, or configure the server for this name"),
+    429: N_("Too many requests; this one was not executed. Try: again later"),
+    500: N_("The server failed; it is unknown whether the call was executed. Try: check the server's log"),
     502: N_(
-        "The server behind it cannot be reached; whether the call was carried out is not known. "
-        "Try: connect again, later"
+        "The upstream server cannot be reached; it is unknown whether the call was executed. Try: connect again later"
     ),
-    503: N_("The server is closing, or has too much to do. Try: connect again, later"),
+    503: N_("The server is shutting down or overloaded. Try: connect again later"),
     504: N_(
-        "The server behind it does not answer; whether the call was carried out is not known. Try: connect again, later"
+        "The upstream server does not respond; it is unknown whether the call was executed. Try: connect again later"
     ),
 }
 
 Fields: TypeAlias = Iterable[tuple[str, str]]
-"""Headers of a reply: names in lower case, and values."""
+"""Headers of a response: names in lower case, and values."""
 
 
 class HttpServerInfo:
-    """What a client knows of a server, from one request to the next.
+    """The state of a client's HTTP exchange with a server: session cookies and capabilities.
 
     Args:
-        address: of the server.
-        access: what lets a client in.
-        most: bytes of a reply.
+        address: The address of the server.
+        access: The client's credentials.
+        most: The largest number of bytes of a reply.
 
     Attributes:
-        address: of the server.
-        most: bytes of a reply.
-        patience: seconds that a server gets for a call that cannot say that it is at work.
-        tells: whether the server says that it is at work; ``None`` where that is not known yet.
+        address: The address of the server.
+        most: The largest number of bytes of a reply.
+        patience: Time-out of a call, s, for a server that does not report that the call is still executing.
+        tells: True if the server reports that a call is still executing; ``None`` if that is not known yet.
 
     Raises:
-        InvalidValue: the token cannot be sent.
+        InvalidValue: If the token cannot be sent in a header.
     """
 
     def __init__(self, address: HttpAddress, access: Credentials, most: int) -> None:
@@ -132,13 +131,13 @@ class HttpServerInfo:
         self.most = most
         self.patience = PATIENCE
         self.tells: bool | None = None
-        self._token = _checked(access.token)
-        self._forgotten = False
+        self._token = _checked_token(access.token)
+        self._session_ended = False
         self._cookies: dict[str, str] = {}
 
     @property
     def url(self) -> str:
-        """What the server is called in a request: without the zone of an IPv6 address, which is of this computer."""
+        """The URL of the server in requests: without the zone of an IPv6 address, which is local to this machine."""
         host = self.address.host
         return str(self.address._replace(host=host.partition("%")[0] if ":" in host else host))
 
@@ -146,13 +145,14 @@ class HttpServerInfo:
         """Return the headers of a request.
 
         Args:
-            seconds: that its answer is waited for; a sign of work comes twice in that time at least.
+            seconds: Time-out of the reply, s; the server is requested to report at least twice in this time that the
+                call is executing.
 
         Raises:
-            ConnectionLost: the server knows this client no more.
+            ConnectionLost: If the session has ended.
         """
-        if self._forgotten:
-            raise _forgotten()
+        if self._session_ended:
+            raise _session_ended()
         fields = [
             ("Accept-Encoding", "identity"),
             ("User-Agent", "orinkit"),
@@ -166,44 +166,42 @@ class HttpServerInfo:
         return fields
 
     def wait(self, request: bytes, seconds: float) -> float:
-        """Return how many seconds to wait for an answer where a client wants to wait ``seconds``."""
+        """Return how long to wait for a reply, s, given the time-out of the client, ``seconds``."""
         if self.tells is False and not _QUICK.match(request):
             return max(seconds, self.patience)
         return seconds
 
     def accept(self, fields: Fields) -> Body:
-        """Take note of the headers of a reply with status 200 and return its body, which has still to come.
+        """Process the headers of a response with status 200, and return its body, which is still to be received.
 
         Raises:
-            ConnectionLost: the server knows this client no more.
-            ProtocolError: the body is compressed, which was not asked for.
-            LimitExceeded: the body is too long.
+            ConnectionLost: If the session has ended.
+            ProtocolError: If the body is compressed, which was not requested.
+            LimitExceeded: If the body is too long.
         """
         known = [(name, value) for name, value in fields if name in _READ]
         self.tells = any(name == _EXECUTING.lower() for name, _ in known)
         replaced = [self._keep(value) for name, value in known if name == "set-cookie"]
         if any(replaced):
-            self._forgotten = (
-                True  # for good, whoever hears of it: what comes now is of a session that nobody has begun
-            )
-            raise _forgotten()
+            self._session_ended = True  # for good: later replies belong to a new, empty session
+            raise _session_ended()
         for name, value in known:
             if name == "content-encoding" and value.strip().lower() not in _PLAIN:
                 what = tidy(value)
-                raise self._strange(tr("an answer compressed with {what}", what=what))
+                raise self._strange(tr("a reply compressed with {what}", what=what))
             if name == "content-length" and value.isdecimal() and int(value) > self.most:
                 raise self._too_long()
         detail = next((value for name, value in known if name == _DETAIL), "")
         return Body(self.most, self._too_long, self._strange, unquote_to_bytes(detail[:_LONGEST_DETAIL]))
 
     def _keep(self, text: str) -> bool:
-        """Keep a cookie, or throw it away where the server says so; returns whether it stands for another session."""
+        """Store a cookie, or delete it if the server requests that; return True if it belongs to another session."""
         pair, *attributes = text.split(";")
         name, equals, value = (part.strip() for part in pair.partition("="))
         if not name or not equals or len(pair) > _COOKIE or not (pair.isascii() and pair.isprintable()):
             return False
         before = self._cookies.get(name)
-        if not value or any(map(_ends_it, attributes)):
+        if not value or any(map(_deletes_cookie, attributes)):
             self._cookies.pop(name, None)
             return False
         if before is None and len(self._cookies) >= _COOKIES:
@@ -212,27 +210,27 @@ class HttpServerInfo:
         return before not in (None, value) and _WATCHED.fullmatch(name) is not None
 
     def refusal(self, status: int, fields: Fields, body: bytes, asked: int) -> OrinError:
-        """Return the exception for a reply with another status than 200.
+        """Return the exception for a response with a status other than 200.
 
         Args:
-            status: of the reply.
-            fields: its headers.
-            body: as much as has come of it.
-            asked: bytes of the request.
+            status: The status of the response.
+            fields: The headers of the response.
+            body: The received part of the body.
+            asked: The number of bytes of the request.
         """
         where = next((tidy(value) for name, value in fields if name == "location"), "")
-        told = first_line(body)
+        line = first_line(body)
         name = f"{status} {_phrase(status)}".strip()
-        said = f"{name} ({told})" if told and told != name else name
-        kind = ConnectFailed if 300 <= status < 400 else _KINDS.get(status, ProtocolError)
+        said = f"{name} ({line})" if line and line != name else name
+        kind = ConnectFailed if 300 <= status < 400 else _EXCEPTIONS.get(status, ProtocolError)
         hint = self._hint(status, kind, where, asked)
-        return kind(tr("{address} answered HTTP {said}. {hint}", address=self.address, said=said, hint=hint))
+        return kind(tr("{address} returned HTTP {said}. {hint}", address=self.address, said=said, hint=hint))
 
     def _hint(self, status: int, kind: Callable[[str], OrinError], where: str, asked: int) -> str:
         if status == HTTPStatus.UNAUTHORIZED:
             return _wrong_token() if self._token else _missing_token()
         if where and kind is ConnectFailed:
-            return _elsewhere(where)
+            return _redirected(where)
         if kind is LimitExceeded:
             return _long_request(asked)
         return tr(_HINTS.get(status, _NO_ECAP))
@@ -241,29 +239,29 @@ class HttpServerInfo:
         """Check the first bytes of a reply.
 
         Raises:
-            ProtocolError: what answers does not speak HTTP.
+            ProtocolError: If the server does not use HTTP.
         """
         if begin[:2] == _ALERT:
             raise self._speaks_tls()
         if begin[:BEGIN] != _HTTP[: len(begin)]:
-            raise self._strange(tr("something that is no HTTP, {begin!r}", begin=begin[:BEGIN]))
+            raise self._strange(tr("data that is not HTTP, {begin!r}", begin=begin[:BEGIN]))
 
     def broken(self, reason: Exception, *, ended: bool) -> OrinError:
-        """Return the exception for a reply that breaks the rules of HTTP.
+        """Return the exception for a response that violates HTTP.
 
         Args:
-            reason: which of them.
-            ended: it has ended too early, that is all.
+            reason: The violation.
+            ended: True if the response is only truncated.
         """
         if ended:
-            return lost(tr("the other side closed it in the middle of the answer"))
+            return lost(tr("closed by the peer in the middle of the reply"))
         return self._strange(tidy(str(reason)))
 
     def _strange(self, what: str) -> ProtocolError:
         return ProtocolError(
             tr(
-                "what answers at {address} is no server of e-CAP: {what}. Try: is the port right? A "
-                "server with TLS is https://, b-CAP is tcp://",
+                "the server at {address} is not an e-CAP server: {what}. Try: check the port; use "
+                "https:// for a server with TLS, tcp:// for b-CAP",
                 address=self.address,
                 what=what,
             )
@@ -271,16 +269,16 @@ class HttpServerInfo:
 
     def _speaks_tls(self) -> ProtocolError:
         secure = str(self.address._replace(scheme="https"))
-        return ProtocolError(
-            tr("what answers at {address} is a server with TLS. Try: {secure}", address=self.address, secure=secure)
-        )
+        return ProtocolError(tr("the server at {address} uses TLS. Try: {secure}", address=self.address, secure=secure))
 
     def _too_long(self) -> LimitExceeded:
-        return LimitExceeded(tr("{address} answered with more than {most} bytes", address=self.address, most=self.most))
+        return LimitExceeded(
+            tr("the reply of {address} has more than {most} bytes", address=self.address, most=self.most)
+        )
 
 
 def first_line(body: bytes) -> str:
-    """Return the first line of a text that a server sent, or the title of a page; short, and fit to be shown."""
+    """Return the first line of a text from a server, or the title of a page, shortened and printable."""
     text = body.decode("utf-8", "replace").lstrip("\ufeff \t\r\n")
     if text.startswith("<"):
         title = _TITLE.search(text)
@@ -289,18 +287,18 @@ def first_line(body: bytes) -> str:
 
 
 def tidy(text: str) -> str:
-    """Return a text of the other side as one line that can be shown."""
+    """Return a text from the peer as one printable line."""
     line = " ".join(text.split())
     return "".join(sign for sign in line[: _LINE + 1] if sign.isprintable())[:_LINE]
 
 
 def tls_failed(address: HttpAddress, error: Exception) -> ConnectFailed:
-    """Return the exception for a server whose certificate is not trusted, or that has no TLS."""
+    """Return the exception for a server whose certificate is not trusted, or that does not use TLS."""
     return ConnectFailed(
         tr(
             "cannot connect to {address}: {error}. Try: cafile= (--cafile), a PEM file with the "
-            "server's certificate or the one that it is signed by; the name in the certificate; "
-            "http:// if the server has no TLS",
+            "server's certificate or its issuer's; the host name in the certificate; "
+            "http:// if the server does not use TLS",
             address=address,
             error=error,
         )
@@ -308,10 +306,10 @@ def tls_failed(address: HttpAddress, error: Exception) -> ConnectFailed:
 
 
 def no_url(address: HttpAddress, error: Exception) -> InvalidAddress:
-    """Return the exception for an address that no URL can have."""
+    """Return the exception for an address that cannot be part of a URL."""
     return InvalidAddress(
         tr(
-            "'{address!s:.200}' is no address: {error}. Try: a name of letters, digits and hyphens, or an IP address",
+            "invalid address '{address!s:.200}': {error}. Try: a name of letters, digits and hyphens, or an IP address",
             address=address,
             error=error,
         )
@@ -319,28 +317,28 @@ def no_url(address: HttpAddress, error: Exception) -> InvalidAddress:
 
 
 def no_certificates(cafile: str, error: Exception) -> InvalidValue:
-    """Return the exception for a file that has no certificates."""
+    """Return the exception for a file without certificates."""
     return InvalidValue(
         tr(
-            "cafile (--cafile) {cafile!r:.200} cannot be used: {error}. Try: a PEM file, -----BEGIN CERTIFICATE-----",
+            "cannot use cafile (--cafile) {cafile!r:.200}: {error}. Try: a PEM file, -----BEGIN CERTIFICATE-----",
             cafile=cafile,
             error=error,
         )
     )
 
 
-def _checked(token: str) -> str:
+def _checked_token(token: str) -> str:
     if any(not "!" <= sign <= "~" for sign in token):
         raise InvalidValue(
             tr(
-                "the token has signs in it that a header cannot have. Try: letters, digits and - . _ ~ + "
-                "/ = only, and no line feed at its end"
+                "the token contains characters that are not allowed in a header. Try: letters, digits and - . _ ~ + "
+                "/ = only, without a line feed at the end"
             )
         )
     return token
 
 
-def _ends_it(attribute: str) -> bool:
+def _deletes_cookie(attribute: str) -> bool:
     name, _, value = (part.strip().lower() for part in attribute.partition("="))
     return name == "max-age" and (value == "0" or value.startswith("-"))
 
@@ -352,11 +350,11 @@ def _phrase(status: int) -> str:
         return ""
 
 
-def _forgotten() -> ConnectionLost:
+def _session_ended() -> ConnectionLost:
     return ConnectionLost(
         tr(
-            "the session has ended: the server was started again, or nothing was said to it for too "
-            "long; the objects of this connection are gone. Try: connect again"
+            "the session has ended: the server was restarted, or the client was idle for too "
+            "long; the objects of this connection no longer exist. Try: connect again"
         )
     )
 
@@ -366,14 +364,15 @@ def _wrong_token() -> str:
 
 
 def _missing_token() -> str:
-    return tr("The server lets in only who has its token. Try: token= (--token-file)")
+    return tr("The server requires a token. Try: token= (--token-file)")
 
 
-def _elsewhere(where: str) -> str:
+def _redirected(where: str) -> str:
     return tr(
-        "It names another address, which is not gone to by itself. Try, if it is the right one: {where}", where=where
+        "The server redirects to another address; redirects are not followed. Try: connect to {where}, if it is correct",
+        where=where,
     )
 
 
 def _long_request(asked: int) -> str:
-    return tr("A request of {asked} bytes is too long for it; it was not carried out", asked=asked)
+    return tr("A request of {asked} bytes is too long for the server; it was not executed", asked=asked)

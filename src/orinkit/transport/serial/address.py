@@ -1,4 +1,4 @@
-"""Addresses of serial lines: ``serial:///dev/ttyUSB0?baudrate=38400``, ``com:1:38400:N:8:1:0``, and ``pty://`` for servers."""
+"""Addresses of serial lines: ``serial:///dev/ttyUSB0?baudrate=38400``, ``com:1:38400:N:8:1:0``; ``pty://`` for servers."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _SETTINGS: Final = ("baudrate", "parity", "bits", "stop", "flow")
 
 @dataclass(frozen=True, slots=True)
 class SerialAddress:
-    """A serial port and how it is set; ``str`` gives its URL.
+    """A serial port and its settings; ``str`` returns its URL.
 
     Attributes:
-        path: as the system names it: ``/dev/ttyUSB0``, ``COM3``.
-        baudrate: bits in a second.
+        path: The system's name of the port: ``/dev/ttyUSB0``, ``COM3``.
+        baudrate: bit/s.
         parity: ``"N"`` none, ``"E"`` even, ``"O"`` odd, ``"M"`` mark, ``"S"`` space.
-        bits: of a character, 5 to 8.
-        stop: stop bits: 1, 1.5 or 2.
-        flow: 0 no flow control, 1 XON/XOFF, 2 hardware (RTS/CTS).
+        bits: Data bits per character, 5 to 8.
+        stop: Stop bits: 1, 1.5 or 2.
+        flow: Flow control: 0 none, 1 XON/XOFF, 2 hardware (RTS/CTS).
     """
 
     scheme: ClassVar[str] = "serial"
@@ -37,7 +37,7 @@ class SerialAddress:
     flow: int = 0
 
     def __str__(self) -> str:
-        from urllib.parse import quote  # few programs have a serial port
+        from urllib.parse import quote  # few programs use a serial port
 
         settings = f"baudrate={self.baudrate}&parity={self.parity}&bits={self.bits}&stop={self.stop:g}&flow={self.flow}"
         return f"serial://{quote(self.path, safe=PLAIN)}?{settings}"
@@ -45,7 +45,7 @@ class SerialAddress:
 
 @dataclass(frozen=True, slots=True)
 class PtyAddress:
-    """A pair of pseudo-terminals that a server opens: a serial line without any hardware."""
+    """A pair of pseudo-terminals that a server opens: a serial line without hardware."""
 
     scheme: ClassVar[str] = "pty"
 
@@ -54,7 +54,7 @@ class PtyAddress:
 
 
 def parse_serial(given: AddressText) -> SerialAddress:
-    """Read ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
+    """Parse ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
     from urllib.parse import unquote
 
     text = given.text
@@ -72,14 +72,14 @@ def parse_serial(given: AddressText) -> SerialAddress:
 
 
 def parse_com(given: AddressText) -> SerialAddress:
-    """Read ``1:38400:N:8:1:0``; what is left out, or empty, is as usual."""
+    """Parse ``1:38400:N:8:1:0``; omitted and empty settings have their defaults."""
     if given.url:
         return parse_serial(given)
     text = given.text
     place, *values = (part.strip() for part in given.rest.split(":"))
     if len(values) > len(_SETTINGS):
         reason = tr(
-            "at most {count} settings follow the port, a path with colons needs the form serial://",
+            "at most {count} settings may follow the port; write a path that contains colons as serial://",
             count=len(_SETTINGS),
         )
         raise bad_address(text, reason, "com")
@@ -87,7 +87,7 @@ def parse_com(given: AddressText) -> SerialAddress:
     if number > 0:
         place = f"COM{number}" if os.name == "nt" else f"/dev/ttyS{number - 1}"
     elif place.isdecimal():
-        raise bad_address(text, tr("COM ports count from 1"), "com")
+        raise bad_address(text, tr("COM ports are numbered from 1"), "com")
     settings = {name: value for name, value in zip(_SETTINGS, values, strict=False) if value}
     return _port(text, place, settings, "com")
 
@@ -95,7 +95,7 @@ def parse_com(given: AddressText) -> SerialAddress:
 def _port(text: str, path: str, settings: dict[str, str], form: str) -> SerialAddress:
     path = path.strip()
     if not path or len(path) > LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in path):
-        reason = tr("a serial port is needed")
+        reason = tr("a serial port is required")
         raise bad_address(text, reason, form)
     if os.name != "nt" and "/" not in path:
         path = f"/dev/{path}"
@@ -124,9 +124,9 @@ def _port(text: str, path: str, settings: dict[str, str], form: str) -> SerialAd
 
 
 def parse_pty(given: AddressText) -> PtyAddress:
-    """Read nothing: the system chooses the terminals."""
+    """Parse ``pty://``, which has no further parts: the system chooses the terminals."""
     if given.rest:
-        raise bad_address(given.text, tr("pty takes nothing more, not {rest!r:.80}", rest=given.rest), "pty")
+        raise bad_address(given.text, tr("nothing may follow pty://, got {rest!r:.80}", rest=given.rest), "pty")
     return PtyAddress()
 
 
@@ -134,4 +134,4 @@ def _wrong_setting(name: str, *, twice: bool) -> str:
     if twice:
         return tr("{name} is given twice", name=name)
     known = ", ".join(_SETTINGS)
-    return tr("there is no setting {name!r:.80}; {known} are known", name=name, known=known)
+    return tr("unknown setting {name!r:.80}; known settings: {known}", name=name, known=known)

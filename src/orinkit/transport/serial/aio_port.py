@@ -1,6 +1,6 @@
-"""Serial ports for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.serial.port`.
+"""Serial ports for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.serial.port`.
 
-Bytes are taken from the port when they are wanted, so that none is lost when another process has it.
+Bytes are read from the port on demand only, so that none is lost when the port is handed over to another process.
 """
 
 from __future__ import annotations
@@ -19,32 +19,33 @@ from orinkit.transport.serial.address import SerialAddress
 from orinkit.transport.serial.settings import CHUNK, gone, open_file
 
 _UNSENT: Final = 1024 * 1024
-"""How many bytes of earlier calls may wait to be sent; more are dropped, as if lost on the way."""
+"""The largest number of bytes that may wait to be sent when a call begins; otherwise its bytes are dropped."""
 
 
 class AsyncSerialLink(ProcessBound):
-    """A serial port in asyncio; :meth:`open` makes one.
+    """A serial port in asyncio; created by :meth:`open`.
 
     Args:
-        port: does not block, and is this link's from then on.
+        port: The non-blocking port; the link owns it.
     """
 
     def __init__(self, port: FileIO) -> None:
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._open = True
-        self._failure: ConnectionLost | None = None  # that nobody has been told yet
+        self._failure: ConnectionLost | None = None  # not raised yet
         self._unsent = bytearray()
         self._waiter: asyncio.Future[None] | None = None
         keep_from_children(self)
 
     @classmethod
     async def open(cls, address: SerialAddress) -> Self:
-        """Open a serial port, for this program alone; what waits in it from before is thrown away.
+        """Open a serial port for exclusive use; bytes received before are discarded.
 
         Raises:
-            ConnectFailed: it is not there, may not be used, is in use, or cannot be set like this.
-            MissingExtra: serialx is missing.
+            ConnectFailed: If the port does not exist, access is denied, it is in use, or it does not support the
+                settings.
+            MissingExtra: If serialx is not installed.
         """
         opening = _Opening()
         try:
@@ -54,12 +55,12 @@ class AsyncSerialLink(ProcessBound):
             raise
 
     def send(self, data: bytes) -> None:
-        """Queue all of the bytes.
+        """Queue all bytes for sending.
 
         Raises:
-            ConnectionLost: the port is gone.
-            ConnectionClosed: the link was closed before.
-            TransportError: it is used in another event loop than the one it was opened in.
+            ConnectionLost: If the port was removed or failed.
+            ConnectionClosed: If the link is closed.
+            TransportError: If the link was opened in another event loop.
         """
         self._check()
         if asyncio.get_running_loop() is not self._loop:
@@ -70,7 +71,7 @@ class AsyncSerialLink(ProcessBound):
             self._check()
 
     def _write(self) -> None:
-        """Write what there is room for."""
+        """Write as many bytes as the port accepts."""
         try:
             del self._unsent[: self._port.write(self._unsent) or 0]
         except OSError as error:
@@ -82,11 +83,11 @@ class AsyncSerialLink(ProcessBound):
             self._loop.remove_writer(self._port.fileno())
 
     async def receive(self, seconds: float) -> bytes | None:
-        """Return the next bytes, ``None`` when the seconds have passed.
+        """Return the next bytes, or ``None`` if the time has passed.
 
         Raises:
-            ConnectionLost: the port is gone.
-            ConnectionClosed: the link was closed before.
+            ConnectionLost: If the port was removed or failed.
+            ConnectionClosed: If the link is closed.
         """
         self._check()
         loop = asyncio.get_running_loop()
@@ -108,7 +109,7 @@ class AsyncSerialLink(ProcessBound):
         else:
             if data != b"":
                 return data
-            self._give_up(tr("it was pulled out"))
+            self._give_up(tr("it was unplugged"))
         self._check()
         return None
 
@@ -126,25 +127,27 @@ class AsyncSerialLink(ProcessBound):
             raise failure or self._unusable()
 
     def fileno(self) -> int:
-        """Descriptor of the port, to be lent to another process; nothing is received here until the next call.
+        """Return the port's descriptor, for handing it over to another process.
+
+        Nothing is received here until the next call.
 
         Raises:
-            ConnectionClosed: it has been closed.
+            ConnectionClosed: If the link is closed.
         """
         self._check()
         return self._port.fileno()
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the port stays in its parent."""
+        """Mark the link as closed in a forked child; the port stays open in the parent."""
         self._open, self._left = False, True
         return () if self._port.closed else (self._port.fileno(),)
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()
 
     def close(self) -> None:
-        """Close; a receive that is waiting ends at once."""
+        """Close the link; a pending receive ends at once."""
         if self._open:
             self._open = False
             self._loop.remove_reader(self._port.fileno())
@@ -154,7 +157,7 @@ class AsyncSerialLink(ProcessBound):
 
 
 class _Opening:
-    """A port that a thread opens; one that nobody waits for any more is closed."""
+    """A port that a thread opens; closed if the caller has given up meanwhile."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -162,7 +165,7 @@ class _Opening:
         self._wanted = True
 
     def open(self, address: SerialAddress) -> FileIO:
-        """Open it; to be called in the thread."""
+        """Open the port; called in the thread."""
         port = open_file(address)
         with self._lock:
             self._port = port
@@ -171,7 +174,7 @@ class _Opening:
         return port
 
     def give_up(self) -> None:
-        """Close it, now or as soon as it is open."""
+        """Close the port, now or as soon as it is open."""
         with self._lock:
             self._wanted = False
             if self._port is not None:

@@ -1,4 +1,4 @@
-"""Serial ports through the transport of serialx, for event loops that cannot watch them (Windows)."""
+"""Serial ports through the transport of serialx, for event loops that cannot poll a port (Windows)."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
 
 
 class AsyncPortLink(AsyncStreamLink, asyncio.Protocol):
-    """A serial port through serialx; :meth:`open` makes one."""
+    """A serial port through serialx; created by :meth:`open`."""
 
     @classmethod
     async def open(cls, address: SerialAddress, seconds: float) -> Self:
-        """Open a serial port, for this program alone; what waits in it from before is thrown away.
+        """Open a serial port for exclusive use; bytes received before are discarded.
 
         Raises:
-            ConnectFailed: it is not there, may not be used, is in use, or cannot be set like this.
-            MissingExtra: serialx is missing.
+            ConnectFailed: If the port does not exist, access is denied, it is in use, or it does not support the
+                settings.
+            MissingExtra: If serialx is not installed.
         """
         chosen = settings(address)
         import serialx
@@ -39,7 +40,7 @@ class AsyncPortLink(AsyncStreamLink, asyncio.Protocol):
         return link
 
     def data_received(self, data: bytes) -> None:
-        """Bytes came."""
+        """Store received bytes."""
         self._came(data)
 
     def _descriptor(self, transport: asyncio.Transport) -> int:

@@ -1,4 +1,4 @@
-"""Opening serial ports, by the way that the system has: descriptors, or serialx in Windows."""
+"""Opening serial ports: by descriptor on POSIX systems, through serialx on Windows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from orinkit.transport.serial import settings
 from orinkit.transport.serial.address import SerialAddress
 
 
-def open_link(address: SerialAddress, opening: LinkOptions) -> Link:  # noqa: ARG001 - as all openers
+def open_link(address: SerialAddress, opening: LinkOptions) -> Link:  # noqa: ARG001 - signature of every opener
     """Open a port, as :func:`orinkit.transport.links.open_link`."""
     if os.name == "nt":
         from orinkit.transport.serial.windows import PortLink
@@ -33,7 +33,7 @@ async def open_aio_link(address: SerialAddress, opening: LinkOptions) -> AsyncLi
 
 
 def adopt(descriptor: int) -> Link:
-    """Take a port that another process has opened."""
+    """Return a link for a port that another process has opened."""
     from orinkit.transport.serial.port import SerialLink
 
     return SerialLink(settings.as_file(descriptor))

@@ -1,8 +1,8 @@
-"""Serial ports for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.serial.aio_port`.
+"""Synchronous serial ports for clients; the asynchronous counterpart is :mod:`orinkit.transport.serial.aio_port`.
 
-serialx opens and sets a port (:mod:`orinkit.transport.serial.settings`). Its bytes then go over its descriptor, so that
-another thread can end a wait and another process can have the port; in Windows, where a port is no such file, they go
-through serialx (:mod:`orinkit.transport.serial.windows`).
+serialx opens and configures a port (:mod:`orinkit.transport.serial.settings`). Bytes are then read and written through
+the descriptor, so that another thread can end a wait and another process can take over the port. On Windows, where a
+port has no such descriptor, they go through serialx (:mod:`orinkit.transport.serial.windows`).
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from orinkit.transport.serial.settings import CHUNK, gone
 
 
 class SerialLink(ProcessBound):
-    """A serial port, used by the thread that calls.
+    """A serial port, used from the caller's thread.
 
     Args:
-        port: does not block, and is this link's from then on.
+        port: The non-blocking port; the link owns it.
     """
 
     def __init__(self, port: FileIO) -> None:
         self._port = port
         self._woken, self._wake = (FileIO(end, mode) for end, mode in zip(os.pipe(), "rw", strict=True))
         self._open = True
-        self._closing = threading.Lock()  # is taken once
+        self._closing = threading.Lock()  # acquired only once
         self._using = threading.RLock()
         self._reading = self._poll(select.POLLIN)
         keep_from_children(self)
@@ -43,20 +43,20 @@ class SerialLink(ProcessBound):
         return poll
 
     def fileno(self) -> int:
-        """Descriptor of the port, to be lent to another process.
+        """Return the port's descriptor, for handing it over to another process.
 
         Raises:
-            ConnectionClosed: it has been closed.
+            ConnectionClosed: If the link is closed.
         """
         self._check()
         return self._port.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Send all of the bytes; what the line does not take within the seconds is dropped, as if lost on the way.
+        """Send all bytes; those that the line does not accept in time are dropped, as if lost on the line.
 
         Raises:
-            ConnectionLost: the port is gone.
-            ConnectionClosed: the link was closed before.
+            ConnectionLost: If the port was removed or failed.
+            ConnectionClosed: If the link is closed.
         """
         end = monotonic() + seconds
         with self._using:
@@ -70,17 +70,19 @@ class SerialLink(ProcessBound):
                     return
 
     def receive(self, seconds: float) -> bytes | None:
-        """Return the next bytes, ``None`` when the seconds have passed.
+        """Return the next bytes, or ``None`` if the time has passed.
 
         Raises:
-            ConnectionLost: the port is gone.
-            ConnectionClosed: the link was closed before.
+            ConnectionLost: If the port was removed or failed.
+            ConnectionClosed: If the link is closed.
         """
         end = monotonic() + seconds
         with self._using:
             while True:
                 self._check()
-                if not self._reading.poll(_milliseconds(end)):  # without, a port that asyncio has set gives b""
+                if not self._reading.poll(
+                    _milliseconds(end)
+                ):  # without a poll, a port configured by asyncio returns b""
                     return None
                 self._check()
                 try:
@@ -90,7 +92,7 @@ class SerialLink(ProcessBound):
                 if data:
                     return data
                 if data is not None:
-                    raise self._gone(tr("it was pulled out"))
+                    raise self._gone(tr("it was unplugged"))
 
     def _check(self) -> None:
         if not self._open:
@@ -101,18 +103,18 @@ class SerialLink(ProcessBound):
         return gone(reason)
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the port, and the pipe by which a wait is ended, stay in its parent."""
+        """Mark the link as closed in a forked child; the port and the wake-up pipe stay open in the parent."""
         self._open, self._left = False, True
         self._closing, self._using = threading.Lock(), threading.RLock()
         files = (self._port, self._woken, self._wake)
         return [] if self._port.closed else [file.fileno() for file in files]
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()
 
     def close(self) -> None:
-        """Close; a receive that another thread is in ends at once."""
+        """Close the link; a receive pending in another thread ends at once."""
         if self._closing.acquire(blocking=False):
             self._open = False
             self._wake.write(b"\0")

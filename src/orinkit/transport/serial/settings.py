@@ -1,4 +1,4 @@
-"""Opening a serial port with serialx, for links on the caller's own thread and in asyncio."""
+"""Opening serial ports with serialx, for synchronous links and for asyncio."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _TAKEN: Final = (errno.EBUSY, errno.EAGAIN)
 
 
 def settings(address: SerialAddress) -> dict[str, Any]:
-    """Return what serialx is to be told of a port.
+    """Return the arguments for serialx to open a port.
 
     Raises:
-        MissingExtra: it is not installed.
+        MissingExtra: If serialx is not installed.
     """
     optional_deps.require(tr("a serial port"), "serial", "serialx")
     import serialx
@@ -46,11 +46,11 @@ def settings(address: SerialAddress) -> dict[str, Any]:
 
 
 def open_port(address: SerialAddress) -> serialx.BaseSerial:
-    """Open a serial port, for this program alone; serialx throws away what waits in it from before.
+    """Open a serial port for exclusive use; serialx discards bytes received before.
 
     Raises:
-        ConnectFailed: it is not there, may not be used, is in use, or cannot be set like this.
-        MissingExtra: serialx is missing.
+        ConnectFailed: If the port does not exist, access is denied, it is in use, or it does not support the settings.
+        MissingExtra: If serialx is not installed.
     """
     chosen = settings(address)
     import serialx
@@ -65,7 +65,7 @@ def open_port(address: SerialAddress) -> serialx.BaseSerial:
 
 
 def open_file(address: SerialAddress) -> FileIO:
-    """Open a serial port as a file that does not block, as :func:`open_port`."""
+    """Open a serial port, as :func:`open_port`, and return it as a non-blocking file."""
     port = open_port(address)
     try:
         return as_file(os.dup(port.fileno()))
@@ -74,7 +74,7 @@ def open_file(address: SerialAddress) -> FileIO:
 
 
 def as_file(descriptor: int) -> FileIO:
-    """Return a file that has a descriptor and does not block."""
+    """Return a non-blocking file for a descriptor."""
     os.set_blocking(descriptor, False)
     return FileIO(descriptor, "r+")
 
@@ -98,17 +98,17 @@ def open_failed(address: SerialAddress, error: BaseException) -> ConnectFailed:
 def _what_to_try(address: SerialAddress, number: int | None) -> str:
     if number in _ABSENT:
         return tr(
-            "is it plugged in, and is that its name? In Linux most are /dev/ttyUSB0 or /dev/ttyACM0, in Windows COM3"
+            "check that it is plugged in, and its name: usually /dev/ttyUSB0 or /dev/ttyACM0 on Linux, COM3 on Windows"
         )
     if number in _FORBIDDEN and sys.platform == "win32":
-        return tr("close the other program that uses it")
+        return tr("close the program that uses it")
     if number in _FORBIDDEN:
-        return tr("become a member of the group of the port (Linux: sudo usermod -aG dialout $USER) and log in again")
+        return tr("add the user to the group of the port (Linux: sudo usermod -aG dialout $USER) and log in again")
     if number in _TAKEN:
-        return tr("close the other program that uses it")
-    return tr("is it a serial port, and can it be set like this: {address}", address=address)
+        return tr("close the program that uses it")
+    return tr("check that it is a serial port and supports these settings: {address}", address=address)
 
 
 def gone(reason: object) -> ConnectionLost:
-    """Return the exception for a port that cannot be used any more."""
-    return lost(tr("the serial port is gone ({reason})", reason=reason))
+    """Return the exception for a serial port that was removed or failed."""
+    return lost(tr("the serial port failed ({reason})", reason=reason))

@@ -1,4 +1,4 @@
-"""Serial ports through the reads and writes of serialx, for systems where a port is no file (Windows)."""
+"""Synchronous serial ports through serialx, for systems on which a port is not a file (Windows)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from orinkit.transport.serial.settings import CHUNK, gone
 if TYPE_CHECKING:
     import serialx
 
-_SLICE: Final = 0.05  # s after which a read finds that the port was closed
+_SLICE: Final = 0.05  # s within which a read detects that the port was closed
 
 
 class PortLink:
-    """A serial port through serialx, used by the thread that calls; a wait finds that it was closed a little later.
+    """A serial port through serialx, used from the caller's thread; a pending receive detects a close within 50 ms.
 
     Args:
-        port: is open, and this link's from then on.
+        port: The open port; the link owns it.
     """
 
     def __init__(self, port: serialx.BaseSerial) -> None:
@@ -29,13 +29,13 @@ class PortLink:
         self._using = threading.RLock()
 
     def fileno(self) -> int:
-        """What the system knows the port by."""
+        """Return the system's descriptor of the port."""
         if not self._open:
             raise closed()
         return self._port.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Send, as :meth:`SerialLink.send`."""
+        """Send bytes, as :meth:`SerialLink.send`."""
         with self._using:
             try:
                 self._port.write(data, timeout=seconds)
@@ -45,7 +45,7 @@ class PortLink:
                 raise self._broken(error) from error
 
     def receive(self, seconds: float) -> bytes | None:
-        """Receive, as :meth:`SerialLink.receive`."""
+        """Receive bytes, as :meth:`SerialLink.receive`."""
         end = monotonic() + seconds
         buffer = bytearray(CHUNK)
         while True:
@@ -66,11 +66,11 @@ class PortLink:
         return gone(error) if was_open else closed()
 
     def release(self) -> None:
-        """Close, as :meth:`close`."""
+        """Close the link, as :meth:`close`."""
         self.close()
 
     def close(self) -> None:
-        """Close; a receive that another thread is in ends soon."""
+        """Close the link; a receive pending in another thread ends within 50 ms."""
         self._open = False
         with self._using:
             self._port.close()

@@ -1,4 +1,4 @@
-"""What links of bytes have in common in asyncio."""
+"""Base of byte-stream links in asyncio."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from orinkit.transport.link_errors import lost, other_loop
 from orinkit.transport.sockets.socket_link import CHUNK
 
 _UNSENT: Final = 16 * 1024 * 1024
-"""How many bytes of earlier calls may wait to be sent; more, and the link is given up."""
+"""The largest number of bytes that may wait to be sent when a call begins; if there are more, the link is closed."""
 
 
 class AsyncStreamLink(ProcessBound, ABC):
-    """A link of bytes: the part of a protocol of asyncio that all kinds have, and what a client calls."""
+    """A byte stream in asyncio: the common part of the asyncio protocols, and the interface that clients use."""
 
     def __init__(self) -> None:
         self._transport: asyncio.Transport | None = None
@@ -28,22 +28,22 @@ class AsyncStreamLink(ProcessBound, ABC):
         self._waiter: asyncio.Future[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The link is up."""
-        self._transport = cast("asyncio.Transport", transport)  # uvloop's are none by their class
+        """Store the transport of the new connection."""
+        self._transport = cast("asyncio.Transport", transport)  # uvloop's transports do not inherit from it
         self._loop = asyncio.get_running_loop()
         keep_from_children(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The link is down."""
+        """Record the end of the connection and its error."""
         self._ended = True
         self._error = exc
         self._wake()
 
     def _came(self, data: bytes | memoryview) -> None:
-        """Bytes came."""
+        """Store received bytes."""
         self._received += data
         if len(self._received) > 64 * CHUNK and self._transport is not None:
-            self._transport.pause_reading()  # nobody asks for it: a peer that floods is left to its own buffers
+            self._transport.pause_reading()  # without a pending receive, a flooding peer fills its own buffers
         self._wake()
 
     def _wake(self) -> None:
@@ -51,41 +51,41 @@ class AsyncStreamLink(ProcessBound, ABC):
             self._waiter.set_result(None)
 
     def send(self, data: bytes) -> None:
-        """Queue all of the bytes.
+        """Queue all bytes for sending.
 
         Raises:
-            ConnectionClosed: the link was closed before.
-            TransportError: it is used in another event loop than the one it was opened in.
-            ConnectionLost: the other side has closed it, or has not taken what was queued for it long ago.
+            ConnectionClosed: If the link is closed.
+            TransportError: If the link was opened in another event loop.
+            ConnectionLost: If the peer has closed the connection, or more than 16 MiB wait to be sent.
         """
         if self._transport is None:
             raise self._unusable()
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
         if self._ended:
-            raise lost(self._error or tr("the other side closed it"))
+            raise lost(self._error or tr("closed by the peer"))
         if self._transport.get_write_buffer_size() > _UNSENT:
             self.close()
-            raise lost(tr("the other side does not read"))
+            raise lost(tr("the peer does not read"))
         try:
             self._transport.write(data)
         except OSError as error:
             raise lost(error) from error
 
     def share(self) -> None:
-        """Have :meth:`beside` used from now on."""
+        """Prepare for calls of :meth:`beside`; nothing to do in asyncio."""
 
     def beside(self, data: bytes) -> None:
-        """Send a few bytes while another task waits in :meth:`receive`; what goes wrong is for that task to find out."""
+        """Send a few bytes while another task waits in :meth:`receive`; errors are reported to that task."""
         if self._transport is not None and not self._ended:
             self._transport.write(data)
 
     async def receive(self, seconds: float) -> bytes | None:
-        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.
+        """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed.
 
         Raises:
-            ConnectionClosed: the link was closed before.
-            ConnectionLost: the link broke.
+            ConnectionClosed: If the link is closed.
+            ConnectionLost: If the connection failed.
         """
         if self._transport is None:
             raise self._unusable()
@@ -111,16 +111,18 @@ class AsyncStreamLink(ProcessBound, ABC):
         return b"" if self._ended else None
 
     def fileno(self) -> int:
-        """Descriptor of the link, to be lent to another process; nothing is received here until the next call.
+        """Return the descriptor, for handing it over to another process.
+
+        Nothing is received here until the next call.
 
         Raises:
-            ConnectionClosed: it has been closed.
-            ConnectionLost: it has broken.
+            ConnectionClosed: If the link is closed.
+            ConnectionLost: If the connection was lost.
         """
         if self._transport is None:
             raise self._unusable()
         if self._ended:
-            raise lost(self._error or tr("the other side closed it"))
+            raise lost(self._error or tr("closed by the peer"))
         self._transport.pause_reading()
         return self._descriptor(self._transport)
 
@@ -128,22 +130,25 @@ class AsyncStreamLink(ProcessBound, ABC):
     def _descriptor(self, transport: asyncio.Transport) -> int: ...
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the connection goes on in its parent."""
+        """Mark the link as closed in a forked child; the connection stays open in the parent."""
         transport, self._transport = self._transport, None
         if transport is None:
             return ()
-        self._left, self._parents = True, transport  # kept: the child is not to end it, nor to complain of it
+        self._left, self._parents = (
+            True,
+            transport,
+        )  # referenced, so that the child neither closes it nor warns about it
         return (self._descriptor(transport),)
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()  # asyncio does not shut the connection down
 
     def close(self) -> None:
-        """Close; a receive that is waiting ends at once."""
+        """Close the link; a pending receive ends at once."""
         if self._transport is not None:
             if self._transport.get_write_buffer_size():
-                self._transport.abort()  # close() would wait for the other side to read
+                self._transport.abort()  # close() would wait for the peer to read
             else:
                 self._transport.close()
             self._transport = None

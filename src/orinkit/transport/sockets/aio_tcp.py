@@ -1,4 +1,4 @@
-"""TCP for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.sockets.tcp`."""
+"""TCP for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.sockets.tcp`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
 
 
 class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
-    """A TCP connection in asyncio; :meth:`connect` makes one.
+    """A TCP connection in asyncio; created by :meth:`connect`.
 
-    A buffered protocol, because asyncio gives a plain one every piece of data in a new block of 256 KiB, which costs
-    more than the rest of a call.
+    It is a buffered protocol, because asyncio allocates a new block of 256 KiB for each piece of data of a plain
+    protocol, which takes longer than the rest of a call.
     """
 
     def __init__(self, dead_after: float = DEAD_AFTER) -> None:
@@ -28,20 +28,20 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
 
     @classmethod
     async def open(cls, address: Address, opening: LinkOptions) -> Self:
-        """Connect, as :func:`orinkit.transport.aio_links.open_link`."""
+        """Connect to a controller, as :func:`orinkit.transport.aio_links.open_link`."""
         return await cls.connect(address, opening.seconds, opening.dead_after)
 
     @classmethod
     async def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:
-        """Connect.
+        """Connect to a controller.
 
         Args:
-            address: of the controller.
-            seconds: that it may take.
-            dead_after: seconds without an answer from the other machine after which the connection is given up.
+            address: The address of the controller.
+            seconds: Time-out, s.
+            dead_after: s without a response from the controller's machine after which the connection is given up.
 
         Raises:
-            ConnectFailed: it could not be done within ``seconds``.
+            ConnectFailed: If the connection cannot be established within ``seconds``.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -52,16 +52,16 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
         return link
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The link is up."""
+        """Store the transport, and set the options of the socket."""
         super().connection_made(transport)
         prepare(transport.get_extra_info("socket"), self._dead_after)
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
-        """Where to put what comes next."""
+        """Return the buffer for the next bytes."""
         return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Bytes came."""
+        """Store received bytes."""
         self._came(self._view[:nbytes])
 
     def _descriptor(self, transport: asyncio.Transport) -> int:

@@ -1,7 +1,7 @@
-"""UDP for clients in asyncio; the synchronous twin is :mod:`orinkit.transport.sockets.udp`.
+"""UDP for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.sockets.udp`.
 
-The system's own queue of a socket, which is bounded, is the queue of what nobody has asked for yet: datagrams are taken
-from it when they are wanted, so that nothing is lost when another process has the socket.
+Received datagrams wait in the bounded queue that the system has for the socket. They are read on demand only, so that
+none is lost when the socket is handed over to another process.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.sockets.udp import broken, connected, peer_of
 
 _TURN: Final = 8
-"""Datagrams that are taken until others have their turn: taking one that is there already lets nobody else run."""
+"""Datagrams to read before yielding to other tasks: reading a datagram that is already queued does not yield."""
 
 
 class AsyncUdpLink(ProcessBound):
-    """A UDP socket in asyncio; :meth:`connect` makes one.
+    """A UDP socket in asyncio; created by :meth:`connect`.
 
     Args:
-        connection: is this link's from then on.
+        connection: The connected socket; the link owns it.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -41,15 +41,15 @@ class AsyncUdpLink(ProcessBound):
 
     @classmethod
     async def open(cls, address: Address, opening: LinkOptions) -> Self:
-        """Take a socket, as :func:`orinkit.transport.aio_links.open_link`."""
+        """Open a socket, as :func:`orinkit.transport.aio_links.open_link`."""
         return await cls.connect(address, opening.seconds)
 
     @classmethod
     async def connect(cls, address: Address, seconds: float) -> Self:
-        """Take a socket; nothing is sent, so that nobody need be there.
+        """Open a socket without sending anything; the peer need not be reachable.
 
         Raises:
-            ConnectFailed: the host is not known within ``seconds``, or no way leads to it.
+            ConnectFailed: If the host name is not resolved within ``seconds``, or there is no route to the host.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -60,12 +60,12 @@ class AsyncUdpLink(ProcessBound):
             raise connect_failed(address, error) from error
 
     def send(self, data: bytes) -> None:
-        """Send a datagram; one that the system has no room for is dropped, as if lost on the way.
+        """Send a datagram; it is dropped, as if lost in the network, if the system's buffer is full.
 
         Raises:
-            ConnectFailed: nobody listens there, and nothing has ever come from there.
-            ConnectionLost: nobody listens there any more.
-            ConnectionClosed: the link was closed before.
+            ConnectFailed: If no program listens at the address, and nothing was ever received from it.
+            ConnectionLost: If the program at the address has stopped listening.
+            ConnectionClosed: If the link is closed.
         """
         if not self._open:
             raise self._unusable()
@@ -78,12 +78,12 @@ class AsyncUdpLink(ProcessBound):
             raise broken(self._address, error, heard=self._heard) from error
 
     async def receive(self, seconds: float) -> bytes | None:
-        """Return the next datagram, ``None`` when the seconds have passed; empty ones are passed over.
+        """Return the next datagram, or ``None`` if the time has passed; empty datagrams are skipped.
 
         Raises:
-            ConnectFailed: nobody listens there, and nothing has ever come from there.
-            ConnectionLost: nobody listens there any more.
-            ConnectionClosed: the link was closed before.
+            ConnectFailed: If no program listens at the address, and nothing was ever received from it.
+            ConnectionLost: If the program at the address has stopped listening.
+            ConnectionClosed: If the link is closed.
         """
         if not self._open:
             raise self._unusable()
@@ -96,7 +96,7 @@ class AsyncUdpLink(ProcessBound):
                     await asyncio.sleep(0)
                 data = await loop.sock_recv(self._socket, CHUNK)
                 while not data:
-                    await asyncio.sleep(0)  # a flood of empty ones does not keep the time-out from coming
+                    await asyncio.sleep(0)  # so that a flood of empty datagrams cannot prevent the time-out
                     data = await loop.sock_recv(self._socket, CHUNK)
         except TimeoutError:
             pass
@@ -115,28 +115,32 @@ class AsyncUdpLink(ProcessBound):
         return data
 
     def fileno(self) -> int:
-        """Descriptor of the socket, to be lent to another process; nothing is received here until the next call.
+        """Return the socket's descriptor, for handing it over to another process.
+
+        Nothing is received here until the next call.
 
         Raises:
-            ConnectionClosed: it has been closed.
+            ConnectionClosed: If the link is closed.
         """
         if not self._open:
             raise self._unusable()
         return self._socket.fileno()
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the socket stays in its parent."""
+        """Mark the link as closed in a forked child; the socket stays open in the parent."""
         self._open, self._left = False, True
         return (self._socket.fileno(),)
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()
 
     def close(self) -> None:
-        """Close; a receive that is waiting ends at once."""
+        """Close the link; a pending receive ends at once."""
         self._open = False
         if self._wait is None:
             self._socket.close()
         elif not self._wait.expired():
-            self._wait.reschedule(0.0)  # it closes the socket, which the event loop must not be watching then
+            self._wait.reschedule(
+                0.0
+            )  # receive() then closes the socket, which the event loop must not be polling at that time

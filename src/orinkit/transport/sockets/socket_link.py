@@ -1,4 +1,4 @@
-"""What TCP and UDP have in common on the caller's own thread."""
+"""Base of synchronous TCP and UDP links."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ CHUNK: Final = 65536
 
 
 class SocketLink(ProcessBound):
-    """A socket that is connected, used by the thread that calls.
+    """A connected socket, used from the caller's thread.
 
     Args:
-        connection: is this link's from then on.
+        connection: The connected socket; the link owns it.
 
     Attributes:
-        datagrams: what is sent arrives whole or not at all.
+        datagrams: True if data arrives as a whole or not at all.
     """
 
     datagrams = False
@@ -37,23 +37,24 @@ class SocketLink(ProcessBound):
         keep_from_children(self)
 
     def fileno(self) -> int:
-        """Descriptor of the connection, to be lent to another process.
+        """Return the socket's descriptor, for handing it over to another process.
 
         Raises:
-            ConnectionClosed: it has been closed.
+            ConnectionClosed: If the link is closed.
         """
         if not self._open:
             raise self._unusable()
         return self._socket.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Send all of the bytes; if that does not succeed, the link is closed, because the stream would have a torn packet.
+        """Send all bytes; if that fails, close the link, because the stream would contain a truncated packet.
 
-        An exception from outside, such as KeyboardInterrupt, leaves a socket of datagrams open: a goodbye can follow.
+        An interrupting exception, such as KeyboardInterrupt, leaves a datagram socket open, so that the closing packets
+        can follow.
 
         Raises:
-            ConnectionLost: the link broke, or the other side did not take the bytes within the seconds.
-            ConnectionClosed: the link was closed before.
+            ConnectionLost: If the connection failed, or the peer did not accept the bytes in time.
+            ConnectionClosed: If the link is closed.
         """
         try:
             self._set_timeout(seconds)
@@ -68,7 +69,7 @@ class SocketLink(ProcessBound):
             if isinstance(error, TimeoutError):
                 raise lost(
                     tr(
-                        "the other side did not take {count} bytes within {seconds:g} s",
+                        "the peer did not accept {count} bytes within {seconds:g} s",
                         count=len(data),
                         seconds=seconds,
                     )
@@ -78,7 +79,7 @@ class SocketLink(ProcessBound):
             raise
 
     def share(self) -> None:
-        """Have :meth:`beside` used from now on; nothing is being sent."""
+        """Prepare for calls of :meth:`beside`; must not be called during a send."""
         lock = self._sending = threading.Lock()
         whole = self._sendall
 
@@ -89,9 +90,9 @@ class SocketLink(ProcessBound):
         self._sendall = sendall
 
     def beside(self, data: bytes) -> None:
-        """Send a few bytes from another thread than the one that waits in :meth:`receive`, unless something is being sent.
+        """Send a few bytes while another thread waits in :meth:`receive`; do nothing during a send.
 
-        What goes wrong is for that thread to find out.
+        Errors are reported to that thread.
         """
         if not self._open or self._sending is None or not self._sending.acquire(blocking=False):
             return
@@ -101,15 +102,15 @@ class SocketLink(ProcessBound):
             return
         finally:
             self._sending.release()
-        if sent < len(data):  # the stream has a torn packet
+        if sent < len(data):  # the stream contains a truncated packet
             self.close()
 
     def receive(self, seconds: float) -> bytes | None:
-        """Return the next bytes, ``b""`` at the end of the stream, ``None`` when the seconds have passed.
+        """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed.
 
         Raises:
-            ConnectionLost: the link broke.
-            ConnectionClosed: the link was closed before.
+            ConnectionLost: If the connection failed.
+            ConnectionClosed: If the link is closed.
         """
         try:
             self._set_timeout(seconds)
@@ -120,35 +121,35 @@ class SocketLink(ProcessBound):
             was_open = self._open
             self.close()
             raise (self._broken(error) if was_open else self._unusable()) from error
-        if not data and not self._open:  # the end of the stream is another thread's close()
+        if not data and not self._open:  # another thread's close() has ended the stream
             raise self._unusable()
         return data
 
     def _set_timeout(self, seconds: float) -> None:
-        if seconds != self._seconds:  # a system call each time
+        if seconds != self._seconds:  # saves a system call
             self._socket.settimeout(seconds)
             self._seconds = seconds
 
     def _broken(self, error: OSError) -> TransportError:
-        """Return the exception for what the system says."""
+        """Return the exception for an error of the system."""
         return lost(error)
 
     def left_behind(self) -> Iterable[int]:
-        """Be closed in a forked child; the connection goes on in its parent."""
+        """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
         return (self._socket.fileno(),)
 
     def release(self) -> None:
-        """Close it in this process only: in another one that has it too the connection goes on."""
+        """Close the link in this process only; the connection stays open in another process that has it."""
         self._open = False
         self._socket.close()
 
     def close(self) -> None:
-        """Close; a receive that another thread is in ends at once."""
+        """Close the link; a receive pending in another thread ends at once."""
         if self._open:
             self._open = False
             try:
                 self._socket.shutdown(socket.SHUT_RDWR)
-            except OSError:  # the other side may have gone first
+            except OSError:  # the peer may have closed first
                 pass
             self._socket.close()

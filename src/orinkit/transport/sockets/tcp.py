@@ -1,4 +1,4 @@
-"""TCP for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.sockets.aio_tcp`."""
+"""Synchronous TCP for clients; the asynchronous counterpart is :mod:`orinkit.transport.sockets.aio_tcp`."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
 
 
 class TcpLink(SocketLink):
-    """A TCP connection used by the thread that calls; :meth:`connect` makes one."""
+    """A TCP connection, used from the caller's thread; created by :meth:`connect`."""
 
     @classmethod
     def open(cls, address: Address, opening: LinkOptions) -> Self:
-        """Connect, as :func:`orinkit.transport.links.open_link`."""
+        """Connect to a controller, as :func:`orinkit.transport.links.open_link`."""
         return cls.connect(address, opening.seconds, opening.dead_after)
 
     @classmethod
     def adopt(cls, descriptor: int) -> Self:
-        """Take a socket that another process has connected."""
+        """Return a link for a socket that another process has connected."""
         return cls(socket.socket(fileno=descriptor))
 
     @classmethod
     def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:
-        """Connect.
+        """Connect to a controller.
 
         Args:
-            address: of the controller.
-            seconds: that it may take.
-            dead_after: seconds without an answer from the other machine after which the connection is given up.
+            address: The address of the controller.
+            seconds: Time-out, s.
+            dead_after: s without a response from the controller's machine after which the connection is given up.
 
         Raises:
-            ConnectFailed: it could not be done within ``seconds``.
+            ConnectFailed: If the connection cannot be established within ``seconds``.
         """
         try:
             connection = socket.create_connection((address.host, address.port), seconds)

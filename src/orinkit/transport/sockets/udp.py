@@ -1,6 +1,6 @@
-"""UDP for clients, on the caller's own thread; the asynchronous twin is :mod:`orinkit.transport.sockets.aio_udp`.
+"""Synchronous UDP for clients; the asynchronous counterpart is :mod:`orinkit.transport.sockets.aio_udp`.
 
-The socket is connected, so that the system drops what comes from other addresses. One datagram is one packet.
+The socket is connected, so that the system drops datagrams from other addresses. One datagram is one packet.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from orinkit.transport.sockets.socket_link import SocketLink
 
 
 class UdpLink(SocketLink):
-    """A UDP socket used by the thread that calls; :meth:`connect` makes one.
+    """A UDP socket, used from the caller's thread; created by :meth:`connect`.
 
     Args:
-        connection: is this link's from then on.
-        heard: whether the other side is known to be there.
+        connection: The connected socket; the link owns it.
+        heard: True if something was received from the peer before.
     """
 
     datagrams = True
@@ -35,20 +35,20 @@ class UdpLink(SocketLink):
 
     @classmethod
     def open(cls, address: Address, opening: LinkOptions) -> Self:
-        """Take a socket, as :func:`orinkit.transport.links.open_link`."""
+        """Open a socket, as :func:`orinkit.transport.links.open_link`."""
         return cls.connect(address, opening.seconds)
 
     @classmethod
     def adopt(cls, descriptor: int) -> Self:
-        """Take a socket that another process has connected."""
+        """Return a link for a socket that another process has connected."""
         return cls(socket.socket(fileno=descriptor), heard=True)
 
     @classmethod
-    def connect(cls, address: Address, seconds: float) -> Self:  # noqa: ARG003 - as the others
-        """Take a socket; nothing is sent, so that nobody need be there.
+    def connect(cls, address: Address, seconds: float) -> Self:  # noqa: ARG003 - signature of every link
+        """Open a socket without sending anything; the peer need not be reachable.
 
         Raises:
-            ConnectFailed: the host is not known, or no way leads to it.
+            ConnectFailed: If the host name cannot be resolved, or there is no route to the host.
         """
         try:
             places = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
@@ -57,12 +57,12 @@ class UdpLink(SocketLink):
             raise connect_failed(address, error) from error
 
     def receive(self, seconds: float) -> bytes | None:
-        """Return the next datagram, ``None`` when the seconds have passed; empty ones are passed over.
+        """Return the next datagram, or ``None`` if the time has passed; empty datagrams are skipped.
 
         Raises:
-            ConnectFailed: nobody listens there, and nothing has ever come from there.
-            ConnectionLost: nobody listens there any more.
-            ConnectionClosed: the link was closed before.
+            ConnectFailed: If no program listens at the address, and nothing was ever received from it.
+            ConnectionLost: If the program at the address has stopped listening.
+            ConnectionClosed: If the link is closed.
         """
         end = monotonic() + seconds
         while seconds > 0:
@@ -80,13 +80,13 @@ class UdpLink(SocketLink):
 
 
 def connected(places: Iterable[tuple[Any, ...]]) -> socket.socket:
-    """Return a socket that is connected to the first of the places that there is a way to.
+    """Return a socket connected to the first address with a route.
 
     Args:
-        places: as ``getaddrinfo`` gives them, at least one.
+        places: At least one result of ``getaddrinfo``.
 
     Raises:
-        OSError: there is a way to none of them.
+        OSError: If there is no route to any of the addresses.
     """
     failure = OSError()
     for family, kind, protocol, _, place in places:
@@ -112,12 +112,12 @@ def peer_of(connection: socket.socket) -> Address:
 
 
 def broken(address: Address, error: OSError, *, heard: bool) -> TransportError:
-    """Return the exception for what the system says of a socket.
+    """Return the exception for a system error of a socket.
 
     Args:
-        address: of the other side.
-        error: refused (Windows says reset) where the other machine has answered that no program listens there.
-        heard: whether anything has come from there before.
+        address: The address of the peer.
+        error: The error: refused (on Windows, reset) if the peer's machine has replied that no program listens there.
+        heard: True if something was received from the peer before.
     """
     refused = isinstance(error, ConnectionRefusedError | ConnectionResetError)
     if not heard:
@@ -125,4 +125,4 @@ def broken(address: Address, error: OSError, *, heard: bool) -> TransportError:
         return connect_failed(address, OSError(nobody) if refused else error)
     if not refused:
         return lost(error)
-    return lost(tr("no program listens at {address} any more", address=address))
+    return lost(tr("the program at {address} has stopped listening", address=address))
