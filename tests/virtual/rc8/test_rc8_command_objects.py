@@ -20,7 +20,7 @@ IDLE, EXECUTING, DONE, FAILED, CANCELLED = range(5)
 
 @pytest.fixture
 def command(controller):
-    """A command with its parameter."""
+    """Return a factory of commands with a parameter."""
 
     def command(name: str, parameter: object = None) -> RC8Command:
         made = controller.get_command(name, "")
@@ -32,18 +32,18 @@ def command(controller):
 
 @pytest.fixture
 def ready(rc8, controller):
-    """The robot, with arm and motor."""
+    """Return the robot with the arm taken and the motor on."""
     robot = controller.get_robot("Arm", "")
     robot.execute("TakeArm", variant([0, 0]))
     rc8.state.arm.motor.state = MotorState.ON
     return robot
 
 
-def code(promise: Deferred[None]) -> int:
-    """The code that a promise was broken with, 0 if it was kept."""
-    assert promise.done()
+def code(deferred: Deferred[None]) -> int:
+    """Return the code with which a Deferred failed, 0 if it succeeded."""
+    assert deferred.done()
     try:
-        promise.result()
+        deferred.result()
     except CallError as error:
         return error.code
     return 0
@@ -87,7 +87,7 @@ def test_names(name, controller):
         ("forcectrl", hresult.E_NOTIMPL),
     ],
 )
-def test_names_that_are_none(name, refusal, controller, refused):
+def test_unknown_names(name, refusal, controller, refused):
     assert refused(controller.get_command, name, "") == refusal
 
 
@@ -100,11 +100,11 @@ def test_every_name_of_the_list_is_a_command(controller):
         assert controller.get_command(name, "").get_state() == IDLE
 
 
-# --- commands that answer at once -------------------------------------------------------------------------------------
+# --- commands that complete at once -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mode", [WAIT, AT_ONCE])
-def test_a_command_that_answers_at_once(mode, command):
+def test_a_command_that_completes_at_once(mode, command):
     info = command("SysInfo", 0)
     assert info.get_result() is None
     answer = info.execute(mode)
@@ -119,7 +119,7 @@ def test_a_command_that_answers_at_once(mode, command):
     assert info.get_result() == "SN-42"
 
 
-def test_one_that_fails_at_once(command):
+def test_a_command_that_fails_at_once(command):
     motor = command("Motor", [1, 0])
     motor._caller.state.emergency_stop(True)
     assert code(motor.execute(WAIT)) == hresult.EMERGENCY_STOP_ON
@@ -127,7 +127,7 @@ def test_one_that_fails_at_once(command):
 
 
 @pytest.mark.parametrize("mode", [-1, 2, 2**31 - 1])
-def test_a_mode_that_is_none(mode, command, refused):
+def test_unknown_modes(mode, command, refused):
     info = command("SysInfo", 0)
     assert refused(info.execute, mode) == hresult.E_INVALIDARG
     assert info.get_state() == IDLE
@@ -145,7 +145,7 @@ def test_waiting_for_a_command(command, clock, rc8):
     assert rc8.state.hand.position == 10.0
 
 
-def test_watching_a_command(command, clock, rc8, refused):
+def test_polling_the_state_of_a_command(command, clock, rc8, refused):
     motor = command("Robot.Motor", [1, 0])
     assert motor.execute(AT_ONCE) is None
     assert motor.get_state() == EXECUTING
@@ -161,14 +161,14 @@ def test_watching_a_command(command, clock, rc8, refused):
     assert (motor.get_state(), rc8.state.arm.motor.on) == (DONE, False)
 
 
-def test_one_that_fails_later(command, clock):
+def test_a_command_that_fails_later(command, clock):
     grip = command("HandMoveH", [10, True])
     answer = grip.execute(WAIT)
     clock.advance(1)
     assert (grip.get_state(), code(answer), result_code(grip)) == (FAILED, *[hresult.GRIP_NOT_DETECTED] * 2)
 
 
-def test_a_robot_command_has_the_arm_of_its_client(command, ready, clock, connect, rc8):
+def test_a_robot_command_uses_the_arm_of_its_client(command, ready, clock, connect, rc8):
     drive = command("DriveEx", "(1, 10)")
     drive.execute(AT_ONCE)
     other = connect("other").get_command("DriveEx", "")
@@ -183,19 +183,19 @@ def test_a_robot_command_has_the_arm_of_its_client(command, ready, clock, connec
 # --- cancelling -------------------------------------------------------------------------------------------------------
 
 
-def test_cancelling_a_motion_brings_the_arm_to_rest(command, ready, clock, rc8):
+def test_cancelling_a_motion_stops_the_arm(command, ready, clock, rc8):
     drive = command("DriveEx", "(1, 60)")
     answer = drive.execute(WAIT)
     clock.advance(0.2)
     over = drive.cancel()
-    assert (drive.get_state(), over.done()) == (EXECUTING, False)  # it is still slowing down
+    assert (drive.get_state(), over.done()) == (EXECUTING, False)  # the arm is still decelerating
     assert rc8.state.arm.stopping
     clock.advance(1)
     assert (code(over), code(answer)) == (0, hresult.E_CANCEL)
     assert (drive.get_state(), result_code(drive)) == (CANCELLED, hresult.E_CANCEL)
     assert not rc8.state.arm.busy
     assert 0 < rc8.state.arm.servo.encoder[0] < 60
-    drive.execute(AT_ONCE)  # and once more
+    drive.execute(AT_ONCE)  # the command can be executed again
     clock.advance(5)
     assert (drive.get_state(), drive.get_result()) == (DONE, None)
 
@@ -210,7 +210,7 @@ def test_cancelling_twice(command, ready, clock):
     assert drive.get_state() == CANCELLED
 
 
-def test_cancelling_a_motion_that_is_paused(command, ready, clock):
+def test_cancelling_a_paused_motion(command, ready, clock):
     drive = command("DriveEx", "(1, 60)")
     drive.execute(AT_ONCE)
     clock.advance(0.2)
@@ -231,8 +231,8 @@ def test_cancelling_the_hand(command, clock, rc8):
     assert (code(answer), move.get_state(), rc8.state.hand.busy) == (hresult.E_CANCEL, CANCELLED, False)
 
 
-def test_cancelling_what_cannot_be_stopped(command, clock, rc8):
-    """The motor goes on being switched; the command is over all the same, and does not change any more."""
+def test_cancelling_a_command_that_cannot_be_stopped(command, clock, rc8):
+    """The motor continues to be switched; the command ends nevertheless, and its state does not change afterwards."""
     motor = command("Motor", [1, 0])
     answer = motor.execute(WAIT)
     assert code(motor.cancel()) == 0
@@ -241,19 +241,19 @@ def test_cancelling_what_cannot_be_stopped(command, clock, rc8):
     assert (motor.get_state(), rc8.state.arm.motor.on) == (CANCELLED, True)
 
 
-def test_what_was_given_up_does_not_end_a_later_execution(command, clock, rc8):
+def test_a_cancelled_execution_does_not_end_a_later_one(command, clock, rc8):
     motor = command("Motor", [1, 0])
     motor.execute(AT_ONCE)
     clock.advance(0.5)
     motor.cancel()
     motor.put_parameters(variant([0, 0]))
-    motor.execute(AT_ONCE)  # this breaks off the switching on that was given up
+    motor.execute(AT_ONCE)  # this ends the cancelled switching on
     assert motor.get_state() == EXECUTING
     clock.advance(1)
     assert (motor.get_state(), rc8.state.arm.motor.on) == (DONE, False)
 
 
-def test_cancelling_what_is_not_executed(command):
+def test_cancelling_without_an_execution(command):
     info = command("SysInfo", 0)
     assert info.cancel() is None
     assert info.get_state() == IDLE
@@ -262,8 +262,8 @@ def test_cancelling_what_is_not_executed(command):
     assert (info.get_state(), info.get_result()) == (DONE, "SN-42")
 
 
-def test_cancelling_leaves_the_motion_of_another_alone(command, ready, clock, connect, rc8):
-    """The arm is given away and another client moves it: a command that is left over does not touch it."""
+def test_cancelling_does_not_stop_the_motion_of_another_client(command, ready, clock, connect, rc8):
+    """A stale command has no effect after the arm was released and another client moves it."""
     motor = command("Motor", [1, 1])
     motor.execute(AT_ONCE)
     ready.execute("GiveArm", EMPTY)
@@ -293,7 +293,7 @@ def test_releasing_cancels(command, ready, clock, rc8):
     assert not rc8.state.hand.busy
 
 
-def test_something_else_stops_it(command, ready, clock, rc8):
+def test_an_emergency_stop_fails_the_command(command, ready, clock, rc8):
     drive = command("DriveEx", "(1, 60)")
     answer = drive.execute(WAIT)
     clock.advance(0.2)
@@ -318,7 +318,7 @@ def test_a_time_out_is_counted_in_cycles(command, clock, rc8):
     assert not rc8.state.hand.busy
 
 
-def test_a_time_out_brings_the_arm_to_rest(command, ready, clock, rc8):
+def test_a_time_out_stops_the_arm(command, ready, clock, rc8):
     drive = command("DriveEx", "(1, 60)")
     drive.put_timeout(200)
     answer = drive.execute(WAIT)
@@ -328,7 +328,7 @@ def test_a_time_out_brings_the_arm_to_rest(command, ready, clock, rc8):
     assert 0 < rc8.state.arm.servo.encoder[0] < 60
 
 
-def test_a_time_out_runs_while_nothing_moves(command, ready, clock):
+def test_a_time_out_continues_while_the_motion_is_paused(command, ready, clock):
     drive = command("DriveEx", "(1, 60)")
     drive.put_timeout(3000)
     drive.execute(AT_ONCE)
@@ -340,13 +340,13 @@ def test_a_time_out_runs_while_nothing_moves(command, ready, clock):
     assert (drive.get_state(), result_code(drive)) == (CANCELLED, hresult.E_TIMEOUT)
 
 
-def test_a_command_that_is_done_in_time(command, clock, rc8):
+def test_a_command_that_completes_before_its_time_out(command, clock, rc8):
     move = command("HandMoveA", [20, 100])
     move.put_timeout(60_000)
     move.execute(AT_ONCE)
     clock.advance(1)
     assert move.get_state() == DONE
-    assert not rc8.state.cycles.busy  # nothing waits for the time any more
+    assert not rc8.state.cycles.busy  # the timer was cancelled
     move.put_timeout(2**31 - 1)
     move.put_parameters(variant([10, 100]))
     move.execute(AT_ONCE)
@@ -354,7 +354,7 @@ def test_a_command_that_is_done_in_time(command, clock, rc8):
     assert move.get_state() == DONE
 
 
-def test_a_time_out_of_an_earlier_execution_is_over(command, clock):
+def test_the_time_out_of_an_earlier_execution_has_no_effect(command, clock):
     move = command("HandMoveA", [20, 100])
     move.put_timeout(1000)
     move.execute(AT_ONCE)
@@ -373,10 +373,10 @@ def test_a_negative_time_out(command, refused):
     assert info.get_timeout() == 0
 
 
-# --- rights, and the wire ---------------------------------------------------------------------------------------------
+# --- rights and sessions ----------------------------------------------------------------------------------------------
 
 
-def test_rights_are_those_of_the_command(connect):
+def test_a_command_object_requires_the_rights_of_its_command(connect):
     device = VirtualRC8(permission=Permission.parse("*=r"), clock=ManualClock())
     controller = connect(device=device)
     for name, parameter, expected in [
@@ -393,7 +393,7 @@ def test_rights_are_those_of_the_command(connect):
     device.close()
 
 
-def test_through_a_session_as_a_server_calls_it(rc8, clock):
+def test_calls_through_a_session(rc8, clock):
     session = Session(ProviderRegistry(rc8))
     controller = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
     handle = session.invoke(10, [controller, variant("HandMoveA"), variant("")]).result
@@ -415,7 +415,7 @@ def test_through_a_session_as_a_server_calls_it(rc8, clock):
     assert session.invoke(116, [handle]).code == hresult.E_HANDLE
 
 
-def test_a_client_that_goes_away_takes_its_commands_along(rc8, clock):
+def test_closing_a_session_cancels_its_commands(rc8, clock):
     session = Session(ProviderRegistry(rc8))
     controller = session.invoke(3, [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", "")]).result
     handle = session.invoke(10, [controller, variant("HandMoveA"), variant("")]).result

@@ -32,7 +32,7 @@ def test_clear_error(name, parameter, controller, rc8):
 
 
 @pytest.mark.parametrize("name", ["", "NoSuchCommand", "ClearError2", "TakeArm"])
-def test_a_command_that_is_none(name, controller, refused):
+def test_unknown_commands(name, controller, refused):
     assert refused(controller.execute, name, EMPTY) == 0x80000904
 
 
@@ -63,7 +63,7 @@ def test_error_descriptions(code, text, controller):
         (Variant(VarType.R8, 0.5), 0x80070057),
     ],
 )
-def test_error_descriptions_of_what_is_no_code(code, refusal, controller, refused):
+def test_error_descriptions_of_invalid_codes(code, refusal, controller, refused):
     assert refused(controller.execute, "GetErrorDescription", code) == refusal
 
 
@@ -83,7 +83,7 @@ def test_current_errors_newest_first(rc8, run, refused):
     assert refused(run, "GetCurErrorInfo", 0) == 0x8002000B
 
 
-def test_current_errors_are_bounded_and_the_log_too(rc8, run):
+def test_current_errors_and_the_log_are_bounded(rc8, run):
     for number in range(1005):
         rc8.raise_error(DELAY, str(number))
     assert (run("GetCurErrorCount"), run("GetErrorLogCount")) == (100, 1000)
@@ -99,12 +99,12 @@ def test_notices_are_only_logged(code, rc8, run):
 
 
 @pytest.mark.parametrize("code", [0x81501003, 0x8420FFFF, 0x80004005, 0x80000204, 0x80040201, 0x8A000000])
-def test_what_is_no_notice_is_an_error(code, rc8, run):
+def test_other_codes_are_errors(code, rc8, run):
     rc8.raise_error(code)
     assert run("GetCurErrorInfo", 0)[1] == hresult.lookup(code).en
 
 
-def test_a_code_that_is_none(rc8, run):
+def test_codes_of_more_than_32_bits(rc8, run):
     for code in (2**32, -(2**31) - 1):
         with pytest.raises(ValueError, match="32 bits"):
             rc8.raise_error(code)
@@ -241,7 +241,7 @@ def test_provider_names():
     assert "CaoProv.DENSO.RC8" in VirtualRC8(accept_pc_provider=True).provider_names
 
 
-def test_through_a_session_as_a_server_calls_it(rc8):
+def test_calls_through_a_session(rc8):
     session = Session(ProviderRegistry(rc8))
     text = [variant(part) for part in ("b-CAP", "caoProv.denso.vrc", "192.168.0.1", "")]
     handle = session.invoke(3, text).result
@@ -265,7 +265,7 @@ def test_through_a_session_as_a_server_calls_it(rc8):
     assert len(session) == 0
 
 
-def test_real_time_without_a_clock():
+def test_the_default_clock_is_real_time():
     device = VirtualRC8()
     before = datetime.now()
     device.raise_error(DELAY)

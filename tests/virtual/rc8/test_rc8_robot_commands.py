@@ -1,4 +1,4 @@
-"""The extended commands of the robot: what each answers, what it takes, and that nothing else comes of bad parameters."""
+"""The extended commands of the robot: results, accepted parameters, and errors for invalid ones."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from support.strategies import variants
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 P = "P(330, 120, 300, 180, 0, 180, 5)"
 SEED = [364.15999231107196, 0.0, 278.53553390593277, 180.0, 0.0, 180.0, 5.0]
-"""Where a VS-050 is at home (reference 3.3)."""
+"""The home pose of a VS-050 (reference 3.3)."""
 
 R4, R8, I4, BSTR, BOOL, EMPTY = VarType.R4, VarType.R8, VarType.I4, VarType.BSTR, VarType.BOOL, VarType.EMPTY
 NUMBERS = ARRAY | R8
@@ -39,7 +39,7 @@ def cell() -> Iterator[Cell]:
     made.close()
 
 
-# command: a parameter, the type of its answer, how many elements it has
+# command: a parameter, the type of the result, its number of elements
 ANSWERS: dict[str, tuple[Any, int, int]] = {
     "TakeArm": ([0, 0], EMPTY, 0),
     "GiveArm": (None, EMPTY, 0),
@@ -98,7 +98,7 @@ ONE_NUMBER = [name for name, (parameter, _, _) in ANSWERS.items() if type(parame
 
 
 def answer(cell: Cell, name: str, parameter: Any) -> Variant:
-    """Execute a command to its end and return the VARIANT that goes to the client."""
+    """Execute a command to its end and return the result as a VARIANT."""
     result = cell.robot.execute(name, variant(parameter))
     if isinstance(result, Deferred):
         cell.cycles(result)
@@ -114,14 +114,14 @@ def record(cell: Cell, cycles: int = 3) -> None:
 
 
 def test_every_command_is_in_the_table():
-    """slvMove is refused outside slave mode; it has tests of its own."""
+    """slvMove is rejected outside slave mode; it has its own tests."""
     assert {name.lower() for name in ANSWERS} == set(ROBOT_COMMANDS) - {"slvmove"}
     assert not {name.lower() for name in NOT_SIMULATED} & set(ROBOT_COMMANDS)
 
 
 @pytest.mark.parametrize("name", ANSWERS)
 @pytest.mark.parametrize("write", [str.lower, str.upper, " {} ".format, str])
-def test_what_a_command_answers(cell, name, write):
+def test_the_type_of_results(cell, name, write):
     record(cell)
     parameter, vt, count = ANSWERS[name]
     got = answer(cell, write(name), parameter)
@@ -133,32 +133,32 @@ def test_what_a_command_answers(cell, name, write):
 
 @pytest.mark.parametrize("name", NO_PARAMETER)
 @pytest.mark.parametrize("parameter", [None, "", 0, [], Variant(VarType.NULL), "514", [1, 2], Variant(VarType.I2, 7)])
-def test_a_command_without_parameters_takes_any(cell, name, parameter):
+def test_a_command_without_parameters_accepts_any(cell, name, parameter):
     assert answer(cell, name, parameter).type == ANSWERS[name][1]
 
 
 @pytest.mark.parametrize("name", ONE_NUMBER)
 def test_one_number_in_every_form(cell, name):
     record(cell)
-    wanted = answer(cell, name, ANSWERS[name][0])
+    expected = answer(cell, name, ANSWERS[name][0])
     number = ANSWERS[name][0]
     for parameter in (
         str(number), [number], [str(number)], float(number), [float(number)], f" {number} ", Variant(VarType.I2, number),
         Variant(VarType.UI1, number), Variant(ARRAY | VarType.R4, [number]), [[number]], Variant(VARIANT_ARRAY, [variant(number)]),
     ):  # fmt: skip
-        assert answer(cell, name, parameter) == wanted
+        assert answer(cell, name, parameter) == expected
 
 
 @pytest.mark.parametrize("name", [name for name in ONE_NUMBER if name != "TakeArmState"])
 @pytest.mark.parametrize(
     "parameter", [None, "", [], "x", 1.5, [1, 2], math.nan, math.inf, 1e30, -1, "9" * 5000, [None]]
 )
-def test_one_number_that_cannot_be(cell, name, parameter):
+def test_invalid_numbers(cell, name, parameter):
     assert cell.code_of(lambda: cell.robot.execute(name, variant(parameter))) != 0
 
 
 @pytest.mark.parametrize("name", NOT_SIMULATED)
-def test_what_is_not_simulated(cell, name):
+def test_commands_that_are_not_simulated(cell, name):
     for written in (name, name.upper()):
         assert cell.code_of(lambda written=written: cell.execute(written)) == hresult.E_NOTIMPL
 
@@ -170,7 +170,7 @@ def test_an_unknown_command(cell, name):
 
 @pytest.mark.parametrize("name", ANSWERS)
 def test_rights(name):
-    """Who may only read is refused what writes, who may not read is refused everything."""
+    """A client with the right to read cannot execute commands that write; one without rights cannot execute any."""
     cell = Cell(Permission("rw", {ADDRESS: "r", "10.0.0.1": "none"}))
     parameter, vt, _ = ANSWERS[name]
     reads = vt != EMPTY
@@ -217,13 +217,13 @@ def test_take_arm_keeps_or_resets(cell, parameter, keeps):
         ([1e300], hresult.VALUE_OUT_OF_RANGE), ([[0, 1], 0], hresult.DISP_E_TYPEMISMATCH), (",", hresult.DISP_E_TYPEMISMATCH),
     ],
 )  # fmt: skip
-def test_take_arm_with_what_cannot_be(cell, parameter, code):
+def test_take_arm_with_invalid_parameters(cell, parameter, code):
     cell.execute("GiveArm")
     assert f"{cell.code_of(lambda: cell.execute('TakeArm', parameter)):08X}" == f"{code:08X}"
     assert cell.arm.holder is None
 
 
-def test_who_has_the_arm(cell):
+def test_take_arm_state(cell):
     other = cell.connect().get_robot("", "")
 
     def state(robot: Any, *parameter: Any) -> Any:
@@ -238,14 +238,14 @@ def test_who_has_the_arm(cell):
     assert [state(robot, group) for robot in (cell.robot, other) for group in (-1, 0)] == [0, 1, 1, 1]
 
 
-def test_a_second_robot_object_of_a_client_has_the_same_arm(cell):
+def test_a_second_robot_object_of_a_client_shares_the_arm(cell):
     second = cell.controller.get_robot("Other", "")
     assert second.execute("TakeArmState", variant(-1)) == 1
     second.execute("TakeArm", variant([0, 1]))
     assert cell.code_of(lambda: second.drive(1, 1.0, "")) == 0
 
 
-def test_the_arm_is_given_back_with_the_last_robot_object(cell):
+def test_the_arm_is_released_with_the_last_robot_object(cell):
     second = cell.controller.get_robot("Other", "")
     cell.move(1, "J(90, 45, 90, 0, 45, 0)", "NEXT")
     cell.trace(12)
@@ -259,8 +259,8 @@ def test_the_arm_is_given_back_with_the_last_robot_object(cell):
     assert not cell.arm.busy
 
 
-def test_the_arm_is_not_given_to_a_client_that_has_gone(cell):
-    """Its TakeArm waits for the arm to stand still; it leaves before."""
+def test_the_arm_is_not_given_to_a_released_client(cell):
+    """A client whose TakeArm waits for standstill is released before."""
     cell.move(1, "J(90, 45, 90, 0, 45, 0)")
     cell.trace(12)
     cell.robot.release()
@@ -275,7 +275,7 @@ def test_the_arm_is_not_given_to_a_client_that_has_gone(cell):
     assert cell.code_of(lambda: staying.drive(1, 1.0, "")) == 0
 
 
-def test_of_two_that_wait_for_the_arm_one_gets_it(cell):
+def test_only_one_of_two_waiting_clients_gets_the_arm(cell):
     cell.move(1, "J(90, 45, 90, 0, 45, 0)")
     cell.trace(12)
     cell.robot.release()
@@ -286,7 +286,7 @@ def test_of_two_that_wait_for_the_arm_one_gets_it(cell):
     assert sum(robot.execute("TakeArmState", variant(-1)) for robot in robots) == 1
 
 
-def test_waiting_for_the_arm_needs_the_rights_at_once(cell):
+def test_conditions_are_checked_before_waiting_for_the_arm(cell):
     cell.move(1, "J(90, 45, 90, 0, 45, 0)")
     cell.trace(12)
     cell.robot.release()
@@ -301,16 +301,16 @@ OFF = [0, [0], [0, 0], "0", "0,0", False, [False, 0], Variant(VarType.I2, 0), 0.
 
 
 @pytest.mark.parametrize("parameter", ON)
-def test_motor_on_takes_a_second(parameter):
+def test_motor_on_takes_one_second(parameter):
     cell = Cell(motor=False)
     assert cell.cycles(cell.robot.execute("Motor", variant(parameter))) * PERIOD == pytest.approx(1.0)
     assert cell.arm.motor.on
-    assert cell.run(cell.robot.execute("Motor", variant(parameter))) is None  # it is on already
+    assert cell.run(cell.robot.execute("Motor", variant(parameter))) is None  # the motor is already on
     cell.close()
 
 
 @pytest.mark.parametrize("parameter", OFF)
-def test_motor_off_takes_a_third_of_that(cell, parameter):
+def test_motor_off_takes_a_third_of_a_second(cell, parameter):
     assert cell.cycles(cell.robot.execute("Motor", variant(parameter))) * PERIOD == pytest.approx(0.3, abs=PERIOD)
     assert cell.arm.motor.state is MotorState.OFF
     assert cell.code_of(lambda: cell.move(1, P)) == hresult.MOTOR_NOT_ON
@@ -330,7 +330,7 @@ def test_motor_without_waiting():
     cell.close()
 
 
-def test_motor_again_while_it_is_switching():
+def test_motor_while_it_is_being_switched():
     cell = Cell(motor=False)
     first = cell.robot.execute("Motor", variant(1))
     cell.trace(60)
@@ -348,7 +348,7 @@ def test_motor_again_while_it_is_switching():
 
 
 def test_an_emergency_stop_ends_switching_off(cell):
-    """It is off, which is what was asked for."""
+    """The call succeeds, because the motor is off as requested."""
     going = cell.robot.execute("Motor", variant(0))
     cell.trace(10)
     cell.rc8.pendant.emergency_stop()
@@ -360,12 +360,12 @@ def test_an_emergency_stop_ends_switching_off(cell):
 @pytest.mark.parametrize(
     "parameter", [None, "", [], "on", 2, [1, 2], [1, 0, 0], 0.5, -2, math.nan, [None], ["", ""], "1;0"]
 )
-def test_motor_with_what_cannot_be(cell, parameter):
+def test_motor_with_invalid_parameters(cell, parameter):
     assert cell.code_of(lambda: cell.execute("Motor", parameter)) != 0
     assert cell.arm.motor.on
 
 
-def test_gripping_what_others_hold(cell):
+def test_commands_while_another_client_holds_the_arm(cell):
     other = cell.connect().get_robot("", "")
     for name, parameter in (("TakeArm", 0), ("Motor", 0), ("Motor", 1), ("ExtSpeed", 10), ("GiveArm", None)):
         code = cell.code_of(lambda name=name, parameter=parameter: other.execute(name, variant(parameter)))
@@ -397,11 +397,11 @@ EXTERNAL = [
 ]
 
 
-@pytest.mark.parametrize(("parameter", "wanted"), EXTERNAL)
-def test_external_speeds(cell, parameter, wanted):
+@pytest.mark.parametrize(("parameter", "expected"), EXTERNAL)
+def test_external_speeds(cell, parameter, expected):
     cell.execute("ExtSpeed", 80)
     cell.execute("ExtSpeed", parameter)
-    assert tuple(cell.execute(name) for name in ("CurExtSpd", "CurExtAcc", "CurExtDec")) == pytest.approx(wanted)
+    assert tuple(cell.execute(name) for name in ("CurExtSpd", "CurExtAcc", "CurExtDec")) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -409,7 +409,7 @@ def test_external_speeds(cell, parameter, wanted):
     [None, "", [], 0, -3, 101, [50, 0], [50, 101], [50, 50, -3], [1, 2, 3, 4], "fast", math.nan, [50, math.inf], 1e300, -2,
      [None, 1], [[50, 1]], 0.001],
 )  # fmt: skip
-def test_external_speeds_that_cannot_be(cell, parameter):
+def test_invalid_external_speeds(cell, parameter):
     cell.execute("ExtSpeed", [80, 70, 60])
     assert cell.code_of(lambda: cell.execute("ExtSpeed", parameter)) != 0
     assert [cell.execute(name) for name in ("CurExtSpd", "CurExtAcc", "CurExtDec")] == [80, 70, 60]
@@ -437,7 +437,7 @@ def test_internal_speeds(cell):
 
 
 @pytest.mark.parametrize("value", [0, -1, 100.001, 1e300, 0.001, -50])
-def test_internal_speeds_that_cannot_be(cell, value):
+def test_invalid_internal_speeds(cell, value):
     before = speeds(cell)
     assert cell.code_of(lambda: cell.robot.speed(-1, value)) == hresult.VALUE_OUT_OF_RANGE
     if value != -1:
@@ -449,23 +449,23 @@ def test_internal_speeds_that_cannot_be(cell, value):
     assert speeds(cell) == before
 
 
-# --- where it is ------------------------------------------------------------------------------------------------------
+# --- poses ------------------------------------------------------------------------------------------------------------
 
 
-def test_where_it_is_at_home(cell):
+def test_poses_at_home(cell):
     assert cell.execute("CurPos") == pytest.approx(SEED)
     assert cell.execute("CurJnt") == [*HOME, 0, 0]
     assert cell.execute("CurTrn") == pytest.approx([*SEED[:3], 0, 1, 0, 0, 0, -1, 5])
     assert cell.execute("CurFig") == 5
 
 
-def test_what_is_read_while_it_moves_belongs_together(cell):
+def test_poses_during_a_motion_are_consistent(cell):
     move = cell.move(1, "J(60, 20, 80, 10, 50, 30)")
     commands = [cell.arm.queue.joints] * 4
     while not move.done():
         commands += cell.trace(1)
         joints = cell.execute("CurJnt")
-        assert joints[:6] == list(commands[-4])  # three cycles late
+        assert joints[:6] == list(commands[-4])  # the encoder lags by three cycles
         assert cell.execute("HighCurJnt") == joints
         assert cell.execute("CurPos") == cell.execute("J2P", f"J{tuple(joints[:6])}") == cell.execute("HighCurPos")
         assert cell.execute("DestJnt") == [60, 20, 80, 10, 50, 30, 0, 0]
@@ -484,7 +484,7 @@ def test_time_stamps_are_milliseconds_since_power_on(cell):
         cell.clock.advance(PERIOD)
         stamps.append(cell.execute("CurJntEx")[0])
     assert np.diff(stamps) == pytest.approx([8] * 4)
-    cell.clock.advance(PERIOD / 2)  # nothing new: the stamp is that of the last cycle
+    cell.clock.advance(PERIOD / 2)  # between cycles: the stamp is that of the last cycle
     assert cell.execute("CurJntEx")[0] == stamps[-1]
 
 
@@ -505,7 +505,7 @@ def test_motion_complete(cell):
         assert cell.code_of(lambda bad=bad: cell.execute("MotionComplete", bad)) != 0
 
 
-def test_motion_skip_ends_the_motions_well(cell):
+def test_motion_skip_ends_the_motions_with_success(cell):
     first = cell.move(1, "@P J(60, 45, 90, 0, 45, 0)")
     second = cell.move(2, "P(330, 120, 300, 180, 0, 180)")
     cell.trace(10)
@@ -515,7 +515,7 @@ def test_motion_skip_ends_the_motions_well(cell):
     assert not cell.arm.busy
     assert cell.code(first) == cell.code(second) == 0
     assert 0 < cell.arm.queue.joints[0] < 60
-    assert cell.run(cell.robot.execute("MotionSkip", variant(None))) is None  # nothing moves
+    assert cell.run(cell.robot.execute("MotionSkip", variant(None))) is None  # no motion
     assert cell.code_of(lambda: cell.move(1, P)) == 0
 
 
@@ -530,7 +530,7 @@ VARIABLES = {"J": [*POSES["J"], 0, 0], "P": list(POSES["P"]), "T": list(POSES["T
 
 
 def forms(kind: str) -> list[Any]:
-    """One pose in every form that clients send."""
+    """Return one pose in every form that clients send."""
     values = list(POSES[kind])
     text = ", ".join(map(repr, values))
     made = [
@@ -541,15 +541,15 @@ def forms(kind: str) -> list[Any]:
     return [*made, VARIABLES["J"], Variant(ARRAY | R4, VARIABLES["J"])] if kind == "J" else made
 
 
-@pytest.mark.parametrize("wanted", "PJT")
+@pytest.mark.parametrize("expected", "PJT")
 @pytest.mark.parametrize("kind", "PJT")
-def test_conversions_in_every_form(cell, kind, wanted):
-    if kind == wanted:
+def test_conversions_in_every_form(cell, kind, expected):
+    if kind == expected:
         return
     cell.put(f"{kind}7", VARIABLES[kind])
     for form in forms(kind):
-        got = cell.execute(f"{kind}2{wanted}", form)
-        assert got == pytest.approx(VARIABLES[wanted], abs=1e-4), form  # variables are of single precision
+        got = cell.execute(f"{kind}2{expected}", form)
+        assert got == pytest.approx(VARIABLES[expected], abs=1e-4), form  # variables have single precision
 
 
 @pytest.mark.parametrize(
@@ -574,7 +574,7 @@ def test_conversions_of_another_type(cell, name, parameter):
         ("T2P", "T(1, 2, 3, 0, 0, 0, 0, 0, 1)", hresult.E_INVALIDARG), ("J2P", [0.0] * 5, hresult.E_INVALIDARG),
     ],
 )  # fmt: skip
-def test_conversions_that_cannot_be(cell, name, parameter, code):
+def test_invalid_conversions(cell, name, parameter, code):
     assert f"{cell.code_of(lambda: cell.execute(name, parameter)):08X}" == f"{code:08X}"
     assert not cell.rc8.state.faults.code
 
@@ -588,12 +588,12 @@ def test_conversions_that_cannot_be(cell, name, parameter, code):
         ("DevH", ["P7", "(1, 2)"]),
     ],
 )
-def test_numbers_that_are_too_few_for_a_position(cell, name, parameter):
+def test_too_few_numbers_for_a_position(cell, name, parameter):
     assert cell.code_of(lambda: cell.execute(name, parameter)) == hresult.E_INVALIDARG
     assert not cell.rc8.state.faults.code
 
 
-def test_conversions_are_of_tool_and_work(cell):
+def test_conversions_use_tool_and_work(cell):
     cell.execute("SetToolDef", [1, "P(0, 0, 100, 0, 0, 90)"])
     cell.execute("SetWorkDef", [1, "P(100, 50, 20, 0, 0, 90)"])
     cell.robot.change("Tool1")
@@ -604,7 +604,7 @@ def test_conversions_are_of_tool_and_work(cell):
     assert cell.execute("P2T", "P(9, 8, 7, 0, 0, 0, 2)") == [9, 8, 7, 0, 1, 0, 0, 0, 1, 2]  # the same frame
 
 
-def test_a_conversion_without_reach_is_possible_where_no_arm_is_needed(cell):
+def test_conversions_without_joints_accept_unreachable_poses(cell):
     trans = cell.execute("P2T", "P(2000, 0, 0, 10, 20, 30, 3)")
     assert cell.execute("T2P", trans) == pytest.approx([2000, 0, 0, 10, 20, 30, 3])
 
@@ -635,14 +635,14 @@ def test_dev_is_an_offset_of_the_base_and_devh_of_the_tool(cell):
     assert matrix(moved)[:3, :3] == pytest.approx(offset[:3, :3] @ base[:3, :3])
     of_hand = cell.execute("DevH", [BASE, OFFSET])
     assert matrix(of_hand) == pytest.approx(base @ offset)
-    assert (moved[6], of_hand[6]) == (5, 5)  # the figure of the offset does not matter
+    assert (moved[6], of_hand[6]) == (5, 5)  # the figure of the offset is ignored
 
 
 @pytest.mark.parametrize("name", ["Dev", "DevH"])
 def test_dev_in_every_form(cell, name):
     cell.put("P1", BASE)
     cell.put("P2", OFFSET)
-    wanted = cell.execute(name, [BASE, OFFSET])
+    expected = cell.execute(name, [BASE, OFFSET])
     trans = [cell.execute("P2T", each) for each in (BASE, OFFSET)]
     base, offset = (f"P({', '.join(map(str, each))})" for each in (BASE, OFFSET))
     for form in (
@@ -650,16 +650,16 @@ def test_dev_in_every_form(cell, name):
         [trans[0], trans[1]], [trans[0], "P2"], ["P1", [trans[1], "T"]], [[1, "P"], [2, "P"]], Variant(ARRAY | BSTR, ["P1", "P2"]),
         [Variant(ARRAY | R4, BASE), Variant(ARRAY | R4, OFFSET)],
     ):  # fmt: skip
-        assert cell.execute(name, form) == pytest.approx(wanted, abs=1e-4), form
+        assert cell.execute(name, form) == pytest.approx(expected, abs=1e-4), form
     joints = cell.execute("P2J", BASE)
-    assert cell.execute(name, [[joints, "J"], offset]) == pytest.approx(wanted)
+    assert cell.execute(name, [[joints, "J"], offset]) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
     "parameter",
     [None, "", P, [P], [P, P, P], [P, "J(0, 45, 90, 0, 45, 0)"], [P, "V(1, 2, 3)"], ["V1", P], [1, 2], "P1 P2"],
 )
-def test_dev_of_what_cannot_be(cell, parameter):
+def test_dev_with_invalid_parameters(cell, parameter):
     assert cell.code_of(lambda: cell.execute("Dev", parameter)) != 0
     assert cell.code_of(lambda: cell.execute("DevH", parameter)) != 0
 
@@ -692,16 +692,16 @@ RANGES = [
 ]
 
 
-@pytest.mark.parametrize(("parameter", "wanted"), RANGES)
-def test_out_range(cell, parameter, wanted):
+@pytest.mark.parametrize(("parameter", "expected"), RANGES)
+def test_out_range(cell, parameter, expected):
     cell.put("P5", [330, 120, 300, 180, 0, 180, 5])
     cell.execute("SetToolDef", [2, "P(0, 0, 900, 0, 0, 0)"])
     cell.execute("SetWorkDef", [2, "P(900, 0, 0, 0, 0, 0)"])
-    assert cell.execute("OutRange", parameter) == wanted
+    assert cell.execute("OutRange", parameter) == expected
     assert not cell.rc8.state.faults.code
 
 
-def test_out_range_of_the_tool_in_use(cell):
+def test_out_range_with_the_current_tool(cell):
     cell.execute("SetToolDef", [2, "P(0, 0, 900, 0, 0, 0)"])
     cell.robot.change("Tool2")
     assert cell.execute("OutRange", P) == -1
@@ -718,7 +718,7 @@ def test_out_range_of_the_tool_in_use(cell):
         ("P(330, 120, 300, 180, 0, 180, 64)", hresult.FIGURE_OUT_OF_RANGE), ("V(1, 2, 3)", hresult.DISP_E_TYPEMISMATCH),
     ],
 )  # fmt: skip
-def test_out_range_of_what_cannot_be(cell, parameter, code):
+def test_out_range_with_invalid_parameters(cell, parameter, code):
     assert f"{cell.code_of(lambda: cell.execute('OutRange', parameter)):08X}" == f"{code:08X}"
 
 
@@ -745,7 +745,7 @@ def test_frames_are_defined_in_every_form(cell, kind, last):
 @pytest.mark.parametrize(
     ("kind", "code"), [("Tool", hresult.TOOL_NUMBER_OUT_OF_RANGE), ("Work", hresult.WORK_NUMBER_OUT_OF_RANGE)]
 )
-def test_frames_that_cannot_be(cell, kind, code):
+def test_invalid_frames(cell, kind, code):
     count = {"Tool": 64, "Work": 8}[kind]
     for number in (0, -1, count, 2**31 - 1, 1e300):
         assert (
@@ -770,7 +770,7 @@ def test_frames_that_cannot_be(cell, kind, code):
     assert (cell.execute("CurTool"), cell.execute("CurWork")) == (0, 0)
 
 
-def test_changing_frames_changes_what_is_told_not_where_the_arm_is(cell):
+def test_changing_frames_changes_reported_poses_but_not_joints(cell):
     cell.execute("SetToolDef", [3, "P(0, 0, 100, 0, 0, 0)"])
     cell.execute("SetWorkDef", [3, "P(100, 0, 0, 0, 0, 0)"])
     cell.robot.change("tool3")
@@ -778,17 +778,17 @@ def test_changing_frames_changes_what_is_told_not_where_the_arm_is(cell):
     assert (cell.execute("CurTool"), cell.execute("CurWork")) == (3, 3)
     assert cell.execute("CurPos")[:3] == pytest.approx([SEED[0] - 100, 0, SEED[2] - 100])
     assert cell.execute("CurJnt")[:6] == list(HOME)
-    cell.execute("SetToolDef", [3, "P(0, 0, 50, 0, 0, 0)"])  # the one in use
+    cell.execute("SetToolDef", [3, "P(0, 0, 50, 0, 0, 0)"])  # the current tool
     assert cell.execute("CurPos")[2] == pytest.approx(SEED[2] - 50)
 
 
-# --- what the servo tells ---------------------------------------------------------------------------------------------
+# --- servo data and control log ---------------------------------------------------------------------------------------
 
 
 def test_servo_data(cell):
     assert cell.execute("GetSrvData", 17) == [0] * 8
     resting = cell.execute("GetSrvData", 2)
-    assert 0 < max(map(abs, resting)) < 0.01  # gravity: users take all zero for a motor that is off
+    assert 0 < max(map(abs, resting)) < 0.01  # gravity: users interpret all zeros as a motor that is off
     gravity = cell.execute("GetSrvData", 4)
     assert gravity[1] != 0
     assert gravity[0] == gravity[6] == gravity[7] == 0
@@ -837,7 +837,7 @@ def test_the_control_log(cell):
     assert cell.execute("GetLogCount") == 2
 
 
-def test_the_control_log_keeps_the_newest(cell):
+def test_the_control_log_keeps_the_latest_records(cell):
     cell.execute("StartLog")
     cell.clock.advance(101)
     cell.execute("StopLog")
@@ -853,7 +853,7 @@ def test_names_of_the_arm():
         cell.close()
 
 
-# --- whatever a client sends ------------------------------------------------------------------------------------------
+# --- arbitrary parameters ---------------------------------------------------------------------------------------------
 
 PIECES = st.sampled_from([
     "", " ", "@", "@0", "@P 10", "@E-1", "@1.2.3 5", "@..", "@5", "10", "-1", "1e308", "nan", "1,0", "(1,10)", "(1,10),(2,20)", "((1,2)", "()",
@@ -871,7 +871,7 @@ NEARLY = st.recursive(
     lambda inner: st.lists(inner, max_size=4),
     max_leaves=6,
 ).map(variant)
-"""What looks like a parameter."""
+"""Values that resemble parameters."""
 
 
 @pytest.fixture(scope="module")
@@ -882,8 +882,8 @@ def shared() -> Iterator[Cell]:
     made.close()
 
 
-def settle(cell: Cell) -> None:
-    """Make the cell as it was: slave mode off, nothing moves, no error, motor on, arm taken."""
+def reset(cell: Cell) -> None:
+    """Restore the initial state: slave mode off, no motion, no error, motor on, arm taken."""
     if cell.arm.slave.on:
         cell.execute("slvChangeMode", 0)
     cell.run(cell.robot.halt(""))
@@ -898,29 +898,29 @@ ANY = st.one_of(variants(), NEARLY, NEARLY)
 
 
 def send_anything(cell: Cell, name: str, parameter: Variant) -> None:
-    """Only a CallError comes out, nothing hangs, and what is refused has moved nothing."""
+    """Check that a call raises nothing but CallError, that it ends, and that a rejected call starts no motion."""
     try:
         result = cell.robot.execute(name, parameter)
     except CallError:
         assert not cell.arm.busy
         assert cell.arm.queue.joints == HOME
         if cell.rc8.state.faults.code or not cell.arm.motor.on:
-            settle(cell)
+            reset(cell)
     else:
         assert variant(None if isinstance(result, Deferred) else result).type & ~ARRAY <= VarType.UI8
-        settle(cell)
+        reset(cell)
 
 
 @pytest.mark.parametrize("name", [name for name in ANSWERS if name not in NO_PARAMETER])
 @settings(max_examples=40, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(parameter=ANY)
-def test_any_parameter_is_answered_or_refused(shared, name, parameter):
+def test_any_parameter_is_accepted_or_rejected(shared, name, parameter):
     send_anything(shared, name, parameter)
 
 
 @settings(max_examples=200, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(name=st.sampled_from(NO_PARAMETER), parameter=ANY)
-def test_any_parameter_of_a_command_without(shared, name, parameter):
+def test_any_parameter_of_a_command_without_parameters(shared, name, parameter):
     send_anything(shared, name, parameter)
 
 
@@ -938,16 +938,16 @@ CALLS = {
     text=st.one_of(PIECES, st.sampled_from(["SPEED=50,NEXT", "@P", "V(1,2,3)", "YZ"])),
     number=st.one_of(st.integers(-2, 6), st.integers(-(2**31), 2**31 - 1)),
 )
-def test_any_argument_of_a_motion_is_answered_or_refused(shared, call, parameter, text, number):
+def test_any_argument_of_a_motion_is_accepted_or_rejected(shared, call, parameter, text, number):
     try:
         CALLS[call](shared, parameter, text, number)
     except CallError:
         assert not shared.arm.busy
         assert shared.arm.queue.joints == HOME
         if shared.rc8.state.faults.code:
-            settle(shared)
+            reset(shared)
     else:
-        settle(shared)
+        reset(shared)
 
 
 def _nested(depth: int) -> Variant:
@@ -977,7 +977,7 @@ GIANTS = {
 
 
 @pytest.mark.parametrize("giant", GIANTS)
-def test_giant_parameters_are_refused_quickly(cell, giant):
+def test_giant_parameters_are_rejected_quickly(cell, giant):
     parameter = GIANTS[giant]
     within = trusted(VARIANT_ARRAY, [variant(1), parameter, parameter, parameter])
     for name, (normal, _, _) in ANSWERS.items():

@@ -1,4 +1,4 @@
-"""The robot's system variables: names, types and shapes, who may write which, and when."""
+"""The robot's system variables: names, types and shapes, rights and conditions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from support.strategies import variants
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 R8, R4, I4, BOOL, BSTR = ARRAY | VarType.R8, VarType.R4, VarType.I4, VarType.BOOL, VarType.BSTR
 
-# name: type, elements, the command that tells the same
+# name: type, number of elements, the command that returns the same value
 TABLE: dict[str, tuple[int, int, str]] = {
     **{f"@{source}_POSITION": (R8, 7, name + "Pos") for source, name in (("CURRENT", "Cur"), ("HIGH_CURRENT", "HighCur"), ("DEST", "Dest"))},
     **{f"@{source}_ANGLE": (R8, 8, name + "Jnt") for source, name in (("CURRENT", "Cur"), ("HIGH_CURRENT", "HighCur"), ("DEST", "Dest"))},
@@ -44,7 +44,7 @@ TABLE: dict[str, tuple[int, int, str]] = {
     "@EXTDECEL": (R4, 0, "CurExtDec"),
 }  # fmt: skip
 WRITABLE = {"@SERVO_ON": True, "@CURRENT_TOOL": 3, "@CURRENT_WORK": 2, "@EXTSPEED": 40.0}
-"""What can be written, and a value for it."""
+"""Writable variables, each with a value to write."""
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def code(cell: Cell, name: str, value: Any) -> int:
     return cell.code_of(lambda: write(cell, name, value))
 
 
-def test_the_table_is_the_robots(cell):
+def test_the_table_is_complete(cell):
     assert set(cell.robot.get_variable_names("")) == set(TABLE)
 
 
@@ -92,7 +92,7 @@ def test_types_and_shapes(cell, name, written):
         assert got == variant(cell.robot.execute(command, variant(None)))
 
 
-def test_values_that_no_command_tells(cell):
+def test_values_without_a_command(cell):
     assert [read(cell, name) for name in ("@SERVO_ON", "@BUSY_STATUS", "@TYPE")] == [True, False, 0]
     cell.move(1, "J(40, 30, 95, 5, 50, 20)", "NEXT")
     assert read(cell, "@BUSY_STATUS") is True
@@ -104,18 +104,18 @@ def test_values_that_no_command_tells(cell):
     assert read(cell, "@SERVO_ON") is False
     cell.execute("Motor", [1, 1])
     cell.trace(60)
-    assert read(cell, "@SERVO_ON") is False  # not yet
+    assert read(cell, "@SERVO_ON") is False  # the motor is still being switched on
 
 
 @pytest.mark.parametrize(
     "name", ["", "@", "CURRENT_ANGLE", "@CURRENT", "P1", "@MODE", "@CURRENT_ANGLE1", "x" * 100_000, "@ＳＰＥＥＤ"]
 )
-def test_there_are_no_others(cell, name):
+def test_unknown_names(cell, name):
     assert cell.code_of(lambda: cell.robot.get_variable(name, "")) == hresult.E_CAO_OBJECT_NOTFOUND
 
 
 @pytest.mark.parametrize("name", TABLE)
-def test_which_are_writable(cell, name):
+def test_writable_variables(cell, name):
     variable = cell.robot.get_variable(name, "")
     assert variable.attribute == (3 if name in WRITABLE else 1)
     assert name in variable.name.upper()
@@ -141,7 +141,7 @@ def test_rights(name):
     cell.close()
 
 
-def test_when_it_was_read(cell):
+def test_the_time_stamp_is_that_of_the_last_read(cell):
     variable = cell.robot.get_variable("@SPEED", "")
     first = variable.get_date_time()
     cell.clock.advance(1.25)
@@ -155,7 +155,7 @@ def test_when_it_was_read(cell):
 
 
 @pytest.mark.parametrize("value", [True, 1, -1, "1", 1.0, [True], Variant(VarType.I2, 1), [1]])
-def test_servo_on_is_kept_when_the_motor_is_on(value):
+def test_servo_on_completes_when_the_motor_is_on(value):
     cell = Cell(motor=False)
     assert cell.cycles(write(cell, "@SERVO_ON", value)) * PERIOD == pytest.approx(1.0)
     assert cell.arm.motor.on
@@ -170,7 +170,7 @@ def test_servo_off(cell, value):
 
 @pytest.mark.parametrize("value", [5.0, "7", [3], Variant(VarType.I2, 5), Variant(VarType.UI1, 1), 0])
 @pytest.mark.parametrize("name", ["@CURRENT_TOOL", "@CURRENT_WORK"])
-def test_frames_are_changed(cell, name, value):
+def test_changing_tool_and_work(cell, name, value):
     cell.execute("SetToolDef", [5, "P(0, 0, 10, 0, 0, 0)"])
     assert code(cell, name, value) == 0
     assert read(cell, name) == int(variant(value).plain[0] if isinstance(value, list) else variant(value).plain)
@@ -184,7 +184,7 @@ def test_the_external_speed_squares_the_accelerations(cell, value):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "wanted"),
+    ("name", "value", "expected"),
     [
         ("@SERVO_ON", 2, hresult.DISP_E_OVERFLOW), ("@SERVO_ON", "on", hresult.DISP_E_TYPEMISMATCH),
         ("@SERVO_ON", None, hresult.DISP_E_TYPEMISMATCH), ("@SERVO_ON", [1, 0], hresult.DISP_E_TYPEMISMATCH),
@@ -196,9 +196,9 @@ def test_the_external_speed_squares_the_accelerations(cell, value):
         ("@EXTSPEED", [1, 2], hresult.DISP_E_TYPEMISMATCH),
     ],
 )  # fmt: skip
-def test_values_that_cannot_be(cell, name, value, wanted):
+def test_invalid_values(cell, name, value, expected):
     before = {each: read(cell, each) for each in TABLE}
-    assert f"{code(cell, name, value):08X}" == f"{wanted:08X}"
+    assert f"{code(cell, name, value):08X}" == f"{expected:08X}"
     cell.trace(50)
     assert {each: read(cell, each) for each in TABLE} == before
 
@@ -240,15 +240,15 @@ CONDITIONS = {
 @pytest.mark.parametrize("state", CONDITIONS)
 @pytest.mark.parametrize("name", WRITABLE)
 def test_conditions(cell, state, name):
-    """The same as of Motor, Change and ExtSpeed."""
-    change, wanted = CONDITIONS[state]
+    """The conditions are those of Motor, Change and ExtSpeed."""
+    change, expected = CONDITIONS[state]
     change(cell)
     before = read(cell, name)
-    assert f"{code(cell, name, WRITABLE[name]):08X}" == f"{wanted[name]:08X}"
-    assert read(cell, name) == (before if wanted[name] else WRITABLE[name])
+    assert f"{code(cell, name, WRITABLE[name]):08X}" == f"{expected[name]:08X}"
+    assert read(cell, name) == (before if expected[name] else WRITABLE[name])
 
 
-def test_the_motor_is_not_switched_off_while_it_moves(cell):
+def test_the_motor_is_not_switched_off_during_a_motion(cell):
     _moving(cell)
     assert code(cell, "@SERVO_ON", False) == hresult.MOTOR_OFF_WHILE_MOVING
     assert cell.arm.motor.on
@@ -263,7 +263,7 @@ def shared() -> Iterator[Cell]:
 
 @settings(max_examples=300, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(name=st.sampled_from([*TABLE, *WRITABLE, *WRITABLE]), value=variants())
-def test_any_value_is_taken_or_refused(shared, name, value):
+def test_any_value_is_accepted_or_rejected(shared, name, value):
     try:
         result = shared.robot.get_variable(name, "").put_value(value)
     except CallError:

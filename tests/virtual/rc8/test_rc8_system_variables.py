@@ -8,7 +8,7 @@ from orinkit.values.variant import Variant, VarType, variant
 
 I4, BSTR, BOOL, DATE = VarType.I4, VarType.BSTR, VarType.BOOL, VarType.DATE
 
-# name -> type, value at the start, writable
+# name -> type, initial value, writable
 TABLE = {
     "@MODE": (I4, 3, False),
     "@ERROR_CODE": (I4, 0, True),
@@ -40,7 +40,7 @@ def value(controller):
 
 
 @pytest.mark.parametrize("name", TABLE)
-def test_each_has_its_type_and_says_whether_it_can_be_written(name, controller, refused):
+def test_types_initial_values_and_attributes(name, controller, refused):
     vt, start, writable = TABLE[name]
     one = controller.get_variable(name.lower(), "")
     assert one.get_value() == Variant(vt, start)
@@ -93,7 +93,7 @@ def test_the_machine_lock(controller, value, refused):
     assert value("@LOCK") is True
 
 
-def test_milliseconds_since_power_on_wrap_as_a_counter_does(clock, value):
+def test_milliseconds_since_power_on_wrap_at_32_bits(clock, value):
     clock.advance(1.2345)
     assert value("@TIME") == 1234
     clock.advance(2**31 / 1000 - 1.2345)
@@ -122,7 +122,7 @@ def test_the_time_can_be_set(clock, controller, value, refused):
     assert value("@TIME") == 60_000
 
 
-def test_stamps_are_those_of_the_last_read(clock, controller):
+def test_time_stamps_are_those_of_the_last_read(clock, controller):
     mode = controller.get_variable("@MODE", "")
     start = clock.wall()
     clock.advance(1)

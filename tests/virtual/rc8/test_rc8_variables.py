@@ -14,7 +14,7 @@ R4 = int(VarType.R4)
 R4S, R8S, I4S = R4 | ARRAY, VarType.R8 | ARRAY, VarType.I4 | ARRAY
 ZEROS = [0.0] * 10
 
-# class -> its type, the value nobody has written, a value to write
+# class -> type, initial value, a value to write
 CLASSES = {
     "I": (VarType.I4, 0, -(2**31)),
     "F": (VarType.R4, 0.0, -1.5),
@@ -55,7 +55,7 @@ def test_another_client_sees_what_was_written(name, connect):
     assert connect("two").get_variable(f" {name}0010 ", "").get_value() == Variant(vt, value)
 
 
-def test_a_read_value_is_the_readers_own(controller):
+def test_a_read_value_is_a_copy(controller):
     p1 = controller.get_variable("P1", "")
     p1.get_value().value[0] = 99.0
     assert p1.get_value().value[0] == 0.0
@@ -64,7 +64,7 @@ def test_a_read_value_is_the_readers_own(controller):
 @pytest.mark.parametrize(
     "name", ["", "I", "I-1", "I1x", "X1", "I*1", "IO", "IOX1", "I１", "I 1", "@", "@NONE", "@MODE ?", "TOOL1", "I1\n2"]
 )
-def test_a_name_that_is_none(name, controller, refused):
+def test_unknown_names(name, controller, refused):
     assert refused(controller.get_variable, name, "") == hresult.E_CAO_OBJECT_NOTFOUND
 
 
@@ -109,7 +109,7 @@ ACCEPTED = [
 
 
 @pytest.mark.parametrize(("name", "given", "kept"), ACCEPTED)
-def test_what_converts_is_taken(name, given, kept, controller):
+def test_convertible_values_are_accepted(name, given, kept, controller):
     one = controller.get_variable(f"{name}1", "")
     one.put_value(given)
     assert one.get_value() == Variant(CLASSES[name][0], kept)
@@ -175,7 +175,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("name", "given", "code"), REFUSED)
-def test_what_does_not_convert_is_refused_and_changes_nothing(name, given, code, controller, refused):
+def test_other_values_are_rejected_and_change_nothing(name, given, code, controller, refused):
     vt, _, value = CLASSES[name]
     one = controller.get_variable(f"{name}1", "")
     one.put_value(Variant(vt, value))
@@ -183,7 +183,7 @@ def test_what_does_not_convert_is_refused_and_changes_nothing(name, given, code,
     assert one.get_value() == Variant(vt, value)
 
 
-def test_groups_of_points_start_at_their_bit(controller):
+def test_groups_of_points_begin_at_their_index(controller):
     def point(name):
         return controller.get_variable(name, "")
 
@@ -198,7 +198,7 @@ def test_groups_of_points_start_at_their_bit(controller):
     assert point("IOD480").get_value().value == 0xFF
 
 
-def test_an_index_is_chosen_by_the_id(controller, refused):
+def test_the_id_selects_the_index(controller, refused):
     any_i = controller.get_variable("i*", "")
     assert (any_i.get_id(), any_i.get_name()) == (Variant(VarType.I4, 0), "i*")
     any_i.put_value(Variant(VarType.I4, 10))
@@ -225,7 +225,7 @@ def test_an_index_is_chosen_by_the_id(controller, refused):
     assert controller.get_variable("I0", "").get_value().value == 10
 
 
-def test_the_id_of_a_fixed_variable_is_only_a_note(controller):
+def test_the_id_of_a_fixed_variable_has_no_effect(controller):
     i1 = controller.get_variable("I1", "")
     assert i1.get_id() == Variant(VarType.EMPTY)
     i1.put_id(Variant(VarType.BSTR, "anything"))
@@ -241,7 +241,7 @@ def test_a_group_of_points_by_id(controller, refused):
     assert refused(any_w.put_id, Variant(VarType.I4, 497)) == 0x81500053
 
 
-def test_counts_are_a_matter_of_configuration(connect, refused):
+def test_counts_can_be_configured(connect, refused):
     device = VirtualRC8(counts={"i": 3, "P": 0, "S": 2**31 - 1}, io_points=10)
     controller = connect(device=device)
     assert controller.get_variable("I2", "").get_value().value == 0
@@ -268,12 +268,12 @@ def test_counts_are_a_matter_of_configuration(connect, refused):
         {"io_points": 65537},
     ],
 )
-def test_counts_that_cannot_be(wrong):
+def test_invalid_counts(wrong):
     with pytest.raises(ValueError, match=r"count|class"):
         VirtualRC8(**wrong)
 
 
-def test_stamps_are_those_of_the_last_write(controller, clock):
+def test_time_stamps_are_those_of_the_last_write(controller, clock):
     start = clock.wall()
     i1, io129 = controller.get_variable("I1", ""), controller.get_variable("IO129", "")
     assert (i1.get_date_time(), io129.get_date_time(), i1.get_microsecond()) == (start, start, start.microsecond)
@@ -291,7 +291,7 @@ def test_stamps_are_those_of_the_last_write(controller, clock):
     assert controller.get_variable("I2", "").get_date_time() == start
 
 
-def test_stamps_follow_the_controllers_calendar(controller):
+def test_time_stamps_use_the_controllers_calendar(controller):
     controller.get_variable("@CURRENT_TIME", "").put_value(Variant(VarType.DATE, datetime(2040, 2, 29, 1, 2, 3)))
     d5 = controller.get_variable("D5", "")
     d5.put_value(variant(1.0))
@@ -313,7 +313,7 @@ def test_names_of_all_variables(controller):
         one.release()
 
 
-def test_help_tells_class_type_and_place(controller):
+def test_help_has_class_type_and_area(controller):
     def help_of(name):
         return controller.get_variable(name, "").get_help()
 
