@@ -94,11 +94,11 @@ class Code:
         for item in items:
             numbers.append(count)
             count += item.make is not None
-        where = {id(spot): index for spot, index in self._spots}
+        positions = {id(spot): index for spot, index in self._spots}
 
         def resolve(index: int) -> int:
             while index < len(items) and (to := items[index].to) is not None:
-                index = where[id(to)]
+                index = positions[id(to)]
             return numbers[index] if index < len(items) else count
 
         for spot, index in self._spots:

@@ -82,10 +82,10 @@ def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf
     local = _local(expressions, node, strict=False)
     if local is not None:
         return local
-    where = _global_of(expressions, node)
-    if where is None or where[0] in POINT_KINDS:
+    found = _global_of(expressions, node)
+    if found is None or found[0] in POINT_KINDS:
         return None
-    kind, index = where
+    kind, index = found
     return BY_CLASS[kind], lambda f: (_Globals(f[WORLD], kind), whole(index(f)))
 
 
@@ -120,10 +120,10 @@ def _local(expressions: ExpressionCompiler, target: Target, *, strict: bool = Tr
 
 
 def _store_global(expressions: ExpressionCompiler, target: Target) -> Store:
-    where = _global_of(expressions, target)
-    if where is None:
+    found = _global_of(expressions, target)
+    if found is None:
         raise unknown(_name_of(target), applied=isinstance(target, Apply))
-    kind, index = where
+    kind, index = found
     if kind in POINT_KINDS:
         return _store_point(kind, index)
     convert = BY_CLASS[kind].convert

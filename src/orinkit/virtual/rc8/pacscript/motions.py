@@ -89,15 +89,15 @@ def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options
 
 
 def _add_option(expressions: Expressions, node: Motion, name: Name, value: Binary, options: _Options) -> None:
-    where = _FIELDS.get(name.key)
+    option = _FIELDS.get(name.key)
     if name.key in _REFUSED_OPTIONS:
         raise not_supported(f"{node.word} {_REFUSED_OPTIONS[name.key]} =", name.at)
-    if where is None or (where == "pose" and node.word != "Rotate"):
+    if option_field is None or (option_field == "pose" and node.word != "Rotate"):
         raise CompileError(
             tr("{option} is not an option of {word}", option=name.text, word=node.word),
             name.at,
         )
-    options.fields[where] = expressions.value(value.right)
+    options.fields[option_field] = expressions.value(value.right)
 
 
 # --- Move, Approach, Depart -------------------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ def _straight(expressions: Expressions, node: Motion, items: list[Item], options
         _move_path(expressions, parts[0], options)
     else:
         _require(node, parts, 1, len(parts), tr("a pose"))
-        for part in parts:  # each is a motion of its own
+        for part in parts:  # each pose is a separate motion
             _move(expressions, interpolation, [part], options)
 
 
