@@ -89,7 +89,7 @@ def _split(expressions: Expressions, node: Motion) -> tuple[list[Item], _Options
 
 
 def _add_option(expressions: Expressions, node: Motion, name: Name, value: Binary, options: _Options) -> None:
-    option = _FIELDS.get(name.key)
+    option_field = _FIELDS.get(name.key)
     if name.key in _REFUSED_OPTIONS:
         raise not_supported(f"{node.word} {_REFUSED_OPTIONS[name.key]} =", name.at)
     if option_field is None or (option_field == "pose" and node.word != "Rotate"):
