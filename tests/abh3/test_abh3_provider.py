@@ -208,26 +208,26 @@ def test_what_was_wrong_is_told_in_words(server, option):
 @pytest.mark.parametrize(
     ("option", "code", "text"),
     [
-        ("", hresult.E_INVALIDARG, "which CAN bus"),
-        ("Interface=virtual,Channel={},Adress=3", hresult.E_INVALIDARG, "no option adress"),
+        ("", hresult.E_INVALIDARG, "no CAN bus is selected"),
+        ("Interface=virtual,Channel={},Adress=3", hresult.E_INVALIDARG, "unknown option adress"),
         ("Interface=virtual,Channel={},Address=300", hresult.E_INVALIDARG, "0 to 253, not 300"),
-        ("Interface=virtual,Channel={},Address=x", hresult.E_INVALIDARG, "no whole number"),
-        ("Interface=virtual,Channel={},Timeout=soon", hresult.E_INVALIDARG, "no number"),
+        ("Interface=virtual,Channel={},Address=x", hresult.E_INVALIDARG, "is not a whole number"),
+        ("Interface=virtual,Channel={},Timeout=soon", hresult.E_INVALIDARG, "is not a number"),
         ("Interface=virtual,Channel={},Idle=-1", hresult.E_INVALIDARG, "0 to 3600 s"),
         ("Interface=virtual,Channel={},KeepAlive=2", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
         ("Interface=virtual,Channel={},KeepAlive=1e-9", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
-        ("Interface=virtual,Channel={},Bus=can://virtual/1", hresult.E_INVALIDARG, "Bus= and its URL alone"),
-        ("Bitrate=500000", hresult.E_INVALIDARG, "which CAN bus"),
-        ("Interface=virtual,Channel=1,Bitrate=500000&port=7", hresult.E_INVALIDARG, "no whole number"),
-        ("Interface=slcan,Channel=spy:///dev/ptmx?file=/tmp/x", hresult.E_INVALIDARG, "on the server only"),
-        ("Interface=serial,Channel=socket://127.0.0.1:5007", hresult.E_INVALIDARG, "on the server only"),
-        ("Bus=can://usb2can/1?dll=x.dll", hresult.E_INVALIDARG, "dll may be said on the server only"),
-        ("Bus=can://udp_multicast/239.74.163.2?port=x", hresult.E_INVALIDARG, "port may be said on the server only"),
-        ("Interface=virtual,Channel={},Dialect=v3", hresult.E_INVALIDARG, "v1 and v2"),
+        ("Interface=virtual,Channel={},Bus=can://virtual/1", hresult.E_INVALIDARG, "only Bus=URL"),
+        ("Bitrate=500000", hresult.E_INVALIDARG, "no CAN bus is selected"),
+        ("Interface=virtual,Channel=1,Bitrate=500000&port=7", hresult.E_INVALIDARG, "is not a whole number"),
+        ("Interface=slcan,Channel=spy:///dev/ptmx?file=/tmp/x", hresult.E_INVALIDARG, "can only be set on the server"),
+        ("Interface=serial,Channel=socket://127.0.0.1:5007", hresult.E_INVALIDARG, "can only be set on the server"),
+        ("Bus=can://usb2can/1?dll=x.dll", hresult.E_INVALIDARG, "dll can only be set on the server"),
+        ("Bus=can://udp_multicast/239.74.163.2?port=x", hresult.E_INVALIDARG, "port can only be set on the server"),
+        ("Interface=virtual,Channel={},Dialect=v3", hresult.E_INVALIDARG, "valid: v1, v2"),
         ("Interface=virtual,Channel={},LoadUnit=2", hresult.E_INVALIDARG, "1 or 0.1"),
         ("Interface=virtual,Channel={},Bitrate=7", hresult.E_INVALIDARG, "bitrate"),
         ("Interface=nothing,Channel=1", hresult.E_INVALIDARG, "no interface 'nothing'"),
-        ("Bus=tcp://127.0.0.1:5007", hresult.E_INVALIDARG, "is no CAN bus"),
+        ("Bus=tcp://127.0.0.1:5007", hresult.E_INVALIDARG, "is not a CAN bus"),
         ("Interface=slcan,Channel=/dev/no-such-port", hresult.E_CAO_REMOTE_PROVIDER, "/dev/no-such-port"),
     ],
 )
@@ -272,7 +272,7 @@ def test_anybody_may_stop(server, device, option, keep_alive):
         assert len(other.execute("Stop")) == 4
         until(lambda: at_rest(device))
         error = refused(hresult.E_ABORT, setattr, motor.variable("COMMAND"), "value", [50.0, 50.0])
-        assert "another client said Stop" in motor.error_description(error.code)
+        assert "another client called Stop" in motor.error_description(error.code)
         motor.variable("COMMAND").value = [50.0, 50.0]  # start is off
         time.sleep(0.2)
         assert at_rest(device)
@@ -392,7 +392,7 @@ def test_a_bus_that_does_not_open_keeps_nobody_waiting(device, option, monkeypat
         silent.listen()
         host, port = silent.getsockname()
         provider = load(NAME)
-        monkeypatch.setattr("orinkit.abh3.provider.options._ALLOWED", ("host", "port"))
+        monkeypatch.setattr("orinkit.abh3.provider.options._CLIENT_OPTIONS", ("host", "port"))
         monkeypatch.setattr("orinkit.abh3.provider.options._is_number", lambda _: True)
         with orinkit.serve(provider, "tcp://127.0.0.1:0") as server:
             wanted = f"Bus=can://socketcand/x?host={host}&port={port}"

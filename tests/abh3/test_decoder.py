@@ -115,25 +115,25 @@ def test_priority_does_not_matter(priority):
 @pytest.mark.parametrize(
     ("number", "data", "said"),
     [
-        (0x00EA0102, "28ff00", "REQUEST 2 -> 1: wanted = BR0, group = 5"),
-        (0x00EAFF02, "87ff00", "REQUEST 2 -> all: wanted = BR7, group = 16"),
-        (0x00EA0102, "00ef00", "REQUEST 2 -> 1: wanted = DP0R"),
-        (0x00EA0102, "00ef01", "REQUEST 2 -> 1: wanted = DP1R"),
-        (0x00EA0102, "eafe00", "REQUEST 2 -> 1: wanted = 0x00FEEA"),
-        (0x00EA0102, "28ff00ff", "REQUEST 2 -> 1: 4 bytes instead of 3: 28 FF 00 FF, wanted = BR0, group = 5"),
+        (0x00EA0102, "28ff00", "REQUEST 2 -> 1: requested = BR0, group = 5"),
+        (0x00EAFF02, "87ff00", "REQUEST 2 -> all: requested = BR7, group = 16"),
+        (0x00EA0102, "00ef00", "REQUEST 2 -> 1: requested = DP0R"),
+        (0x00EA0102, "00ef01", "REQUEST 2 -> 1: requested = DP1R"),
+        (0x00EA0102, "eafe00", "REQUEST 2 -> 1: requested = 0x00FEEA"),
+        (0x00EA0102, "28ff00ff", "REQUEST 2 -> 1: 4 bytes instead of 3: 28 FF 00 FF, requested = BR0, group = 5"),
         (0x00EA0102, "28", "REQUEST 2 -> 1: 1 bytes instead of 3: 28"),
-        (0x01EF0102, "", "DP1S 2 -> 1: wanted = DP1R"),
+        (0x01EF0102, "", "DP1S 2 -> 1: requested = DP1R"),
         (0x01EF0201, "01000000ffffffff", "DP1R 1 -> 2: A pulse count = 1 pulse, B pulse count = -1 pulse"),
         (0x00FF2F01, "0102", "BR7 1 -> all: data = 01 02"),
         (
             0x00EC0102,
             "1012000303 00ef00",
-            "TP.CM 2 -> 1: control = RTS, message = 18 byte, packets = 3, most packets for one CTS = 3, PGN = 0x00EF00",
+            "TP.CM 2 -> 1: control = RTS, message = 18 byte, packets = 3, maximum packets per CTS = 3, PGN = 0x00EF00",
         ),
         (
             0x00EC0201,
             "110301ffff 00ef00",
-            "TP.CM 1 -> 2: control = CTS, packets that may be sent = 3, next packet = 1, PGN = 0x00EF00",
+            "TP.CM 1 -> 2: control = CTS, packets to send = 3, next packet = 1, PGN = 0x00EF00",
         ),
         (
             0x00EC0102,
@@ -145,9 +145,9 @@ def test_priority_does_not_matter(priority):
         (0x00EB0102, "0343503030303039 35"[:16], "TP.DT 2 -> 1: packet = 3, data = 43 50 30 30 30 30 39"),
         (0x00EB0102, "", "TP.DT 2 -> 1: 0 bytes instead of 8: -"),
         (FEEDBACK, "b6ff", "DP0R 1 -> 2: 2 bytes instead of 8: B6 FF"),
-        (0x18FEF103, "01", "unknown 3 -> all: no frame of an ABH3: 18FEF103#01"),
-        (0x02EF0102, "", "unknown 2 -> 1: no frame of an ABH3: 02EF0102#"),
-        (0x01FF2801, "", "unknown 1 -> all: no frame of an ABH3: 01FF2801#"),
+        (0x18FEF103, "01", "unknown 3 -> all: not a frame of an ABH3: 18FEF103#01"),
+        (0x02EF0102, "", "unknown 2 -> 1: not a frame of an ABH3: 02EF0102#"),
+        (0x01FF2801, "", "unknown 1 -> all: not a frame of an ABH3: 01FF2801#"),
     ],
 )
 def test_other_frames(number, data, said):
@@ -176,7 +176,7 @@ def test_a_group():
 def test_neither_address_is_known():
     found = decoded(0x00EF0304, "0000000000000000")
     assert (found.name, found.record) == ("", None)
-    assert "not known which of the two is the host" in found.text
+    assert "single packet with unknown host" in found.text
 
 
 def test_hosts_are_given():

@@ -372,7 +372,7 @@ def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
 
 
 def test_joining_does_not_take_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orinkit.abh3.api.keepalive_runner._JOINING", 0.05)
+    monkeypatch.setattr("orinkit.abh3.api.keepalive_runner._JOIN_TIMEOUT", 0.05)
     heart = Slow()
     keeper = PeriodicCall(heart.beat, heart.left, "x")
     assert heart.at_work.wait(LONG)

@@ -117,7 +117,7 @@ def test_numbers_of_broadcasts() -> None:
 def test_a_broadcast_of_another_group_is_none(number: int, group: int, other: int, place: int) -> None:
     """No driver of this group answers to it; whoever gives it has forgotten the group."""
     for tongue, text in (
-        ("en", f"0x{number:02X} is broadcast {place} of group {other}; the group is {group} here"),
+        ("en", f"0x{number:02X} is broadcast {place} of group {other}, but the group of this host is {group}"),
         ("ja", f"0x{number:02X} はグループ {other} のブロードキャスト {place} です"),
     ):
         i18n.use(tongue)

@@ -64,7 +64,7 @@ def test_where_a_bus_is(at: str | None, settings: BusSettings, address: CanAddre
     ],
 )
 def test_a_bus_is_given_once(at: str | None, settings: BusSettings) -> None:
-    for tongue, text in (("en", "a CAN bus is needed"), ("ja", "CAN バスの指定が必要です")):
+    for tongue, text in (("en", "a CAN bus is required"), ("ja", "CAN バスの指定が必要です")):
         i18n.use(tongue)
         with pytest.raises(InvalidAddress) as caught:
             bus_address(at, settings)
@@ -77,7 +77,7 @@ def test_a_bus_is_given_once(at: str | None, settings: BusSettings) -> None:
     [{"interface": "socketcan"}, {"channel": "can1"}, {"bitrate": 500000}, {"interface": "virtual", "channel": 1}],
 )
 def test_a_url_says_all_about_a_bus(settings: BusSettings) -> None:
-    for tongue, text in (("en", "cannot be given beside it"), ("ja", "同時に指定できません")):
+    for tongue, text in (("en", "cannot be combined with the bus URL"), ("ja", "同時に指定できません")):
         i18n.use(tongue)
         with pytest.raises(InvalidAddress) as caught:
             bus_address("can://socketcan/can0", settings)

@@ -250,7 +250,7 @@ def test_monitor_as_json(run, traffic):
     assert found["DP0R"]["units"] == {"ay_velocity": "min^-1", "bx_velocity": "min^-1"}
     assert found["BR0"]["values"]["errors"] == {"value": 0x400000, "on": ["can_communication"]}
     assert (found["BR0"]["source"], found["BR0"]["destination"]) == (1, None)
-    assert found[""]["fault"].startswith("no frame of an ABH3")
+    assert found[""]["fault"].startswith("not a frame of an ABH3")
 
 
 def test_monitor_ends_by_time_and_sends_nothing(run, bus):

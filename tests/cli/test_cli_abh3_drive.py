@@ -433,7 +433,7 @@ def test_a_terminal_sees_one_live_line(start, bench):
         (("--ay", "100"), "--seconds is missing"),
         (("--seconds", "1"), "--ay or --bx is missing"),
         (("--ay", "7000", "--seconds", "1"), "-6553.6 to 6553.4 min^-1"),
-        (("--ay", "nan", "--seconds", "1"), "cannot be sent"),
+        (("--ay", "nan", "--seconds", "1"), "must be -6553.6 to 6553.4 min^-1, not nan"),
         (("--bx", "400", "--torque", "--seconds", "1"), "-327.68 to 327.67 %"),
         (("--ay", "1", "--seconds", "0"), "--seconds must be more than 0"),
         (("--ay", "1", "--seconds", "nan"), "--seconds must be more than 0"),

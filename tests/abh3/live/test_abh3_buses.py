@@ -51,7 +51,7 @@ def test_an_adapter_that_is_unplugged(both: Both, hosts: Hosts, bare: Place, cap
         assert len(str(lost.value)) > len(bare.near)
         assert driver.commands == (0, 0)
         for call in (driver.command, driver.errors):
-            with pytest.raises(ConnectFailed, match="Try: is the adapter plugged in"):
+            with pytest.raises(ConnectFailed, match="Try: check that the adapter is plugged in"):
                 both.run(call())
         i18n.use("ja")
         with pytest.raises(ConnectFailed, match="対処"):

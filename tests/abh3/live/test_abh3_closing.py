@@ -256,7 +256,7 @@ def test_one_object_for_a_driver(both: Both, hosts: Hosts, bare: Place) -> None:
     """Two would not know what the other one has commanded; a second host is somebody else."""
     bus = hosts.open_bus(bare.near)
     driver = bus.driver(address=7)
-    for tongue, text in (("en", "ABH3 7 has a driver object on this bus already. Try"), ("ja", "アドレス 7 の ABH3")):
+    for tongue, text in (("en", "ABH3 7 already has a driver object on this bus. Try"), ("ja", "アドレス 7 の ABH3")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             bus.driver(address=7, dialect="v2")
