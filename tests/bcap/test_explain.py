@@ -254,7 +254,7 @@ GOOD = request(9, 2, "IO150", "")
         (GOOD + b"\xff", 1, "length", "68 bytes, but 69 are present"),
         (GOOD[:1] + b"\xff\xff\xff\x7f" + GOOD[5:], 1, "length", "2147483647 bytes exceed the limit of 16777216 bytes"),
         (GOOD[:1] + b"\x01\0\0\0" + GOOD[5:], 1, "length", "1 byte, but 68 are present"),
-        (GOOD[:13] + b"\x04\0" + GOOD[15:], 67, "argument 4", "an argument needs 10 bytes or more, 0 are left at offset 67 (1 missing according to the argument count)"),
+        (GOOD[:13] + b"\x04\0" + GOOD[15:], 67, "argument 4", "an argument requires 10 bytes or more, 0 are left at offset 67 (1 missing according to the argument count)"),
         (GOOD[:15] + b"\x0b" + GOOD[16:], 29, "handle", "1 x VT_I4 at offset 15 does not agree with its 5 bytes of data"),
         (GOOD[:15] + b"\xff" + GOOD[16:], 15, "handle: length", "argument length 255 at offset 15 does not fit the 48 bytes present"),
         (GOOD[:15] + b"\x05" + GOOD[16:], 15, "handle: length", "argument length 5 at offset 15 does not fit the 48 bytes present"),

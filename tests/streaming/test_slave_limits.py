@@ -56,7 +56,7 @@ def test_numbers_become_floats_in_tuples() -> None:
         ({"jerk": (1.0, 2.0, 3.0)}, "jerk has 3 values"),
         ({"velocity": (100.0, 0.0)}, "J2 velocity is 0, it has to be above 0"),
         ({"acceleration": (-1.0, 1.0)}, "J1 acceleration is -1"),
-        ({"jerk": (1.0, math.nan)}, "J2 jerk is nan, a finite number is wanted"),
+        ({"jerk": (1.0, math.nan)}, "J2 jerk must be a finite number, not nan"),
         ({"upper": (math.inf, 1.0)}, "J1 upper is inf"),
         ({"velocity": (1e10, 1.0)}, "J1 velocity is 1e+10, at most 1e+09"),
         ({"velocity": ("fast", 1.0)}, "J1 velocity is 'fast'"),

@@ -598,9 +598,9 @@ def test_limits_scaled_down_to_a_crawl() -> None:
 @pytest.mark.parametrize(
     ("kind", "values", "said"),
     [
-        ("P", (300.0, math.nan, 300.0, 180.0, 0.0, 180.0, 5.0), "P: y is nan, a finite number is wanted"),
+        ("P", (300.0, math.nan, 300.0, 180.0, 0.0, 180.0, 5.0), "P: y must be a finite number, not nan"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, -math.inf, 5.0), "P: rz is -inf"),
-        ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.5), "P: fig is 5.5, a whole number of 32 bits is wanted"),
+        ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.5), "P: fig must be a whole number of 32 bits, not 5.5"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0), "P: 6 values were given, 7 are wanted: x, y, z, rx, ry, rz, fig"),
         ("P", (None, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0), "P: x is None"),
         ("T", (300.0, 0.0, 300.0, 0.0, 1.0, math.inf, 0.0, 0.0, 1.0, 5.0), "T: oz is inf"),

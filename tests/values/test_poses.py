@@ -120,7 +120,7 @@ def test_replace():
     assert V(1, 2, 3).replace() == V(1, 2, 3)
     with pytest.raises(TypeError, match=r"V has no field 'rx', it has x, y, z"):
         V(1, 2, 3).replace(rx=1)
-    with pytest.raises(InvalidValue, match="P: x is nan"):
+    with pytest.raises(InvalidValue, match="P: x must be a finite number, not nan"):
         P(*SEED).replace(x=math.nan)
 
 
@@ -154,28 +154,28 @@ class Awkward:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: P(1, math.nan, 3, 4, 5, 6), "P: y is nan, a finite number is wanted"),
-        (lambda: T(*range(8), math.inf), "T: az is inf, a finite number is wanted"),
-        (lambda: V(1, 2, 10**400), "V: z is 1000000000000000000000000000000000000..., a finite number is wanted"),
-        (lambda: V(1, 2, 10**5000), "V: z is 0x31e20801036510f3c591fde5361dc619987..., a finite number is wanted"),
-        (lambda: J(1, "2"), "J: J2 is '2', a finite number is wanted"),
-        (lambda: J(b"1"), "J: J1 is b'1', a finite number is wanted"),
-        (lambda: J(1, 2, True), "J: J3 is True, a finite number is wanted"),
-        (lambda: J(None), "J: J1 is None, a finite number is wanted"),
-        (lambda: J(1j), "J: J1 is 1j, a finite number is wanted"),
-        (lambda: J(Awkward()), "J: J1 is <Awkward>, a finite number is wanted"),
-        (lambda: J(np.array([1, 2])), "J: J1 is array([1, 2]), a finite number is wanted"),
-        (lambda: P(1, 2, 3, 4, 5, 6, 5.5), "P: fig is 5.5, a whole number of 32 bits is wanted"),
-        (lambda: P(1, 2, 3, 4, 5, 6, 2**31), "P: fig is 2147483648, a whole number of 32 bits is wanted"),
-        (lambda: P(1, 2, 3, 4, 5, 6, math.inf), "P: fig is inf, a finite number is wanted"),
-        (lambda: J(), "J: 0 values were given, 1 to 8 are wanted"),
-        (lambda: J(*range(9)), "J: more than 8 values were given, 1 to 8 are wanted"),
-        (lambda: P.of([1, 2, 3, 4, 5]), "P: 5 values were given, 6 or 7 are wanted"),
-        (lambda: T.of(range(10**9)), "T: more than 10 values were given, 9 or 10 are wanted"),
-        (lambda: V.of([1, 2]), "V: 2 values were given, 3 are wanted"),
-        (lambda: V.of("123"), "V: '123' is no sequence of numbers"),
-        (lambda: V.of(b"123"), "V: b'123' is no sequence of numbers"),
-        (lambda: V.of(None), "V: None is no sequence of numbers"),
+        (lambda: P(1, math.nan, 3, 4, 5, 6), "P: y must be a finite number, not nan"),
+        (lambda: T(*range(8), math.inf), "T: az must be a finite number, not inf"),
+        (lambda: V(1, 2, 10**400), "V: z must be a finite number, not 1000000000000000000000000000000000000..."),
+        (lambda: V(1, 2, 10**5000), "V: z must be a finite number, not 0x31e20801036510f3c591fde5361dc619987..."),
+        (lambda: J(1, "2"), "J: J2 must be a finite number, not '2'"),
+        (lambda: J(b"1"), "J: J1 must be a finite number, not b'1'"),
+        (lambda: J(1, 2, True), "J: J3 must be a finite number, not True"),
+        (lambda: J(None), "J: J1 must be a finite number, not None"),
+        (lambda: J(1j), "J: J1 must be a finite number, not 1j"),
+        (lambda: J(Awkward()), "J: J1 must be a finite number, not <Awkward>"),
+        (lambda: J(np.array([1, 2])), "J: J1 must be a finite number, not array([1, 2])"),
+        (lambda: P(1, 2, 3, 4, 5, 6, 5.5), "P: fig must be a whole number of 32 bits, not 5.5"),
+        (lambda: P(1, 2, 3, 4, 5, 6, 2**31), "P: fig must be a whole number of 32 bits, not 2147483648"),
+        (lambda: P(1, 2, 3, 4, 5, 6, math.inf), "P: fig must be a finite number, not inf"),
+        (lambda: J(), "J: got 0 values, expected 1 to 8"),
+        (lambda: J(*range(9)), "J: got more than 8 values, expected 1 to 8"),
+        (lambda: P.of([1, 2, 3, 4, 5]), "P: got 5 values, expected 6 or 7"),
+        (lambda: T.of(range(10**9)), "T: got more than 10 values, expected 9 or 10"),
+        (lambda: V.of([1, 2]), "V: got 2 values, expected 3"),
+        (lambda: V.of("123"), "V: '123' is not a sequence of numbers"),
+        (lambda: V.of(b"123"), "V: b'123' is not a sequence of numbers"),
+        (lambda: V.of(None), "V: None is not a sequence of numbers"),
     ],
 )
 def test_what_is_no_value(make, message):
@@ -209,7 +209,7 @@ def test_figures_in_words(fig, words):
 
 @pytest.mark.parametrize("fig", [0.5, math.nan, 2**40, "5", None])
 def test_what_is_no_figure(fig):
-    with pytest.raises(InvalidValue, match="Fig: fig is "):
+    with pytest.raises(InvalidValue, match="Fig: fig must be "):
         describe_figure(fig)
 
 
@@ -255,7 +255,7 @@ def test_what_is_no_pass_mark(text, message):
     ("mode", "radius"), [("X", 0), ("n", 0), ("E", 5), ("0", 5), ("n", -1), ("P", -1), ("n", math.inf), ("n", "5")]
 )
 def test_pass_marks_that_cannot_be(mode, radius):
-    with pytest.raises(InvalidValue, match=r"PassMark: radius is|no pass mark has mode"):
+    with pytest.raises(InvalidValue, match=r"PassMark: radius must be|invalid pass mark"):
         PassMark(mode, radius)
 
 
@@ -263,22 +263,22 @@ def test_pass_marks_that_cannot_be(mode, radius):
     "joints", [(), ((6, 1.0),), ((7, 1.0), (7, 2.0)), ((7, math.nan),), ((7, 1.0), (8, 2.0), (9, 3.0))]
 )
 def test_extra_joints_that_cannot_be(joints):
-    with pytest.raises(InvalidValue, match=r"extra joints|Extra: J7 is nan"):
+    with pytest.raises(InvalidValue, match=r"extra joints must be|Extra: J7 must be"):
         Extra(absolute=True, joints=joints)
 
 
 @pytest.mark.parametrize(
     ("kind", "value", "message"),
     [
-        ("Q", 1, 'a target of kind \'Q\': "P", "T", "J", "V" or "" is wanted'),
-        ("", 1, "a target of kind '' with variable number 1: a kind and a number from 0 are wanted"),
-        ("P", -1, "a target of kind 'P' with variable number -1: a kind and a number from 0 are wanted"),
-        ("P", 2**31, "a target of kind 'P' with variable number 2147483648: a kind and a number from 0 are wanted"),
-        ("P", True, "a target of kind 'P' with variable number True: a kind and a number from 0 are wanted"),
-        ("P", (1, 2), "P: 2 values were given, 6 or 7 are wanted"),
-        ("", (), "a pose: 0 values were given, 1 to 10 are wanted"),
-        ("", (1, math.inf), "a pose: value 2 is inf, a finite number is wanted"),
-        ("J", 1.5, "J: 1.5 is no sequence of numbers"),
+        ("Q", 1, 'the kind of a target must be "P", "T", "J", "V" or "", not \'Q\''),
+        ("", 1, "invalid variable of kind '' and number 1; a kind and a number from 0 are required"),
+        ("P", -1, "invalid variable of kind 'P' and number -1; a kind and a number from 0 are required"),
+        ("P", 2**31, "invalid variable of kind 'P' and number 2147483648; a kind and a number from 0 are required"),
+        ("P", True, "invalid variable of kind 'P' and number True; a kind and a number from 0 are required"),
+        ("P", (1, 2), "P: got 2 values, expected 6 or 7"),
+        ("", (), "a pose: got 0 values, expected 1 to 10"),
+        ("", (1, math.inf), "a pose: value 2 must be a finite number, not inf"),
+        ("J", 1.5, "J: 1.5 is not a sequence of numbers"),
     ],
 )
 def test_targets_that_cannot_be(kind, value, message):
@@ -376,15 +376,15 @@ POSE = "a pose like P1, P(x, y, z, rx, ry, rz, fig) or J(j1, ..., j6)"
         ("P(", "column 3: expected a number (x), the text ends here"),
         ("P()", "column 3: expected a number (x), found ')'"),
         ("P(1,,3)", "column 5: expected a number (y), found ',3)'"),
-        ("P(1,2,3,4,5)", "column 12: expected \",\" and another of the 6 or 7 values of P(...), found ')'"),
-        ("P(1 2)", "column 5: expected \",\" and another of the 6 or 7 values of P(...), found '2)'"),
+        ("P(1,2,3,4,5)", "column 12: expected \",\" and the next of the 6 or 7 values of P(...), found ')'"),
+        ("P(1 2)", "column 5: expected \",\" and the next of the 6 or 7 values of P(...), found '2)'"),
         ("P(1,2,3,4,5,6", 'column 14: expected "," or ")", the text ends here'),
-        ("P(1,2,3,4,5,6,7,8)", "column 16: expected \")\" behind the 6 or 7 values of P(...), found ',8)'"),
+        ("P(1,2,3,4,5,6,7,8)", "column 16: expected \")\" after the 6 or 7 values of P(...), found ',8)'"),
         ("P(1,2,3,4,5,6,5.5)", "column 15: expected a whole number (fig), found '5.5)'"),
         ("T(1,2,3,4,5,6,7,8,9,4e9)", "column 21: expected a whole number (fig), found '4e9)'"),
-        ("V(1,2)", "column 6: expected \",\" and another of the 3 values of V(...), found ')'"),
-        ("J(1,2,3,4,5,6,7,8,9)", "column 18: expected \")\" behind the 1 to 8 values of J(...), found ',9)'"),
-        ("(1,2,3,4,5,6,7,8,9,10,11)", "column 22: expected \")\" behind the 1 to 10 values of (...), found ',11)'"),
+        ("V(1,2)", "column 6: expected \",\" and the next of the 3 values of V(...), found ')'"),
+        ("J(1,2,3,4,5,6,7,8,9)", "column 18: expected \")\" after the 1 to 8 values of J(...), found ',9)'"),
+        ("(1,2,3,4,5,6,7,8,9,10,11)", "column 22: expected \")\" after the 1 to 10 values of (...), found ',11)'"),
         ("J(nan)", "column 3: expected a number (J1), found 'nan)'"),
         ("J(1,1e999)", "column 5: expected a number (J2), found '1e999)'"),
         ("J(1_0)", "column 4: expected \",\" or \")\", found '_0)'"),
@@ -396,12 +396,12 @@ POSE = "a pose like P1, P(x, y, z, rx, ry, rz, fig) or J(j1, ..., j6)"
         ("P1 EX((7))", "column 9: expected \",\", found '))'"),
         ("P1 EX((7,x))", "column 10: expected a number (J7), found 'x))'"),
         ("P1 EX((7,1),8,2)", "column 13: expected \"(\", found '8,2)'"),
-        ("P1 EX((7,1),(7,2))", "column 14: expected another extra joint, found '7,2))'"),
+        ("P1 EX((7,1),(7,2))", "column 14: expected the number of the other extra joint, found '7,2))'"),
         ("P1 EX((7,1)", 'column 12: expected ")", the text ends here'),
         ("P1 EX(7,1,8,2)", "column 10: expected \")\", found ',8,2)'"),
         ("P1 EX(7,1) EX(8,1)", "column 12: expected the end of the text, found 'EX(8,1)'"),
         ("(" * 4096, f"column 2: expected a number (value 1), found '{'(' * 20}'"),
-        ("P1" + " " * 4095, "column 4097: the text goes on beyond the 4096 characters that are allowed"),
+        ("P1" + " " * 4095, "column 4097: the text is longer than 4096 characters"),
     ],
 )  # fmt: skip
 def test_what_is_no_target(text, message):
@@ -435,15 +435,20 @@ def test_what_a_client_sends(pose, mark, text):
 @pytest.mark.parametrize(
     ("pose", "mark", "error", "message"),
     [
-        ("@E P1", "@P", InvalidValue, "'@E P1' has a pass mark already, @P cannot be put in front"),
-        (" \n@E P1", "@P", InvalidValue, "has a pass mark already"),
-        (Target("P", 1, AT_ENCODER), AT_ENCODER, InvalidValue, "has a pass mark already"),
+        ("@E P1", "@P", InvalidValue, "'@E P1' already has a pass mark, @P cannot be added"),
+        (" \n@E P1", "@P", InvalidValue, "already has a pass mark"),
+        (Target("P", 1, AT_ENCODER), AT_ENCODER, InvalidValue, "already has a pass mark"),
         ("P1", "E", NotationError, 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found'),
         (J(1), "E", NotationError, "pass mark"),
-        (J(1), 10, InvalidValue, '10 is no pass mark; a pass mark is a text: "@P", "@E", "@0", or "@10" for 10 mm'),
-        (J(1), None, InvalidValue, "None is no pass mark"),
-        ([1, 2, 3], "", InvalidValue, r"[1, 2, 3] is no pose; give P(...), T(...), J(...), V(...) or a text like 'P1'"),
-        (None, "", InvalidValue, "None is no pose"),
+        (J(1), 10, InvalidValue, '10 is not a pass mark. Try: a text, "@P", "@E", "@0", or "@10" for 10 mm'),
+        (J(1), None, InvalidValue, "None is not a pass mark"),
+        (
+            [1, 2, 3],
+            "",
+            InvalidValue,
+            r"[1, 2, 3] is not a pose. Try: P(...), T(...), J(...), V(...) or a text like 'P1'",
+        ),
+        (None, "", InvalidValue, "None is not a pose"),
     ],
 )
 def test_what_a_client_cannot_send(pose, mark, error, message):

@@ -170,19 +170,19 @@ def test_an_int_beyond_vt_i4_is_refused(short, number):
 @pytest.mark.parametrize("value", [1.0, "1", None, b"1", 1j])
 def test_what_is_no_int(value):
     for short in (encode_integer, encode_handle):
-        with pytest.raises(InvalidValue, match="is no value for VT_I4"):
+        with pytest.raises(InvalidValue, match="is not a valid value for VT_I4"):
             short(value)
 
 
 @pytest.mark.parametrize("value", [1e39, -1e39, 10**400, "1", None, [1.0]], ids=lambda value: type(value).__name__)
 def test_what_is_no_single(value):
-    with pytest.raises(InvalidValue, match=r"is no value for VT_R4"):
+    with pytest.raises(InvalidValue, match=r"is not a valid value for VT_R4"):
         encode_single(value)
 
 
 @pytest.mark.parametrize("value", [1, None, b"P1", ["P1"]])
 def test_what_is_no_string(value):
-    with pytest.raises(InvalidValue, match="is no value for VT_BSTR"):
+    with pytest.raises(InvalidValue, match="is not a valid value for VT_BSTR"):
         encode_string(value)
 
 

@@ -1,1 +1,1 @@
-"""VARIANT values and poses: types, bytes, text."""
+"""VARIANT values and poses: types, binary encoding, text."""

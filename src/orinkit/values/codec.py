@@ -1,7 +1,8 @@
-"""VARIANT as bytes, the way a packet argument and a VARIANT array hold it (VE026A 3.2, figure 3-2 and 3-3).
+"""Binary encoding of VARIANTs in packet arguments and VARIANT arrays (VE026A 3.2, figures 3-2 and 3-3).
 
-An argument is ``length u32 | type u16 | count u32 | data``, little-endian, the length without itself; an element of a
-VARIANT array is the same without the length. Every read is bounded by the bytes present and by :class:`PacketLimits`.
+An argument is ``length u32 | type u16 | count u32 | data``, little-endian; the length does not include itself. An element
+of a VARIANT array has the same layout without the length. Every read is bounded by the bytes present and by
+:class:`PacketLimits`.
 """
 
 from __future__ import annotations
@@ -28,14 +29,15 @@ _LENGTH: Final = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True)
 class PacketLimits:
-    """How much one packet may hold; the defaults are the documents' or, where they are silent, ours.
+    """Limits of one packet; defaults that the documents do not specify are chosen by this project.
 
     Attributes:
-        packet: bytes of a whole packet and of one argument (VE026A table 3-5: 16 MBytes).
-        depth: how deep VARIANT arrays may be nested.
-        variants: how many elements all arrays of one packet may have together, counted by what they cost to read and to
-            forget: one for each element of VARIANT, BSTR, DATE and CY, one for 16 of another type; bytes do not count.
-        error_size: bytes of a VT_ERROR: 4; 2 in packets of a VE026A (its table 3-1).
+        packet: Largest size of a packet and of one argument in bytes (VE026A table 3-5: 16 MBytes).
+        depth: Largest nesting depth of VARIANT arrays.
+        variants: Largest number of elements of all arrays in one packet, weighted by the cost of reading and releasing
+            them: each element of VARIANT, BSTR, DATE and CY counts as one, 16 elements of another type count as one, and
+            bytes do not count.
+        error_size: Size of a VT_ERROR in bytes: 4, or 2 in packets of a VE026A (its table 3-1).
     """
 
     packet: int = 16 * 1024 * 1024
@@ -50,17 +52,17 @@ DEFAULT_LIMITS: Final = PacketLimits()
 # --- to bytes ---------------------------------------------------------------------------------------------------------
 
 
-# Plain numbers instead of the enum's members: these three are on the way of every set-point of a robot.
+# Plain numbers are faster than members of the enum; these are used for every set-point.
 _BSTR: Final = int(VarType.BSTR)
 _SHORT: Final = 64
-_BEYOND: Final = re.compile("[\U00010000-\U0010ffff]")
-_HALVES: Final = re.compile("[\ud800-\udbff][\udc00-\udfff]")
-_SLICE: Final = 4096  # elements that are read or written at a time: other threads wait while Python does it
+_SUPPLEMENTARY: Final = re.compile("[\U00010000-\U0010ffff]")
+_SURROGATE_PAIR: Final = re.compile("[\ud800-\udbff][\udc00-\udfff]")
+_SLICE: Final = 4096  # elements that are converted at a time, because the conversion blocks other threads
 
 
 @lru_cache(maxsize=1024)
 def _packer(vt: int, count: int) -> struct.Struct:
-    """Pack a whole argument: length, type, count, then the elements."""
+    """Return the struct of a whole argument: length, type, count, elements."""
     return struct.Struct(f"<IHI{count}{FORMATS[vt & ~ARRAY]}")
 
 
@@ -85,10 +87,10 @@ def _long_string(text: str) -> bytes:
 
 
 def encode_string(text: str) -> bytes:
-    """Return a text as one packet argument; short ones, such as names of commands, are kept ready.
+    """Return a string as one packet argument; short strings, for example names of commands, are cached.
 
     Raises:
-        InvalidValue: it is no text.
+        InvalidValue: If it is not a string.
     """
     if type(text) is not str and not isinstance(text, str):
         raise misfit(VarType.BSTR, text)
@@ -99,7 +101,7 @@ def encode_integer(number: int) -> bytes:
     """Return a VT_I4 as one packet argument.
 
     Raises:
-        InvalidValue: it is no whole number, or does not fit.
+        InvalidValue: If it is not a whole number, or does not fit.
     """
     try:
         return _I4_PACK(10, 3, 1, number)
@@ -108,14 +110,14 @@ def encode_integer(number: int) -> bytes:
 
 
 encode_handle: Final = lru_cache(maxsize=4096, typed=True)(encode_integer)
-"""Like :func:`encode_integer`, for numbers that come again and again."""
+"""Cached variant of :func:`encode_integer`, for numbers that occur repeatedly."""
 
 
 def encode_single(number: float) -> bytes:
     """Return a VT_R4 as one packet argument.
 
     Raises:
-        InvalidValue: it is no number, or does not fit.
+        InvalidValue: If it is not a number, or does not fit.
     """
     try:
         return _R4_PACK(10, 4, 1, number)
@@ -127,11 +129,11 @@ def encode(value: Value) -> bytes:
     """Return a value as one packet argument: length, type, count, data (VE026A 3.2).
 
     Raises:
-        InvalidValue: no VARIANT can hold it.
+        InvalidValue: If the value cannot be converted to a VARIANT.
     """
-    kind = type(value)
-    known: Any = value  # the exact kind is all that counts here, and a type checker does not follow it
-    if kind is list or kind is tuple:
+    exact_type = type(value)
+    known: Any = value  # type checkers do not narrow by the exact type
+    if exact_type is list or exact_type is tuple:
         items: Sequence[Any] = known
         count = len(items)
         if count and list(map(type, items)).count(float) == count:
@@ -140,9 +142,9 @@ def encode(value: Value) -> bytes:
                 if count <= _SHORT
                 else _packer(R8_ARRAY, count).pack(6 + 8 * count, R8_ARRAY, count, *items)
             )
-    elif kind is str:
+    elif exact_type is str:
         return encode_string(known)
-    elif kind is int:
+    elif exact_type is int:
         return encode_integer(known)
     return encode_variant(variant(value))
 
@@ -155,7 +157,7 @@ def encode_variant(item: Variant, error_size: int = 4) -> bytes:
     """Return a :class:`Variant` as one packet argument; for ``error_size`` see :class:`PacketLimits`.
 
     Raises:
-        InvalidValue: its arrays are nested too deep, or a VT_ERROR does not fit its size.
+        InvalidValue: If arrays are nested too deep, or a VT_ERROR does not fit ``error_size``.
     """
     parts = [b""]
     try:
@@ -167,7 +169,7 @@ def encode_variant(item: Variant, error_size: int = 4) -> bytes:
 
 
 def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
-    """Append type, count and data: the form an element has inside a VARIANT array."""
+    """Append type, count and data: the layout of an element inside a VARIANT array."""
     base = vt & ~ARRAY
     row = ROWS[base]
     items = value if vt & ARRAY else (value,)
@@ -200,12 +202,12 @@ def _utf_16(text: str) -> bytes:
 def _utf_16_slice(text: str) -> bytes:
     try:
         return text.encode("utf-16-le")
-    except UnicodeEncodeError:  # "surrogatepass" takes microseconds for each
-        units = _BEYOND.sub(_halves, text)
+    except UnicodeEncodeError:  # unpaired surrogates; "surrogatepass" takes microseconds for each
+        units = _SUPPLEMENTARY.sub(_split_pair, text)
         return struct.pack(f"<{len(units)}H", *map(ord, units))
 
 
-def _halves(found: re.Match[str]) -> str:
+def _split_pair(found: re.Match[str]) -> str:
     number = ord(found[0]) - 0x10000
     return chr(0xD800 | number >> 10) + chr(0xDC00 | number & 0x3FF)
 
@@ -215,7 +217,7 @@ def _short_errors(items: Sequence[int]) -> bytes:
         return struct.pack(f"<{len(items)}H", *items)
     except struct.error:
         raise InvalidValue(
-            tr("VT_ERROR has 2 bytes in packets of a VE026A: 0 to 0xFFFF, not {code:#x}", code=max(items))
+            tr("a VT_ERROR in packets of a VE026A has 2 bytes: it must be 0 to 0xFFFF, not {code:#x}", code=max(items))
         ) from None
 
 
@@ -225,31 +227,31 @@ _SHORT_ERROR: Final = 2
 # --- from bytes -------------------------------------------------------------------------------------------------------
 
 
-def _broken(text: str, code: int = hresult.E_INVALIDRCVPACKET) -> ProtocolError:
+def _packet_error(text: str, code: int = hresult.E_INVALIDRCVPACKET) -> ProtocolError:
     return ProtocolError(text, code)
 
 
 def decode(data: bytes, position: int = 0, end: int | None = None, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False, budget: list[int] | None = None) -> tuple[Any, int]:  # fmt: skip
-    """Read one packet argument at ``position``; return its value and the position behind it.
+    """Read one packet argument; return its value and the position after it.
 
     Args:
-        data: the bytes.
-        position: where the argument's length field begins.
-        end: where the argument must have ended at the latest; the end of ``data`` by default.
-        limits: bounds on what is read.
-        exact: give a :class:`Variant` instead of a plain value.
-        budget: how many elements the packet may have still, in a list of one number that this counts down; as many as
+        data: The bytes.
+        position: Position of the argument's length field.
+        end: Upper bound of the end of the argument; the end of ``data`` by default.
+        limits: Limits of what is read.
+        exact: True to return a :class:`Variant` instead of a plain value.
+        budget: Number of elements that the packet may still have, in a list of one number, which is decremented;
             :attr:`PacketLimits.variants` by default.
 
     Raises:
-        ProtocolError: the bytes are no argument; its ``code`` is what a server answers (VE026A table 3-5).
+        ProtocolError: If the bytes are not a valid argument; its ``code`` is the reply of a server (VE026A table 3-5).
     """
     if end is None:
         end = len(data)
     if end - position < 10:
-        raise _broken(
+        raise _packet_error(
             tr(
-                "an argument needs 10 bytes or more, {left} are left at offset {position}",
+                "an argument requires 10 bytes or more, {left} are left at offset {position}",
                 left=end - position,
                 position=position,
             ),
@@ -257,7 +259,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
     length, vt, count = _ARGUMENT_AT(data, position)
     stop = position + 4 + length
     if vt == R8_ARRAY and not exact and length == 6 + 8 * count and stop <= end and length <= limits.packet:
-        return list(_real_unpacker(count)(data, position + 10)), stop  # the commonest by far: a robot's set-points
+        return list(_real_unpacker(count)(data, position + 10)), stop  # by far the most frequent case: set-points
     if length > limits.packet:
         raise LimitExceeded(
             tr(
@@ -269,7 +271,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
             hresult.E_ARGSIZEOVER,
         )
     if stop > end or length < 6:
-        raise _broken(
+        raise _packet_error(
             tr(
                 "argument length {length} at offset {position} does not fit the {present} bytes present",
                 length=length,
@@ -289,7 +291,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
 
 
 def _count_mismatch(vt: int, count: int, position: int, present: int) -> ProtocolError:
-    return _broken(
+    return _packet_error(
         tr(
             "{count} x {type} at offset {position} does not agree with its {present} bytes of data",
             count=count,
@@ -307,7 +309,7 @@ def _text(data: bytes) -> str:
     at = 0
     while at < len(data):
         end = at + 2 * _SLICE
-        if end < len(data) and 0xD8 <= data[end - 1] <= 0xDB:  # the first half of a character
+        if end < len(data) and 0xD8 <= data[end - 1] <= 0xDB:  # the first half of a surrogate pair
             end -= 2
         pieces.append(_text_slice(data[at:end]))
         at = end
@@ -317,11 +319,11 @@ def _text(data: bytes) -> str:
 def _text_slice(data: bytes) -> str:
     try:
         return data.decode("utf-16-le")
-    except UnicodeDecodeError:  # half a character
-        return _HALVES.sub(_whole, "".join(map(chr, struct.unpack(f"<{len(data) // 2}H", data))))
+    except UnicodeDecodeError:  # an unpaired surrogate
+        return _SURROGATE_PAIR.sub(_join_pair, "".join(map(chr, struct.unpack(f"<{len(data) // 2}H", data))))
 
 
-def _whole(found: re.Match[str]) -> str:
+def _join_pair(found: re.Match[str]) -> str:
     high, low = map(ord, found[0])
     return chr(0x10000 + ((high & 0x3FF) << 10 | low & 0x3FF))
 
@@ -337,7 +339,7 @@ def _unpacked(code: str, data: bytes, position: int, count: int) -> Sequence[Any
 
 
 class _ValueReader:
-    """Reads one argument's data, bounded by where the argument ends."""
+    """Reads the data of one argument, up to the end of the argument."""
 
     __slots__ = ("data", "end", "exact", "left", "limits")
 
@@ -364,7 +366,7 @@ class _ValueReader:
             return self._variants(count, position, depth)
         if row is not None and row.empty and not array:
             return None, position
-        raise _broken(
+        raise _packet_error(
             tr("unknown type {type} at offset {position}", type=type_name(vt), position=position),
             hresult.E_INVALIDARGTYPE,
         )
@@ -401,7 +403,7 @@ class _ValueReader:
             (length,) = _LENGTH.unpack_from(self.data, position)
             after = position + 4 + length
             if after > self.end or length % 2:
-                raise _broken(
+                raise _packet_error(
                     tr(
                         "string of {length} bytes at offset {position}, {present} are present",
                         length=length,

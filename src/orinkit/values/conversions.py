@@ -1,6 +1,6 @@
-"""The functions that the table of VARIANT types refers to: a Python value to the content of a type, content to bytes and back.
+"""Conversions for the table of VARIANT types: Python values to the content of a type, content to wire values and back.
 
-A function that checks a value is given the row of the type and the value. It returns the content, or raises InvalidValue.
+Functions that check a value receive the row of the type and the value. They return the content or raise InvalidValue.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.type_row import TypeRow, no_type, shown
 
 CY_CONTEXT: Final = Context(prec=40, traps=[])
-"""For VT_CY: the caller's own decimal context may round or raise."""
+"""Context for VT_CY, because the caller's decimal context may round or raise."""
 _CY_STEP: Final = Decimal("0.0001")
 _EPOCH: Final = datetime(1899, 12, 30)
 _DAY_US: Final = 86_400_000_000
@@ -33,17 +33,17 @@ def nothing(row: TypeRow, value: Any) -> None:
 
 
 def only_in_arrays(row: TypeRow, _value: Any) -> Any:
-    """Refuse any value: VT_VARIANT is the type of an array, each of its elements has a type of its own."""
+    """Raise an error: VT_VARIANT is valid in arrays only, and each of their elements has its own type."""
     raise no_type(row.name, row.code)
 
 
 def integer(row: TypeRow, value: Any) -> int:
-    """Return a whole number within the bounds of the type; a float without a fraction is one."""
+    """Return a whole number within the bounds of the type; a float without a fraction is accepted."""
     return _within(row, _whole(row, value))
 
 
 def code(row: TypeRow, value: Any) -> int:
-    """Return a 32-bit code as an unsigned number; a negative one is its two's complement."""
+    """Return a 32-bit code as an unsigned number; a negative number is converted to its two's complement."""
     number = _whole(row, value)
     return _within(row, number + 2**32 if -(2**31) <= number < 0 else number)
 
@@ -66,20 +66,20 @@ def _within(row: TypeRow, number: int) -> int:
 
 
 def real(row: TypeRow, value: Any) -> float:
-    """Return a number of double precision."""
+    """Return a double-precision number."""
     if isinstance(value, bool | str | bytes | bytearray | memoryview):
         raise row.misfit(value)
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
         raise row.misfit(value) from None
-    if math.isinf(number) and number != value:  # float(Decimal("1E+999")) is inf, no error
+    if math.isinf(number) and number != value:  # float(Decimal("1E+999")) is inf and raises no error
         raise row.misfit(value)
     return number
 
 
 def single(row: TypeRow, value: Any) -> float:
-    """Return a number that single precision can hold; it is rounded when it is written."""
+    """Return a number within the range of single precision; it is rounded when it is encoded."""
     number = real(row, value)
     try:
         struct.pack("<f", number)
@@ -96,10 +96,10 @@ def boolean(row: TypeRow, value: Any) -> bool:
 
 
 def string(row: TypeRow, value: Any) -> str:
-    """Return a text."""
+    """Return a string."""
     if not isinstance(value, str):
         raise row.misfit(value)
-    return str.__str__(value)  # the text itself, also of an Enum whose own str() is its name
+    return str.__str__(value)  # also correct for an Enum, whose str() is its name
 
 
 def currency(row: TypeRow, value: Any) -> Decimal:
@@ -124,7 +124,7 @@ def date(row: TypeRow, value: Any) -> datetime | float:
     if isinstance(value, datetime):
         try:
             return value if value.tzinfo is None else value.astimezone().replace(tzinfo=None)
-        except (OverflowError, ValueError, OSError):  # in local time it is before the year 1 or after 9999
+        except (OverflowError, ValueError, OSError):  # the local time is before the year 1 or after 9999
             raise row.misfit(value) from None
     return real(row, value)
 
@@ -133,7 +133,7 @@ def date(row: TypeRow, value: Any) -> datetime | float:
 
 
 def flag_to_wire(flag: bool) -> int:
-    """Return -1 for true: VARIANT_TRUE has all bits set."""
+    """Return -1 for True (VARIANT_TRUE has all bits set), 0 for False."""
     return -1 if flag else 0
 
 
@@ -148,7 +148,7 @@ def amount_from_wire(units: int) -> Decimal:
 
 
 def date_to_wire(moment: datetime | float) -> float:
-    """Return a VT_DATE's content as OLE days."""
+    """Return the content of a VT_DATE as OLE days."""
     return ole_days(moment) if isinstance(moment, datetime) else moment
 
 
@@ -156,7 +156,7 @@ def date_to_wire(moment: datetime | float) -> float:
 
 
 def ole_days(moment: datetime) -> float:
-    """Return a local time as OLE days since 1899-12-30 (before that day the time of day still counts forward)."""
+    """Return a local time as OLE days since 1899-12-30; before that day, the time of day is subtracted."""
     us = (moment - _EPOCH) // timedelta(microseconds=1)
     if us >= 0:
         return us / _DAY_US
@@ -168,18 +168,20 @@ def ole_datetime(days: float) -> datetime:
     """Return OLE days as local time, rounded to a microsecond.
 
     Raises:
-        OverflowError: outside the years 1 to 9999, infinite, or not a number.
+        OverflowError: If the result is outside the years 1 to 9999, or ``days`` is infinite or NaN.
     """
     if days != days:
         raise OverflowError("NaN")
     top, bottom = abs(days).as_integer_ratio()
     whole, part = divmod(top, bottom)
-    us = (part * _DAY_US * 2 + bottom) // (2 * bottom)  # exact, half up: a double product would lose the microsecond
+    us = (part * _DAY_US * 2 + bottom) // (
+        2 * bottom
+    )  # exact, rounded half up; a product of doubles would not be exact to a microsecond
     return _EPOCH + timedelta(days=whole if days >= 0 else -whole, microseconds=us)
 
 
 def plain_date(value: datetime | float) -> datetime | float:
-    """Return a VT_DATE's content as ``datetime``, as it is where none can hold it."""
+    """Return the content of a VT_DATE as ``datetime``, or unchanged if it is outside the range of ``datetime``."""
     if isinstance(value, datetime):
         return value
     try:
@@ -189,7 +191,7 @@ def plain_date(value: datetime | float) -> datetime | float:
 
 
 def exact_date(days: float) -> datetime | float:
-    """Return OLE days as ``datetime`` where it gives the very same bytes again, else as they are."""
+    """Return OLE days as ``datetime`` if that is encoded as the same bytes again, otherwise unchanged."""
     moment = plain_date(days)
     return (
         moment

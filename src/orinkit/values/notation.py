@@ -1,36 +1,36 @@
-"""VARIANT as text, both ways (e-CAP 3.5; the b-CAP Tester's form, RC8 5.3).
+"""Conversion of VARIANTs to and from text (e-CAP 3.5; the form of the b-CAP Tester, RC8 5.3).
 
-``<type>,<data>``: the type is the VARTYPE number, an array's plus 8192; an array's data are separated by commas; each
-element of a VARIANT array is bracketed.
+The notation is ``<type>,<data>``. The type is the VARTYPE number, plus 8192 for an array; elements of an array are
+separated by commas; each element of a VARIANT array is in brackets.
 
 =====================================  ==========================================================================
 text                                   VARIANT
 =====================================  ==========================================================================
 ``2,100``                              VT_I2 100
-``8,Sample,Test``                      VT_BSTR "Sample,Test": everything behind the first comma, as it is
+``8,Sample,Test``                      VT_BSTR "Sample,Test": everything after the first comma, unchanged
 ``8194,100,200,300``                   VT_I2 array
 ``8200,Sample,Test``                   VT_BSTR array of two
-``8204,(8,Sample),(2,100)``            VARIANT array: "Sample", 100; may be nested, 16 deep
-``12,(8,Sample)``                      VT_VARIANT: the value in the brackets itself
-``(8197, 0, 0), (3, 0), (3, -2)``      the data alone of a VARIANT array, as typed into the Tester:
+``8204,(8,Sample),(2,100)``            VARIANT array: "Sample", 100; nested up to 16 deep
+``12,(8,Sample)``                      VT_VARIANT: the value in the brackets
+``(8197, 0, 0), (3, 0), (3, -2)``      only the elements of a VARIANT array, as typed into the Tester:
                                        :func:`parse_elements`
 =====================================  ==========================================================================
 
-The documents do not say how the other types are written, nor what else may stand in a string:
+The documents do not specify the other types, nor which characters a string may contain. This module uses these rules:
 
 * Numbers: decimal; whole numbers and VT_ERROR also ``0x`` hexadecimal; VT_R4 and VT_R8 with point, exponent, ``inf``,
   ``nan``; VT_CY with up to four decimals; VT_BOOL ``-1``, ``1``, ``True`` or ``0``, ``False``; VT_DATE
-  ``2026-11-21 10:00:00.5`` (local time; also ``2026/11/21``, ``T`` between, the time left out) or OLE days. Blanks
-  around a number do not count. VT_EMPTY is ``0,``, VT_NULL ``1,``, an array without elements ``8197,``; the comma of
-  these three may be left out.
-* A string by itself (``8,...`` as the whole text) is never changed, whatever is in it. Inside brackets and in a VT_BSTR
-  array blanks around a string do not count, and brackets in it have to balance: ``(8,@P P(1,2,3))`` is one string, so
-  is the ``P(1,2)`` in ``8200,P(1,2),P2``.
-* Any other string is quoted there, with ``"`` doubled inside: ``(8," :-) ")``, ``8200,"a,b",c``. A string is quoted
-  only if it begins with ``"``. ``8200,`` is an array of no string, ``8200,""`` of one that is empty.
+  ``2026-11-21 10:00:00.5`` (local time; also ``2026/11/21``, with ``T`` in between, or without the time) or OLE days.
+  Blanks around a number are ignored. VT_EMPTY is ``0,``, VT_NULL ``1,``, an array without elements ``8197,``; the comma
+  of these three is optional.
+* A single string (``8,...`` as the whole text) is never changed. Inside brackets and in a VT_BSTR array, blanks around a
+  string are ignored, and brackets in it must be balanced: ``(8,@P P(1,2,3))`` is one string, and so is the ``P(1,2)`` in
+  ``8200,P(1,2),P2``.
+* Any other string there is quoted, with ``"`` doubled inside: ``(8," :-) ")``, ``8200,"a,b",c``. A string counts as quoted
+  only if it begins with ``"``. ``8200,`` is an array without strings, ``8200,""`` an array of one empty string.
 
-So ``parse(format_variant(value))`` is the same value with the same types, for every VARIANT (a VT_R4 as single
-precision, like on the wire), and plain text is written as the documents print it.
+``parse(format_variant(value))`` is therefore the same value with the same types, for every VARIANT (a VT_R4 in single
+precision, as in a packet), and plain text is written as in the documents.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VARIANT
 from orinkit.values.variant import Value, Variant, trusted, variant
 
 MAX_DEPTH: Final = 16
-"""How deep VARIANT arrays and brackets may be nested, as in a packet."""
+"""Largest nesting depth of VARIANT arrays and brackets, as in a packet."""
 MAX_LENGTH: Final = 16 * 1024 * 1024
-"""How many characters a text to parse may have."""
+"""Largest number of characters of a text to parse."""
 
-_BLANKS: Final = " \t\r\n"  # no other: an ideographic space is part of a Japanese text
-_PIECE: Final = 4096  # elements, or characters, that are read or written at a time: other threads wait meanwhile
-_MOST_BLANKS: Final = 65_536  # characters of a number with the blanks around it
+_BLANKS: Final = " \t\r\n"  # no others: an ideographic space is part of Japanese text
+_PIECE: Final = 4096  # elements or characters that are processed at a time, because this blocks other threads
+_MAX_PADDED: Final = 65_536  # largest length of a number including the blanks around it
 _SHOWN: Final = 20  # characters of a text that an error message quotes
 
 _FORMS: Final[dict[int, TextForm]] = {int(row.code): row.text for row in TABLE if row.text is not None}
@@ -64,11 +64,11 @@ _KNOWN: Final = ", ".join(str(int(vt)) for vt in sorted(_TYPES) if vt < ARRAY)
 
 
 def parse(text: str) -> Variant:
-    """Return the VARIANT that a text ``<type>,<data>`` stands for; the module's docstring has the rules.
+    """Parse ``<type>,<data>`` by the rules of this module's docstring.
 
     Raises:
-        NotationError: the text is no VARIANT notation, is nested deeper than MAX_DEPTH or longer than MAX_LENGTH; the
-            message names the column, counted from 1, and what was expected there.
+        NotationError: If the text is not valid VARIANT notation, is nested deeper than MAX_DEPTH or longer than MAX_LENGTH;
+            the message contains the column, counted from 1, and what was expected there.
     """
     reader = _NotationParser(text)
     result = reader.variant()
@@ -77,12 +77,12 @@ def parse(text: str) -> Variant:
 
 
 def parse_elements(text: str) -> list[Variant]:
-    """Return the elements of a VARIANT array from its data alone, as the b-CAP Tester's fields have it (RC8 5.3).
+    """Parse the elements of a VARIANT array without its type, as in the fields of the b-CAP Tester (RC8 5.3).
 
-    ``(8197, 0, 0, 0, 0, 0, 0, 5), (3, 0), (3, -2)`` is a pose of Robot_Move; a text of blanks is no element.
+    ``(8197, 0, 0, 0, 0, 0, 0, 5), (3, 0), (3, -2)`` is a pose of Robot_Move; a blank text has no elements.
 
     Raises:
-        NotationError: as :func:`parse`.
+        NotationError: As for :func:`parse`.
     """
     reader = _NotationParser(text)
     result = reader.elements()
@@ -94,22 +94,22 @@ _NOTATION: Final = re.compile(rf"[{_BLANKS}]*([0-9]{{1,5}})[{_BLANKS}]*,")
 
 
 def parse_lenient(text: str) -> Variant:
-    """Return the VARIANT for a value typed on a command line, where the type may be left out.
+    """Parse a value from a command line; the type is optional.
 
-    A text that begins with the number of a type and a comma is full notation, as for :func:`parse`. Anything else is
-    read as what it looks like:
+    A text that begins with the number of a type and a comma is full notation, as for :func:`parse`. For other texts the
+    type is inferred:
 
     ==============================  =====================================================================
     ``2,100``                       VT_I2 100
-    ``100``, ``-5``, ``0x1F``       VT_I4; beyond 32 bits an error (``20,...`` and ``5,...`` hold more)
+    ``100``, ``-5``, ``0x1F``       VT_I4; an error beyond 32 bits (use ``20,...`` or ``5,...``)
     ``1.5``, ``1e3``                VT_R8
     ``true``, ``False``             VT_BOOL
-    ``P1``, ``J(1,2,3)``, ``a,b``   VT_BSTR, as any other text, the empty one too
-    ``8,100``, ``8,2,100``          VT_BSTR "100", "2,100": how to give a text that would be read otherwise
+    ``P1``, ``J(1,2,3)``, ``a,b``   VT_BSTR, like any other text, including an empty one
+    ``8,100``, ``8,2,100``          VT_BSTR "100", "2,100": strings that would otherwise have another type
     ==============================  =====================================================================
 
     Raises:
-        NotationError: the text begins as notation and is not, or is a whole number beyond VT_I4.
+        NotationError: If the text begins like notation but is not valid, or is a whole number beyond VT_I4.
     """
     match = _NOTATION.match(text)
     if match and int(match[1]) in _TYPES:
@@ -122,7 +122,7 @@ def parse_lenient(text: str) -> Variant:
         if WHOLE.fullmatch(word):
             return trusted(VarType.I4, reader.number(VarType.I4, len(text)))
         real = REAL.fullmatch(word)
-        if real and not real[1]:  # "inf" and "nan" are words
+        if real and not real[1]:  # "inf" and "nan" are strings here
             return trusted(VarType.R8, reader.number(VarType.R8, len(text)))
     return trusted(VarType.BSTR, text)
 
@@ -138,7 +138,7 @@ def _error(at: int, problem: str) -> NotationError:
 
 
 class _NotationParser:
-    """Walks once over a text; ``at`` is where it stands, ``depth`` in how many brackets."""
+    """Parses a text in one pass; ``at`` is the position, ``depth`` the number of open brackets."""
 
     __slots__ = ("at", "depth", "text")
 
@@ -147,7 +147,7 @@ class _NotationParser:
         if len(text) > MAX_LENGTH:
             raise _error(
                 MAX_LENGTH,
-                tr("the text goes on beyond the {most} characters that are allowed", most=MAX_LENGTH),
+                tr("the text is longer than {most} characters", most=MAX_LENGTH),
             )
 
     def variant(self) -> Variant:
@@ -171,7 +171,7 @@ class _NotationParser:
         return trusted(vt, self._numbers(base) if vt & ARRAY else self.number(base, self._end_of_numbers()))
 
     def elements(self) -> list[Variant]:
-        """Read bracketed VARIANTs up to the end of what encloses them."""
+        """Read bracketed VARIANTs up to the end of the text or of the enclosing bracket."""
         self._check_depth()
         if self._at_end():
             return []
@@ -181,10 +181,10 @@ class _NotationParser:
         return result
 
     def number(self, base: int, end: int) -> Any:
-        """Read one element of a type other than VT_BSTR and VT_VARIANT; it reaches up to ``end``."""
+        """Read one element of a type other than VT_BSTR and VT_VARIANT that ends at ``end``."""
         self._blank()
         piece = self.text[self.at : end]
-        piece = piece.strip(_BLANKS) if len(piece) <= _MOST_BLANKS else piece[: LONGEST + 1]
+        piece = piece.strip(_BLANKS) if len(piece) <= _MAX_PADDED else piece[: LONGEST + 1]
         form = _FORMS[base]
         value = form.read(piece) if len(piece) <= LONGEST else None
         if value is None:
@@ -194,7 +194,7 @@ class _NotationParser:
         return value
 
     def finish(self) -> None:
-        """Make sure that nothing follows."""
+        """Raise an error if anything but blanks follows."""
         self._blank()
         if self.at < len(self.text):
             found = self.text[self.at : self.at + _SHOWN]
@@ -203,14 +203,14 @@ class _NotationParser:
                 tr("expected the end of the text, found {found!r}", found=found),
             )
 
-    # What stands between the values
+    # Separators, types and brackets
 
     def _type(self) -> int:
         self._blank()
         match = _HEAD.match(self.text, self.at)
         if not match or int(match[1]) not in _TYPES:
             raise self._expected(
-                tr("the number of a type ({known}; an array's plus 8192)", known=_KNOWN),
+                tr("the number of a type ({known}; plus 8192 for an array)", known=_KNOWN),
                 len(match[1]) if match else 0,
             )
         self.at = match.end()
@@ -240,19 +240,19 @@ class _NotationParser:
                 return
 
     def _skip(self, sign: str) -> bool:
-        """Go behind a sign, and the blanks before it, if it is there."""
+        """Skip blanks, and a sign if it follows; return True if it does."""
         self._blank()
         found = self.text.startswith(sign, self.at)
         self.at += found
         return found
 
     def _at_end(self) -> bool:
-        """Tell whether what is being read ends here, blanks aside."""
+        """Return True at the end of the text or of the enclosing bracket, ignoring blanks."""
         self._blank()
         return self.at == len(self.text) or (self.depth > 0 and self.text[self.at] == ")")
 
     def _expected(self, wanted: str, length: int = 0) -> NotationError:
-        """Return the error that something else stands here; ``length`` is that of the wrong piece, 0 if not known."""
+        """Return the error for unexpected text here; ``length`` is that of the unexpected part, 0 if unknown."""
         self._blank()
         found = self.text[self.at : self.at + min(length or _SHOWN, _SHOWN)]
         if not found:
@@ -279,11 +279,11 @@ class _NotationParser:
         return bytes(values) if base | ARRAY == UI1_ARRAY else values
 
     def _cut(self, end: int) -> Iterator[str]:
-        """Yield what stands between the commas up to the end."""
+        """Yield the parts between the commas up to ``end``."""
         at = self.at
         while True:
             last = self.text.rfind(",", at, min(at + 16 * _PIECE, end))
-            if last < 0:  # nothing but a long piece, or the rest
+            if last < 0:  # a long part, or the last one
                 last = self.text.find(",", at, end)
             if last < 0:
                 yield from [self.text[at:end]]
@@ -306,13 +306,13 @@ class _NotationParser:
         return result
 
     def _text(self, signs: re.Pattern[str]) -> str:
-        """Read a string that ends where what encloses it does, or at a comma if that is one of the signs."""
+        """Read a string up to the end of the text or of the enclosing bracket, or to a comma if it is one of the signs."""
         self._blank()
         start = self.at
         if self.text.startswith('"', start):
             return self._quoted()
         end = len(self.text)
-        depth = opened = 0  # brackets inside the string: how many are open, where the outermost is
+        depth = opened = 0  # open brackets inside the string: their number, the position of the outermost one
         for match in signs.finditer(self.text, start):
             sign, at = match[0], match.start()
             if sign == "(":
@@ -337,7 +337,7 @@ class _NotationParser:
         sign = self.text[at]
         return _error(
             at,
-            tr('"{sign}" has no counterpart; put a string with such a bracket in double quotes', sign=sign),
+            tr('"{sign}" is unbalanced. Try: double quotes around the string', sign=sign),
         )
 
     def _quoted(self) -> str:
@@ -348,7 +348,7 @@ class _NotationParser:
         if end < 0:
             raise _error(
                 start,
-                tr("the quote is not closed; a quote inside a quoted string is doubled"),
+                tr("the quote is not closed; quotes inside a quoted string must be doubled"),
             )
         self.at = end + 1
         return _undoubled(self.text[start + 1 : end])
@@ -358,13 +358,13 @@ class _NotationParser:
 
 
 def format_variant(value: Value) -> str:
-    """Return a value as ``<type>,<data>``, as the documents print it: ``8204,(8,Sample),(2,100)``.
+    """Return a value as ``<type>,<data>``, in the notation of the documents: ``8204,(8,Sample),(2,100)``.
 
     Args:
-        value: a :class:`~orinkit.values.variant.Variant`, or any value that :func:`~orinkit.values.variant.variant` takes.
+        value: A :class:`~orinkit.values.variant.Variant`, or a value that :func:`~orinkit.values.variant.variant` accepts.
 
     Raises:
-        InvalidValue: no VARIANT can hold the value, or it is nested deeper than MAX_DEPTH.
+        InvalidValue: If the value cannot be converted to a VARIANT, or is nested deeper than MAX_DEPTH.
     """
     return _write(variant(value), 0)
 
@@ -388,12 +388,12 @@ def _write_data(item: Variant, depth: int) -> str:
     write = _FORMS[vt & ~ARRAY].write
     if not vt & ARRAY:
         return write(value)
-    # in pieces: other threads have to wait while Python writes one
+    # in pieces, because joining a long list blocks other threads
     return ",".join(",".join(map(write, value[at : at + _PIECE])) for at in range(0, len(value), _PIECE))
 
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
-    """Return a string as it stands inside brackets or as element of an array: quoted if it would be read otherwise."""
+    """Return a string in the form for brackets or arrays: quoted if it would otherwise not be parsed as the same string."""
     if not text or not (brackets or element):
         return text
     begins, ends = text[0], text[-1]
@@ -402,7 +402,7 @@ def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
 
 
 def _undoubled(text: str) -> str:
-    """Return what :func:`_doubled` has been given; a slice ends where no quote is cut from its twin."""
+    """Return the inverse of :func:`_doubled`; slices never end inside a pair of quotes."""
     pieces = []
     at = 0
     while at < len(text):

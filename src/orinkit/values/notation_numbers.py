@@ -1,4 +1,4 @@
-"""One number, date or flag as text: what :mod:`orinkit.values.notation` puts between the commas (e-CAP 3.5)."""
+"""Numbers, dates and flags as text, for :mod:`orinkit.values.notation` (e-CAP 3.5)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,19 @@ from typing import Any, Final
 from orinkit.core.i18n import N_, tr
 
 LONGEST: Final = 1100
-"""How many characters a number may have; the longest exact decimal form of a double has 1,077."""
+"""Largest number of characters of a number; the longest exact decimal form of a double has 1,077."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextForm:
-    """How one element of a type is read (``None`` if the text is no such value), written, and described."""
+    """The text form of one element of a type.
+
+    Attributes:
+        read: Function that parses a text; it returns ``None`` if the text is not valid.
+        write: Function that formats a value.
+        description: Message that describes valid texts.
+        bounds: Placeholders of ``description``.
+    """
 
     read: Callable[[str], Any]
     write: Callable[[Any], str]
@@ -29,7 +36,7 @@ class TextForm:
 
     @property
     def wanted(self) -> str:
-        """What the text of a value has to be, in the current language."""
+        """Description of valid texts in the current language."""
         return tr(self.description, **self.bounds)
 
 
@@ -108,14 +115,14 @@ def _write_real(number: float) -> str:
 
 
 def _write_single(number: float) -> str:
-    """Write with the fewest digits that are read as the same single-precision number."""
+    """Return the shortest text that is parsed as the same single-precision number."""
     single = _to_single(number)
     if isinf(single) or isnan(single):
         return _write_real(single)
-    # Six digits always find the shortest form of a normal number: "g" leaves out trailing zeros.
-    fewest = 6 if abs(single) >= _SMALLEST_NORMAL_SINGLE else 1
+    # For a normal number, six digits are enough to start with: "g" omits trailing zeros.
+    minimum = 6 if abs(single) >= _SMALLEST_NORMAL_SINGLE else 1
     shortest = next(
-        near for near in (float(f"{single:.{digits}g}") for digits in range(fewest, 10)) if _to_single(near) == single
+        near for near in (float(f"{single:.{digits}g}") for digits in range(minimum, 10)) if _to_single(near) == single
     )
     return _write_real(shortest)
 
@@ -141,7 +148,7 @@ def _write_flag(flag: bool) -> str:
 
 
 def whole(low: int, high: int) -> TextForm:
-    """Return the form of whole numbers within bounds."""
+    """Return the text form of whole numbers within bounds."""
     return TextForm(
         partial(_read_whole, low, high), str, N_("a whole number from {low} to {high}"), {"low": low, "high": high}
     )

@@ -1,4 +1,4 @@
-"""What the numbers of poses are and mean, how many a pose has, how they are checked and written (:mod:`orinkit.values.poses`)."""
+"""The numbers of poses: their names, count, checks and text form; figures (for :mod:`orinkit.values.poses`)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from orinkit.values.variant import plain
 
 MAX_JOINTS: Final = 8
 MAX_WHOLE: Final = 2**31 - 1
-"""The largest number of a variable, and the largest Fig."""
+"""Largest number of a variable, and largest Fig."""
 EXTRA_JOINTS: Final = (7, 8)
 COUNTS: Final[dict[str, tuple[int, int]]] = {"P": (6, 7), "T": (9, 10), "J": (1, MAX_JOINTS), "V": (3, 3), "": (1, 10)}
-"""The fewest and the most numbers of each kind; ``""`` is that of a pose whose kind is not said."""
+"""Smallest and largest count of numbers of each pose type; ``""`` is a pose of unspecified type."""
 FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "P": ("x", "y", "z", "rx", "ry", "rz", "fig"),
     "T": ("x", "y", "z", "ox", "oy", "oz", "ax", "ay", "az", "fig"),
@@ -30,49 +30,47 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
 FIG_AUTO: Final = -1
 """Fig: the controller chooses the figure."""
 FIG_NEAREST: Final = -2
-"""Fig: the figure that changes least (RC9)."""
+"""Fig: the controller chooses the figure with the least change (RC9)."""
 FIG_WITHIN_LIMITS: Final = -3
-"""Fig: a figure within the software limits (RC9)."""
+"""Fig: the controller chooses a figure within the soft limits (RC9)."""
 
 _SURELY_FINITE: Final = 1e300
-_DECIMALS: Final = 6  # of a number that people see: a millionth of a mm or degree
-_GREAT: Final = 10_000  # bits of a whole number whose decimal digits Python may refuse to write
+_DECIMALS: Final = 6  # of a displayed number: a millionth of a mm or degree
+_GREAT: Final = 10_000  # bits; Python may refuse to write a larger whole number in decimal
 _SHOWN: Final = 40  # characters of a value that an error message quotes
 
 
 def listed(kind: str, values: object) -> list[Any]:
-    """Return values as a list of a length that the kind can have.
+    """Return values as a list of a length that is valid for the pose type.
 
     Raises:
-        InvalidValue: they are no sequence, or too few or too many.
+        InvalidValue: If they are not a sequence, or their number is wrong.
     """
     least, most = COUNTS[kind]
     values = plain(values)
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise InvalidValue(tr("{kind}: {values} is no sequence of numbers", kind=named(kind), values=brief(values)))
+        raise InvalidValue(tr("{kind}: {values} is not a sequence of numbers", kind=named(kind), values=brief(values)))
     items = list(islice(values, most + 1))
     if not least <= len(items) <= most:
         name, wanted, count = named(kind), counted(kind), len(items)
         if count > most:
             raise InvalidValue(
                 tr(
-                    "{kind}: more than {most} values were given, {wanted} are wanted",
+                    "{kind}: got more than {most} values, expected {wanted}",
                     kind=name,
                     most=most,
                     wanted=wanted,
                 )
             )
-        raise InvalidValue(
-            tr("{kind}: {count} values were given, {wanted} are wanted", kind=name, count=count, wanted=wanted)
-        )
+        raise InvalidValue(tr("{kind}: got {count} values, expected {wanted}", kind=name, count=count, wanted=wanted))
     return items
 
 
 def conform(kind: str, values: Iterable[object]) -> list[float]:
-    """Return values of a kind as finite ``float``, the figure as a whole one.
+    """Return the values of a pose type as finite ``float``; the figure must be a whole number.
 
     Raises:
-        InvalidValue: one is not, by its name.
+        InvalidValue: If a value is not valid; the message contains its name.
     """
     return [
         (whole if name == "fig" else finite)(named(kind), name, value)
@@ -84,9 +82,9 @@ def finite(owner: str, name: str, value: Any) -> float:
     """Return a number as finite ``float``.
 
     Raises:
-        InvalidValue: it is none, or NaN, infinite or too large.
+        InvalidValue: If it is not a number, or NaN, infinite or too large.
     """
-    if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # the quick way for most
+    if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # the fast path for most values
         return float(value)
     try:
         if isinstance(value, SupportsFloat | SupportsIndex) and not isinstance(value, bool):
@@ -96,7 +94,7 @@ def finite(owner: str, name: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):  # an array of several numbers, an int of hundreds of digits
         pass
     raise InvalidValue(
-        tr("{owner}: {name} is {value}, a finite number is wanted", owner=owner, name=name, value=brief(value))
+        tr("{owner}: {name} must be a finite number, not {value}", owner=owner, name=name, value=brief(value))
     )
 
 
@@ -104,13 +102,13 @@ def whole(owner: str, name: str, value: object) -> float:
     """Return a whole number of 32 bits as ``float``.
 
     Raises:
-        InvalidValue: it is none.
+        InvalidValue: If it is not a whole number of 32 bits.
     """
     number = finite(owner, name, value)
     if not is_whole(number):
         raise InvalidValue(
             tr(
-                "{owner}: {name} is {value}, a whole number of 32 bits is wanted",
+                "{owner}: {name} must be a whole number of 32 bits, not {value}",
                 owner=owner,
                 name=name,
                 value=brief(value),
@@ -120,25 +118,25 @@ def whole(owner: str, name: str, value: object) -> float:
 
 
 def check_kind(kind: str) -> None:
-    """Make sure that a target can be of this kind.
+    """Check the pose type of a target.
 
     Raises:
-        InvalidValue: it cannot.
+        InvalidValue: If it is not a valid pose type.
     """
     if kind not in COUNTS:
-        raise InvalidValue(tr('a target of kind {kind}: "P", "T", "J", "V" or "" is wanted', kind=brief(kind)))
+        raise InvalidValue(tr('the kind of a target must be "P", "T", "J", "V" or "", not {kind}', kind=brief(kind)))
 
 
 def check_index(kind: str, index: int) -> None:
-    """Make sure that there can be such a variable.
+    """Check the pose type and number of a variable.
 
     Raises:
-        InvalidValue: no kind is said, or the number is negative or beyond 32 bits.
+        InvalidValue: If the pose type is unspecified, or the number is negative or beyond 32 bits.
     """
     if not kind or isinstance(index, bool) or not 0 <= index <= MAX_WHOLE:
         raise InvalidValue(
             tr(
-                "a target of kind {kind!r} with variable number {index}: a kind and a number from 0 are wanted",
+                "invalid variable of kind {kind!r} and number {index}; a kind and a number from 0 are required",
                 kind=kind,
                 index=brief(index),
             )
@@ -146,22 +144,22 @@ def check_index(kind: str, index: int) -> None:
 
 
 def is_whole(number: float) -> bool:
-    """Tell whether a number can be a figure."""
+    """Return True if a number is a whole number in the range of a figure."""
     return number.is_integer() and abs(number) <= MAX_WHOLE
 
 
 def written(kind: str, values: Iterable[float]) -> str:
-    """Return numbers as a controller reads them: ``J(45, 30, 120)``."""
+    """Return numbers in the notation of the controller, with all digits: ``J(45, 30, 120)``."""
     return f"{kind}({', '.join(map(plain_decimal, values))})"
 
 
 def rounded(kind: str, values: Iterable[float]) -> str:
-    """Return numbers for people: as :func:`written`, but no more than six decimals of each."""
+    """Return numbers for display: as :func:`written`, but rounded to six decimals."""
     return written(kind, [round(value, _DECIMALS) for value in values])
 
 
 def plain_decimal(number: float) -> str:
-    """Return the shortest decimal digits that are read as the same number, without an exponent: ``45``, ``0.0001``."""
+    """Return the shortest decimal text of the same number, without an exponent: ``45``, ``0.0001``."""
     text = repr(number)
     if "e" in text:
         text = f"{Decimal(text):f}"
@@ -169,7 +167,7 @@ def plain_decimal(number: float) -> str:
 
 
 def counted(kind: str) -> str:
-    """Return how many numbers a kind has, in words."""
+    """Return the number of values of a pose type, as text."""
     least, most = COUNTS[kind]
     if least == most:
         return str(most)
@@ -179,15 +177,15 @@ def counted(kind: str) -> str:
 
 
 def named(kind: str) -> str:
-    """Return what a message calls a kind."""
+    """Return the name of a pose type for messages."""
     return kind or tr("a pose")
 
 
 def brief(value: object) -> str:
-    """Return a value for a message: short, and whatever the value is."""
+    """Return any value in a short form for messages; never raises an exception."""
     try:
         text = f"{value:#x}" if isinstance(value, int) and value.bit_length() > _GREAT else repr(value)
-    except Exception:  # noqa: BLE001 - somebody's __repr__
+    except Exception:  # noqa: BLE001 - a user's __repr__
         return f"<{type(value).__name__}>"
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
 
@@ -196,7 +194,7 @@ def brief(value: object) -> str:
 
 
 class Figure(IntFlag):
-    """The bits of Fig; a bit that is not set is RIGHTY, ABOVE, FLIP, SINGLE."""
+    """Bits of Fig; a bit that is 0 means RIGHTY, ABOVE, FLIP or SINGLE."""
 
     LEFTY = 1
     BELOW = 2
@@ -211,13 +209,13 @@ _DOUBLES: Final = {Figure.J6_DOUBLE: "J6 DOUBLE", Figure.J4_DOUBLE: "J4 DOUBLE",
 
 
 def describe_figure(fig: float) -> str:
-    """Return a figure in words, ``LEFTY ABOVE NONFLIP`` for 5; bits without a name as their number (COBOTTA's 256).
+    """Return a figure in words, ``LEFTY ABOVE NONFLIP`` for 5; bits without a name as a number (256 of the COBOTTA).
 
     Args:
-        fig: a whole number; negative ones are AUTO, NEAREST, WITHIN LIMITS.
+        fig: A whole number; -1, -2 and -3 are AUTO, NEAREST and WITHIN LIMITS.
 
     Raises:
-        InvalidValue: no whole number.
+        InvalidValue: If it is not a whole number.
     """
     bits = int(whole("Fig", "fig", fig))
     if bits < 0:
@@ -228,5 +226,5 @@ def describe_figure(fig: float) -> str:
         "NONFLIP" if bits & Figure.NONFLIP else "FLIP",
         *(name for bit, name in _DOUBLES.items() if bits & bit),
     ]
-    unknown = bits & ~63  # those above
+    unknown = bits & ~63
     return " ".join([*words, str(unknown)] if unknown else words)

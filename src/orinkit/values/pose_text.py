@@ -1,4 +1,4 @@
-"""Reads the text of poses into plain values; :mod:`orinkit.values.poses` has the grammar and makes its objects of them."""
+"""Parser of poses; it returns plain values, from which :mod:`orinkit.values.poses`, which has the grammar, builds objects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from orinkit.core.i18n import N_, tr
 from orinkit.values.pose_numbers import COUNTS, EXTRA_JOINTS, FIELDS, MAX_WHOLE, counted, is_whole
 
 MAX_LENGTH: Final = 4096
-"""How many characters a text to parse may have."""
+"""Largest number of characters of a text to parse."""
 
 _SHOWN: Final = 20  # characters of a text that an error message quotes
 _SPACE: Final = re.compile(r"[ \t\r\n]*")
@@ -24,21 +24,21 @@ _EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
 
 
 class PassMarkText(NamedTuple):
-    """``@E``: a mode of ``0``, ``E``, ``P``, ``n``; for ``n`` the radius in mm."""
+    """Parsed pass mark such as ``@E``: a mode of ``0``, ``E``, ``P``, ``n``; for ``n`` the radius in mm."""
 
     mode: str
     radius: float
 
 
 class ExtraJointsText(NamedTuple):
-    """``EXA((7, 10))``."""
+    """Parsed extra joints such as ``EXA((7, 10))``."""
 
     absolute: bool
     joints: tuple[tuple[int, float], ...]
 
 
 class TargetParts(NamedTuple):
-    """``@E P1 EX((7, 10))``."""
+    """Parsed target such as ``@E P1 EX((7, 10))``."""
 
     kind: str
     value: tuple[float, ...] | int
@@ -47,10 +47,10 @@ class TargetParts(NamedTuple):
 
 
 class Scanner:
-    """Walks once over a text; ``at`` is where it stands. Blanks before a token never count.
+    """Splits a text into tokens in one pass; ``at`` is the position. Blanks before a token are ignored.
 
     Raises:
-        NotationError: the text is longer than MAX_LENGTH.
+        NotationError: If the text is longer than MAX_LENGTH.
     """
 
     __slots__ = ("at", "text")
@@ -60,29 +60,29 @@ class Scanner:
         if len(text) > MAX_LENGTH:
             raise _error(
                 MAX_LENGTH,
-                tr("the text goes on beyond the {most} characters that are allowed", most=MAX_LENGTH),
+                tr("the text is longer than {most} characters", most=MAX_LENGTH),
             )
 
     def here(self) -> int:
-        """Go to where the next token begins, and return where that is."""
+        """Skip blanks; return the position of the next token."""
         match = _SPACE.match(self.text, self.at)
         assert match  # it also matches nothing
         self.at = match.end()
         return self.at
 
     def skip(self, sign: str) -> bool:
-        """Go behind a sign if it is there, and say so."""
+        """Skip a sign if it follows; return True if it does."""
         found = self.text.startswith(sign, self.here())
         self.at += len(sign) if found else 0
         return found
 
     def need(self, sign: str) -> None:
-        """Go behind a sign that has to be there."""
+        """Skip a sign; raise an error if it does not follow."""
         if not self.skip(sign):
             raise self.expected(tr('"{sign}"', sign=sign))
 
     def take(self, pattern: re.Pattern[str]) -> str:
-        """Go behind what a pattern matches here and return it, ``""`` if it does not match."""
+        """Skip the text that a pattern matches here and return it; ``""`` if it does not match."""
         match = pattern.match(self.text, self.here())
         if not match:
             return ""
@@ -90,7 +90,7 @@ class Scanner:
         return match[0]
 
     def number(self, wanted: str, **values: object) -> float:
-        """Read a finite number; ``wanted`` is the message that says what is expected, with its values."""
+        """Read a finite number; ``wanted`` and ``values`` are a message that describes it, and its placeholders."""
         start = self.here()
         text = self.take(_NUMBER)
         number = float(text) if text else math.nan
@@ -99,7 +99,7 @@ class Scanner:
         return number
 
     def whole(self, low: int, high: int, wanted: str, **values: object) -> int:
-        """Read a whole number without a sign from ``low`` to ``high``; the rest as for :meth:`number`."""
+        """Read a whole number without a sign, ``low`` to ``high``; the other arguments are as for :meth:`number`."""
         start = self.here()
         text = self.take(_WHOLE)
         number = int(text) if 0 < len(text) <= _LONGEST_WHOLE else -1
@@ -108,12 +108,12 @@ class Scanner:
         return number
 
     def finish(self) -> None:
-        """Make sure that nothing follows."""
+        """Raise an error if anything but blanks follows."""
         if self.here() < len(self.text):
             raise self.expected(tr("the end of the text"))
 
     def expected(self, wanted: str, at: int | None = None) -> NotationError:
-        """Return the error that something else stands here, or at ``at``."""
+        """Return the error for unexpected text here, or at ``at``."""
         at = self.here() if at is None else at
         found = self.text[at : at + _SHOWN]
         if not found:
@@ -145,7 +145,7 @@ def read_target(scanner: Scanner) -> TargetParts:
 
 
 def read_mark(scanner: Scanner) -> PassMarkText | None:
-    """Read a pass mark if there is one."""
+    """Read a pass mark; return ``None`` if there is none."""
     if not scanner.skip("@"):
         return None
     mode = scanner.take(_MODE).upper()
@@ -171,11 +171,11 @@ def _read_values(scanner: Scanner, kind: str) -> tuple[float, ...]:
     counts = counted(kind)
     if len(values) < least:
         raise scanner.expected(
-            tr('"," and another of the {counts} values of {kind}(...)', counts=counts, kind=kind),
+            tr('"," and the next of the {counts} values of {kind}(...)', counts=counts, kind=kind),
         )
     if len(values) < most:
         raise scanner.expected(tr('"," or ")"'))
-    raise scanner.expected(tr('")" behind the {counts} values of {kind}(...)', counts=counts, kind=kind))
+    raise scanner.expected(tr('")" after the {counts} values of {kind}(...)', counts=counts, kind=kind))
 
 
 def _read_value(scanner: Scanner, kind: str, place: int) -> float:
@@ -208,7 +208,7 @@ def _read_joint(scanner: Scanner, joints: dict[int, float]) -> None:
     start = scanner.here()
     joint = scanner.whole(*EXTRA_JOINTS, N_("the number of an extra joint, 7 or 8"))
     if joint in joints:
-        raise scanner.expected(tr("another extra joint"), start)
+        raise scanner.expected(tr("the number of the other extra joint"), start)
     scanner.need(",")
     joints[joint] = scanner.number(N_("a number (J{joint})"), joint=joint)
     scanner.need(")")

@@ -1,7 +1,7 @@
-"""Poses of robots: values, figures, and the texts that Robot_Move takes (RC8 3.3.4, 4.6.1).
+"""Poses of robots: values, figures, and the text form for Robot_Move (RC8 3.3.4, 4.6.1).
 
 =====================================  ==========================================================================
-value                                  what it is
+value                                  meaning
 =====================================  ==========================================================================
 ``P(x, y, z, rx, ry, rz, fig)``        position: mm, degrees (turned about Z, then Y, then X), figure
 ``T(x, y, z, ox, oy, oz, ax, ay, az,   homogeneous transformation: mm, orient vector (the tool's Y axis), approach
@@ -10,14 +10,14 @@ fig)``                                 vector (the tool's Z axis), figure
 ``V(x, y, z)``                         vector
 =====================================  ==========================================================================
 
-All are tuples of ``float``, so a variable takes them as they are. :func:`to_text` gives the text that a controller reads,
-``P(364.16, 0, 278.5355, 180, 0, 180, 5)``, with all digits; ``str()`` the same rounded to six decimals, for people.
+All are tuples of ``float`` and can be assigned to a variable directly. :func:`to_text` returns the text for a controller,
+``P(364.16, 0, 278.5355, 180, 0, 180, 5)``, with all digits; ``str()`` rounds to six decimals, for display.
 
-A target of a motion as text; blanks between its parts and capitals do not matter::
+The target of a motion as text; blanks between its parts and the case of letters are ignored::
 
     [@P | @E | @0 | @<mm>]  P1  |  P[1]  |  P(v, v, ...)  |  (v, v, ...)   [EX((7, v), (8, v)) | EXA((7, v))]
 
-with T, J or V in place of P, and ``EX(7, v)`` for a single joint. Numbers may have a sign, decimals and an exponent.
+with T, J or V instead of P, and ``EX(7, v)`` for a single joint. Numbers may have a sign, decimals and an exponent.
 """
 
 from __future__ import annotations
@@ -37,26 +37,27 @@ from orinkit.values.pose_numbers import describe_figure as describe_figure
 from orinkit.values.pose_text import PassMarkText, Scanner, TargetParts, read_mark, read_target
 
 Kind: TypeAlias = Literal["P", "T", "J", "V", ""]
-"""What the numbers of a target are; ``""`` where it was not said."""
+"""Pose type of a target; ``""`` if it is unspecified."""
 
 
 # --- values -----------------------------------------------------------------------------------------------------------
 
 
 class _Values(tuple[float, ...]):
-    """What P, T, J and V have in common: a tuple of finite ``float``."""
+    """Base of P, T, J and V: a tuple of finite ``float``."""
 
     __slots__ = ()
     _kind: ClassVar[str]
 
     @classmethod
     def of(cls, values: Iterable[float]) -> Self:
-        """Return the value that numbers stand for, as a controller answers them: R8[7], R8[8], R8[10].
+        """Return a value from a sequence of numbers, for example the reply of a controller: R8[7], R8[8], R8[10].
 
-        A P or T may come without its figure, a J has 1 to 8 numbers, and all are kept.
+        A P or T may lack its figure. A J has 1 to 8 numbers, all of which are kept.
 
         Raises:
-            InvalidValue: no sequence, too few or too many, one that is no finite number, a figure that is no whole one.
+            InvalidValue: If it is not a sequence, the number of values is wrong, a value is not a finite number, or the
+                figure is not a whole number.
         """
         numbers = checks.listed(cls._kind, values)
         if cls._kind in ("P", "T") and len(numbers) < checks.COUNTS[cls._kind][1]:
@@ -75,7 +76,7 @@ class _Values(tuple[float, ...]):
 
 
 class _Point(_Values):
-    """What begins with x, y, z."""
+    """Base of P, T and V, which begin with x, y, z."""
 
     __slots__ = ()
 
@@ -95,11 +96,11 @@ class _Point(_Values):
         return self[2]
 
     def replace(self, **fields: float) -> Self:
-        """Return the same with some fields changed: ``pose.replace(z=pose.z + 10)``.
+        """Return a copy with some fields changed: ``pose.replace(z=pose.z + 10)``.
 
         Raises:
-            InvalidValue: a value is no finite number.
-            TypeError: a name is no field.
+            InvalidValue: If a value is not a finite number.
+            TypeError: If there is no such field.
         """
         names = checks.FIELDS[self._kind]
         if unknown := fields.keys() - set(names):
@@ -110,48 +111,48 @@ class _Point(_Values):
 class P(_Point):
     """A position: x, y, z in mm, rx, ry, rz in degrees, fig (:class:`Figure` or FIG_AUTO).
 
-    The rotation is Rz(rz) * Ry(ry) * Rx(rx). As a tuple it is seven ``float``, what a controller sends for it; ``fig``
-    by its name is an ``int``.
+    The rotation is Rz(rz) * Ry(ry) * Rx(rx). As a tuple it consists of seven ``float``, as in the reply of a controller;
+    the property ``fig`` is an ``int``.
 
     Raises:
-        InvalidValue: a value is no finite number, or ``fig`` no whole one.
+        InvalidValue: If a value is not a finite number, or ``fig`` is not a whole number.
     """
 
     __slots__ = ()
     _kind = "P"
 
     def __new__(cls, x: float, y: float, z: float, rx: float, ry: float, rz: float, fig: float = FIG_AUTO) -> Self:
-        """Return the position of its seven values."""
+        """Create a position from its seven values."""
         return cls.of((x, y, z, rx, ry, rz, fig))
 
     @property
     def rx(self) -> float:
-        """Turned about the base's X axis first, in degrees."""
+        """First rotation, about the X axis of the base frame, in degrees."""
         return self[3]
 
     @property
     def ry(self) -> float:
-        """Turned about the base's Y axis second, in degrees."""
+        """Second rotation, about the Y axis of the base frame, in degrees."""
         return self[4]
 
     @property
     def rz(self) -> float:
-        """Turned about the base's Z axis last, in degrees."""
+        """Last rotation, about the Z axis of the base frame, in degrees."""
         return self[5]
 
     @property
     def fig(self) -> int:
-        """The figure; negative where the controller is to choose."""
+        """The figure; negative if the controller chooses it."""
         return int(self[6])
 
 
 class T(_Point):
-    """A homogeneous transformation: x, y, z in mm, orient vector, approach vector, fig as of :class:`P`.
+    """A homogeneous transformation: x, y, z in mm, orient vector, approach vector, fig as in :class:`P`.
 
     The orient vector (ox, oy, oz) is the tool's Y axis, the approach vector (ax, ay, az) its Z axis, both of length 1.
 
     Raises:
-        InvalidValue: a value is no finite number, or ``fig`` no whole one.
+        InvalidValue: If a value is not a finite number, or ``fig`` is not a whole number.
     """
 
     __slots__ = ()
@@ -164,7 +165,7 @@ class T(_Point):
         ax: float, ay: float, az: float,
         fig: float = FIG_AUTO,
     ) -> Self:  # fmt: skip
-        """Return the transformation of its ten values."""
+        """Create a transformation from its ten values."""
         return cls.of((x, y, z, ox, oy, oz, ax, ay, az, fig))
 
     @property
@@ -199,7 +200,7 @@ class T(_Point):
 
     @property
     def fig(self) -> int:
-        """The figure; negative where the controller is to choose."""
+        """The figure; negative if the controller chooses it."""
         return int(self[9])
 
 
@@ -207,29 +208,29 @@ class V(_Point):
     """A vector: x, y, z.
 
     Raises:
-        InvalidValue: a value is no finite number.
+        InvalidValue: If a value is not a finite number.
     """
 
     __slots__ = ()
     _kind = "V"
 
     def __new__(cls, x: float, y: float, z: float) -> Self:
-        """Return the vector of its three values."""
+        """Create a vector from its three values."""
         return cls.of((x, y, z))
 
 
 class J(_Values):
-    """Joints, 1 to 8 of them: degrees, mm for linear ones. ``J(45, 30, 120, 0, -60, 0)[2]`` is the third.
+    """1 to 8 joints, in degrees, or in mm for linear ones. ``J(45, 30, 120, 0, -60, 0)[2]`` is the third.
 
     Raises:
-        InvalidValue: no joint or more than eight, or a value that is no finite number.
+        InvalidValue: If there are no joints or more than eight, or a value is not a finite number.
     """
 
     __slots__ = ()
     _kind = "J"
 
     def __new__(cls, *joints: float) -> Self:
-        """Return the joints, the first one first."""
+        """Create joints from their values, beginning with the first joint."""
         return cls.of(joints)
 
     def __repr__(self) -> str:
@@ -237,7 +238,7 @@ class J(_Values):
 
 
 PoseLike: TypeAlias = "P | T | J | V | Target | str"
-"""What a client takes as a pose: a value, a target, or its text."""
+"""Poses that a client accepts: a value, a target, or its text."""
 
 
 # --- targets ----------------------------------------------------------------------------------------------------------
@@ -245,15 +246,15 @@ PoseLike: TypeAlias = "P | T | J | V | Target | str"
 
 @dataclass(frozen=True, slots=True)
 class PassMark:
-    """When a motion counts as done, so that the next one may begin.
+    """Pass mark: the condition under which a motion counts as done, so that the next one may begin.
 
     Attributes:
-        mode: ``"0"`` the command value is at the target, ``"E"`` the encoders are, ``"P"`` near the target as the
-            controller sees fit, ``"n"`` within ``radius``.
-        radius: mm, above 0, only with ``"n"``.
+        mode: ``"0"``: the command value has reached the target; ``"E"``: the encoders have; ``"P"``: near the target, as
+            determined by the controller; ``"n"``: within ``radius`` of the target.
+        radius: mm, above 0; only with ``"n"``.
 
     Raises:
-        InvalidValue: another mode, or a radius that does not go with it.
+        InvalidValue: If the mode is unknown, or the radius is not valid for it.
     """
 
     mode: Literal["0", "E", "P", "n"]
@@ -264,7 +265,7 @@ class PassMark:
         if self.mode not in ("0", "E", "P", "n") or (radius > 0) != (self.mode == "n") or radius < 0:
             raise InvalidValue(
                 tr(
-                    'no pass mark has mode {mode} and radius {radius:g}; it is "0", "E" or "P", or "n" with '
+                    'invalid pass mark, mode {mode} with radius {radius:g} mm. Try: "0", "E" or "P", or "n" with '
                     "a radius above 0 mm",
                     mode=checks.brief(self.mode),
                     radius=radius,
@@ -277,10 +278,10 @@ class PassMark:
 
     @classmethod
     def parse(cls, text: str) -> PassMark:
-        """Return the mark of a text: ``@P``, ``@E``, ``@0``, or ``@10`` for 10 mm.
+        """Parse a pass mark: ``@P``, ``@E``, ``@0``, or ``@10`` for 10 mm.
 
         Raises:
-            NotationError: the text is no mark.
+            NotationError: If the text is not a pass mark.
         """
         scanner = Scanner(text)
         mark = read_mark(scanner)
@@ -302,14 +303,14 @@ PASSING: Final = PassMark("P")
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """Where extra joints go at the same time.
+    """Motion of extra joints during a motion of the arm.
 
     Attributes:
-        absolute: True for EXA, to the values; False for EX, by the values.
-        joints: number (7 or 8) and value (degrees, mm for a linear one) of one or two joints.
+        absolute: True for EXA (move to the values); False for EX (move by the values).
+        joints: Number (7 or 8) and value (degrees, mm for a linear joint) of one or two joints.
 
     Raises:
-        InvalidValue: no joint, one twice, another number, or a value that is no finite number.
+        InvalidValue: If there is no joint, a joint occurs twice, a number is not 7 or 8, or a value is not a finite number.
     """
 
     absolute: bool
@@ -319,7 +320,7 @@ class Extra:
         numbers = [number for number, _ in self.joints]
         if not numbers or len(set(numbers)) < len(numbers) or not set(numbers) <= set(checks.EXTRA_JOINTS):
             raise InvalidValue(
-                tr("extra joints {numbers}: joint 7, 8 or both are wanted", numbers=checks.brief(numbers))
+                tr("the extra joints must be 7, 8 or both, not {numbers}", numbers=checks.brief(numbers))
             )
         joints = tuple((int(number), checks.finite("Extra", f"J{number}", value)) for number, value in self.joints)
         object.__setattr__(self, "joints", joints)
@@ -331,17 +332,17 @@ class Extra:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where a motion goes. ``str()`` is a text that :func:`parse_target` reads as an equal target.
+    """The target of a motion. ``str()`` returns a text that :func:`parse_target` parses to an equal target.
 
     Attributes:
-        kind: what the numbers are, ``""`` where it was not said.
-        value: the numbers (6 or 7 of a P, 9 or 10 of a T, 1 to 8 of a J, 3 of a V, up to 10 of ``""``), or the number
-            of a global variable of the kind.
-        mark: ``None`` where none was given.
-        extra: ``None`` where none was given.
+        kind: Pose type; ``""`` if it is unspecified.
+        value: The numbers (6 or 7 of a P, 9 or 10 of a T, 1 to 8 of a J, 3 of a V, up to 10 of ``""``), or the number
+            of a global variable of the pose type.
+        mark: Pass mark; ``None`` if unspecified.
+        extra: Extra joints; ``None`` if there are none.
 
     Raises:
-        InvalidValue: another kind, another number of values, a value that is no finite number.
+        InvalidValue: If the pose type is unknown, the number of values is wrong, or a value is not a finite number.
     """
 
     kind: Kind
@@ -358,7 +359,7 @@ class Target:
 
     @property
     def pose(self) -> P | T | J | V | None:
-        """The value as an object; ``None`` for a variable, and where the kind was not said."""
+        """The value as an object; ``None`` for a variable, or if the pose type is unspecified."""
         if isinstance(self.value, int):
             return None
         kind = _CLASSES.get(self.kind)
@@ -376,11 +377,11 @@ _CLASSES: Final[dict[str, type[P | T | J | V]]] = {"P": P, "T": T, "J": J, "V": 
 
 
 def parse_target(text: str) -> Target:
-    """Return the target that a text stands for; the module's docstring has the grammar.
+    """Parse a target; the grammar is in the module's docstring.
 
     Raises:
-        NotationError: the text is none, or has more than 4096 characters; the message names the column, counted from 1,
-            and what was expected there.
+        NotationError: If the text is not a target, or has more than 4096 characters; the message contains the column,
+            counted from 1, and what was expected there.
     """
     scanner = Scanner(text)
     target = _target(read_target(scanner))
@@ -389,10 +390,10 @@ def parse_target(text: str) -> Target:
 
 
 def parse_targets(text: str) -> tuple[Target, ...]:
-    """Return one or several targets, separated by commas: ``P1, @E P2`` of an arc.
+    """Parse one or several targets, separated by commas, for example ``P1, @E P2`` of an arc.
 
     Raises:
-        NotationError: as :func:`parse_target`.
+        NotationError: As for :func:`parse_target`.
     """
     scanner = Scanner(text)
     targets = [_target(read_target(scanner))]
@@ -406,12 +407,12 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
     """Return the text that a client sends for a pose: ``@E P(364.16, 0, 278.5355, 180, 0, 180, 5)``.
 
     Args:
-        pose: a value, a :class:`Target`, or a text, which is sent as it is.
-        mark: ``@P``, ``@E``, ``@0``, ``@<mm>`` or a :class:`PassMark`, put in front.
+        pose: A value, a :class:`Target`, or a text, which is sent unchanged.
+        mark: Pass mark to prepend: ``@P``, ``@E``, ``@0``, ``@<mm>`` or a :class:`PassMark`.
 
     Raises:
-        InvalidValue: the pose or the mark is something else, or the pose has a mark of its own and another is given.
-        NotationError: the mark is a text that is none.
+        InvalidValue: If the pose or the mark has another type, or the pose already has a mark and ``mark`` is given too.
+        NotationError: If the mark is a text that is not a pass mark.
     """
     text = _text_of(pose)
     if mark == "":
@@ -419,7 +420,7 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
     mark = as_mark(mark)
     if text.lstrip().startswith("@"):
         raise InvalidValue(
-            tr("{text} has a pass mark already, {mark} cannot be put in front", text=checks.brief(text), mark=mark)
+            tr("{text} already has a pass mark, {mark} cannot be added", text=checks.brief(text), mark=mark)
         )
     return f"{mark} {text}"
 
@@ -428,8 +429,8 @@ def as_mark(mark: object) -> PassMark:
     """Return a pass mark, or its text, as a :class:`PassMark`.
 
     Raises:
-        InvalidValue: it is something else.
-        NotationError: the text is none.
+        InvalidValue: If it has another type.
+        NotationError: If the text is not a pass mark.
     """
     if isinstance(mark, PassMark):
         return mark
@@ -437,7 +438,7 @@ def as_mark(mark: object) -> PassMark:
         return PassMark.parse(mark)
     raise InvalidValue(
         tr(
-            '{mark} is no pass mark; a pass mark is a text: "@P", "@E", "@0", or "@10" for 10 mm',
+            '{mark} is not a pass mark. Try: a text, "@P", "@E", "@0", or "@10" for 10 mm',
             mark=checks.brief(mark),
         )
     )
@@ -456,11 +457,11 @@ def _pass_mark(mark: PassMarkText) -> PassMark:
 
 def _text_of(pose: object) -> str:
     if isinstance(pose, P | T | J | V):
-        return checks.written(pose._kind, pose)  # noqa: SLF001 - one of us
+        return checks.written(pose._kind, pose)  # noqa: SLF001 - a class of this module
     if isinstance(pose, Target | str):
         return str(pose)
     raise InvalidValue(
-        tr("{pose} is no pose; give P(...), T(...), J(...), V(...) or a text like 'P1'", pose=checks.brief(pose))
+        tr("{pose} is not a pose. Try: P(...), T(...), J(...), V(...) or a text like 'P1'", pose=checks.brief(pose))
     )
 
 

@@ -1,4 +1,4 @@
-"""What a row of the table of VARIANT types holds; the table itself is in :mod:`orinkit.values.types`."""
+"""Rows of the table of VARIANT types; the table itself is in :mod:`orinkit.values.types`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.notation_numbers import TextForm
 
 Number: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
-"""What kind of number a type holds: ``"code"`` is a whole number that counts nothing, ``""`` is no number."""
+"""Kind of number that a type holds: ``"code"`` is a whole number that is not a quantity, ``""`` is not a number."""
 
 _SHOWN: Final = 60
 
@@ -25,34 +25,35 @@ def bounds_of(layout: str) -> tuple[int, int]:
 
 
 def shown(value: object) -> str:
-    """Return a value for a message: short, and never an exception."""
+    """Return a value for a message: shortened; never raises an exception."""
     try:
         text = repr(value)
         return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
-    except Exception:  # noqa: BLE001 - an int of 4300 digits, a list nested too deep, somebody's __repr__
+    except Exception:  # noqa: BLE001 - an int of 4300 digits, a list nested too deep, a user's __repr__
         return f"<{type(value).__name__}>"
 
 
 @dataclass(frozen=True, slots=True)
 class TypeRow:
-    """One VARIANT type: its code, its content in Python, its bytes, its text.
+    """One VARIANT type: its code, its content in Python, its encoding as bytes and as text.
 
     Attributes:
-        code: the member of :class:`~orinkit.values.types.VarType`.
-        conform: check a Python value and return it in the form kept for the type; raises InvalidValue.
-        format: how :mod:`struct` writes one element; ``None`` if the size of an element is not fixed.
-        empty: the type has no data and no arrays; its value is ``None``.
-        python: the Python type that becomes this type by itself.
-        dtypes: the numpy dtypes that become it, kind and bytes: ``i2``; a kind alone covers all sizes: ``U``.
-        number: what kind of number it holds.
-        to_wire: make of the content what :mod:`struct` packs; ``None`` if it is the same.
-        from_wire: the way back, to plain Python.
-        from_wire_exact: the way back with nothing lost; ``None`` if ``from_wire`` loses nothing.
-        elements_for_one: how many elements count as one against :attr:`~orinkit.values.codec.PacketLimits.variants`, by what
-            they cost to read.
-        text: how an element is written as text; ``None`` if the notation has a rule of its own for the type.
-        size: bytes of one element; 0 if it is not fixed.
-        bounds: the smallest and the largest value of a whole number, otherwise ``None``.
+        code: The member of :class:`~orinkit.values.types.VarType`.
+        conform: Function that checks a Python value and returns the content stored for the type; raises InvalidValue.
+        format: The :mod:`struct` format of one element; ``None`` if the size of an element is not fixed.
+        empty: True if the type has no data and no arrays; its value is ``None``.
+        python: The Python type that is converted to this type by default.
+        dtypes: The numpy dtypes that are converted to this type by default: kind and bytes (``i2``), or a kind alone for
+            all sizes (``U``).
+        number: Kind of number that the type holds.
+        to_wire: Converts the content to the value that :mod:`struct` packs; ``None`` if it is the same.
+        from_wire: Converts the value that :mod:`struct` unpacks to plain Python; ``None`` if it is the same.
+        from_wire_exact: Lossless variant of ``from_wire``; ``None`` if ``from_wire`` is lossless.
+        elements_for_one: Number of elements that count as one for :attr:`~orinkit.values.codec.PacketLimits.variants`,
+            according to the cost of reading them.
+        text: Form of an element as text; ``None`` if the notation has a special rule for the type.
+        size: Size of one element in bytes; 0 if it is not fixed.
+        bounds: The smallest and the largest value of a whole number, otherwise ``None``.
     """
 
     code: IntEnum
@@ -77,7 +78,7 @@ class TypeRow:
 
     @property
     def name(self) -> str:
-        """The documents' spelling: ``VT_I4``."""
+        """Name of the type as in the documents: ``VT_I4``."""
         return f"VT_{self.code.name}"
 
     def misfit(self, value: object) -> InvalidValue:
@@ -88,15 +89,15 @@ class TypeRow:
         text = tr(
             "{shown} does not fit {type} ({low} to {high})", shown=shown(value), type=self.name, low=low, high=high
         )
-        wider = tr("; write it as a float, or as Variant(VarType.I8, ...)")
+        wider = tr(". Try: a float, or Variant(VarType.I8, ...)")
         return InvalidValue(text + (wider if self.python is int else ""))
 
 
 def no_value(name: str, value: object) -> InvalidValue:
-    """Return the exception for a value that is of another kind than the type of this name."""
-    return InvalidValue(tr("{shown} is no value for {type}", shown=shown(value), type=name))
+    """Return the exception for a value that cannot be converted to the named type."""
+    return InvalidValue(tr("{shown} is not a valid value for {type}", shown=shown(value), type=name))
 
 
 def no_type(name: str, number: int) -> InvalidValue:
-    """Return the exception for a type that no value can have."""
-    return InvalidValue(tr("{name} ({number}) is not a type that a value can have", name=name, number=int(number)))
+    """Return the exception for a type that is unknown or valid in arrays only."""
+    return InvalidValue(tr("{name} ({number}) is not a valid type of a value", name=name, number=int(number)))

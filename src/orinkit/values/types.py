@@ -1,8 +1,8 @@
-"""THE TABLE of VARIANT types: one row has all that is known of a type (VE026A 3.2, table 3-1).
+"""The table of VARIANT types: each row defines one type completely (VE026A 3.2, table 3-1).
 
-From the table come the codec, the notation, the conversion of Python and numpy values, and the sets of types by which
-arguments are read. A new type is a member of :class:`VarType` and a row of :data:`TABLE`; :class:`~.type_row.TypeRow`
-describes the columns.
+The codec, the notation, the conversion of Python and numpy values and the sets of types for arguments are derived from the
+table. To add a type, add a member of :class:`VarType` and a row of :data:`TABLE`; :class:`~.type_row.TypeRow` describes
+the columns.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from orinkit.values.type_row import TypeRow, bounds_of, no_value
 
 
 class VarType(IntEnum):
-    """The VARIANT types (VE026A table 3-1; I1, I8 and UI8 are newer than the table). An array is ``ARRAY | type``."""
+    """VARIANT types (VE026A table 3-1; I1, I8 and UI8 are newer than the table). An array is ``ARRAY | type``."""
 
     EMPTY = 0
     NULL = 1
@@ -58,7 +58,7 @@ TABLE: Final = (
     TypeRow(VarType.EMPTY, conversions.nothing, empty=True, python=NoneType),
     TypeRow(VarType.NULL, conversions.nothing, empty=True),
     _integer(VarType.I2, "h", "i2"),
-    _integer(VarType.I4, "i", "i4", "i8", "u8", python=int),  # whole numbers are VT_I4 unless they do not fit
+    _integer(VarType.I4, "i", "i4", "i8", "u8", python=int),  # the default for whole numbers
     TypeRow(VarType.R4, conversions.single, "f", dtypes=("f4",), number="real", text=notation_numbers.SINGLE),
     TypeRow(VarType.R8, conversions.real, "d", python=float, dtypes=("f8",), number="real", text=notation_numbers.DOUBLE),
     TypeRow(
@@ -78,44 +78,44 @@ TABLE: Final = (
     ),
     TypeRow(VarType.VARIANT, conversions.only_in_arrays, elements_for_one=1),
     _integer(VarType.I1, "b", "i1"),
-    _integer(VarType.UI1, "B", "u1", elements_for_one=1 << 32),  # an array is bytes: nothing is done with each of them
+    _integer(VarType.UI1, "B", "u1", elements_for_one=1 << 32),  # an array is bytes; elements are not processed individually
     _integer(VarType.UI2, "H", "u2"),
     _integer(VarType.UI4, "I", "u4"),
     _integer(VarType.I8, "q"),
     _integer(VarType.UI8, "Q"),
 )  # fmt: skip
-"""One row for each type."""
+"""The table, one row for each type."""
 
 
 # --- derived from the table -------------------------------------------------------------------------------------------
 
 ROWS: Final[dict[int, TypeRow]] = {int(row.code): row for row in TABLE}
-"""The rows by their codes."""
+"""The rows by type code."""
 FORMATS: Final[dict[int, str]] = {int(row.code): row.format for row in TABLE if row.format is not None}
-"""The :mod:`struct` format of one element, for the types whose elements have a fixed size."""
+"""The :mod:`struct` format of one element, for types with elements of a fixed size."""
 SIZES: Final[dict[int, int]] = {int(row.code): row.size for row in TABLE if row.format is not None}
-"""Bytes of one element of these types."""
+"""Size of one element in bytes, for the same types."""
 
 EMPTIES: Final = frozenset(int(row.code) for row in TABLE if row.empty)
 """The types without data: VT_EMPTY and VT_NULL."""
 INTEGERS: Final = frozenset(int(row.code) for row in TABLE if row.number == "integer")
 REALS: Final = frozenset(int(row.code) for row in TABLE if row.number == "real")
 NUMERIC: Final = INTEGERS | REALS | {int(row.code) for row in TABLE if row.number == "decimal"}
-"""The types that hold a quantity; a truth value and an error code are none."""
+"""The types of quantities; not truth values or error codes."""
 
 BY_PYTHON: Final[dict[type, int]] = {row.python: row.code for row in TABLE if row.python is not None}
-"""Which type a Python value becomes by itself."""
+"""Default type of Python values, by Python type."""
 BY_DTYPE: Final[dict[str, int]] = {dtype: row.code for row in TABLE for dtype in row.dtypes}
-"""Which type a numpy value becomes by itself."""
+"""Default type of numpy values, by dtype."""
 
 VARIANT_ARRAY: Final = int(VarType.VARIANT) | ARRAY
 R8_ARRAY: Final = int(VarType.R8) | ARRAY
 UI1_ARRAY: Final = int(VarType.UI1) | ARRAY
-"""Its content is ``bytes``; that of any other array is a list."""
+"""The content of this array is ``bytes``; that of any other array is a list."""
 
 
 def type_name(vt: int) -> str:
-    """Return the documents' spelling of a type: ``VT_I4``, ``VT_R8|VT_ARRAY``; an unknown one with its number."""
+    """Return the name of a type as in the documents: ``VT_I4``, ``VT_R8|VT_ARRAY``; unknown types with their number."""
     base = vt & ~ARRAY
     row = ROWS.get(base)
     name = row.name if row else f"VT_{base}?"

@@ -1,11 +1,11 @@
-"""VARIANT: the typed values of ORiN as Python values (VE026A 3.2, table 3-1).
+"""VARIANTs, the typed values of ORiN, as Python values (VE026A 3.2, table 3-1).
 
 ============================  =========================================================================
 Python value                  VARIANT
 ============================  =========================================================================
 ``None``                      VT_EMPTY (VT_NULL is also read as ``None``)
 ``bool``                      VT_BOOL
-``int``                       VT_I4; one that does not fit is an :class:`~orinkit.core.errors.InvalidValue`
+``int``                       VT_I4; a larger one raises :class:`~orinkit.core.errors.InvalidValue`
 ``float``                     VT_R8
 ``str``                       VT_BSTR
 ``bytes``, ``bytearray``      VT_UI1 array
@@ -17,9 +17,9 @@ numpy array, numpy scalar     by its dtype; 64-bit integers as ``int``; one dime
 ``Variant(VarType.I2, 1)``    exactly this type
 ============================  =========================================================================
 
-Reading gives the same Python types back; an unsigned or short integer becomes ``int``, VT_R4 ``float``, VT_ERROR an
-unsigned ``int``. A VT_DATE that no ``datetime`` can hold is given as the ``float`` of its days. With ``exact=True``
-nothing is lost: :class:`Variant` objects with their types.
+Decoding returns the same Python types; unsigned and short integers become ``int``, VT_R4 ``float``, VT_ERROR an unsigned
+``int``. A VT_DATE outside the range of ``datetime`` becomes a ``float``, its days. With ``exact=True`` decoding is lossless
+and returns :class:`Variant` objects with their types.
 """
 
 from __future__ import annotations
@@ -65,35 +65,35 @@ __all__ = [
 
 
 class ArrayLike(Protocol):
-    """What is used of a numpy array or scalar; numpy itself is never imported."""
+    """Interface of a numpy array or scalar; numpy itself is never imported."""
 
     @property
     def dtype(self) -> Any:
-        """What the elements are."""
+        """Type of the elements."""
 
     @property
     def ndim(self) -> int:
-        """How many dimensions: 0 for a scalar."""
+        """Number of dimensions: 0 for a scalar."""
 
     def tolist(self) -> Any:
-        """The same as plain Python."""
+        """Return the value as plain Python."""
 
 
 Value: TypeAlias = (
     "bool | int | float | str | bytes | bytearray | datetime | Decimal | Variant | ArrayLike | Sequence[Value] | None"
 )
-"""What can be sent as a VARIANT; the table in this module's docstring says as which."""
+"""Values that can be sent as a VARIANT; the table in this module's docstring lists the resulting types."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A value with its VARIANT type, for when the type matters.
+    """A value with an explicit VARIANT type.
 
     ``value`` is a Python scalar, ``bytes`` for an array of VT_UI1, a list for any other array (of :class:`Variant` for
-    an array of VT_VARIANT). A VT_DATE may also be given as ``float`` days.
+    an array of VT_VARIANT). A VT_DATE may also be a ``float``, its days.
 
     Raises:
-        InvalidValue: the type is unknown, or the value does not fit it.
+        InvalidValue: If the type is unknown, or the value does not fit it.
     """
 
     type: int
@@ -108,7 +108,7 @@ class Variant:
 
     @property
     def plain(self) -> Any:
-        """The value as plain Python: no :class:`Variant` inside, a VT_DATE as ``datetime`` where one can hold it."""
+        """The value as plain Python: without :class:`Variant` objects, a VT_DATE as ``datetime`` if it is in its range."""
         if self.type == VARIANT_ARRAY:
             return [element.plain for element in self.value]
         if self.type == VarType.DATE:
@@ -119,10 +119,10 @@ class Variant:
 
 
 def variant(value: Value) -> Variant:
-    """Return the value as a :class:`Variant`, by the rules of this module's docstring.
+    """Convert a value to a :class:`Variant`, by the rules of this module's docstring.
 
     Raises:
-        InvalidValue: no VARIANT can hold it.
+        InvalidValue: If the value cannot be converted to a VARIANT.
     """
     if isinstance(value, Variant):
         return value
@@ -134,12 +134,12 @@ def variant(value: Value) -> Variant:
 
 
 def plain(value: Any) -> Any:
-    """Return the plain Python value of a :class:`Variant`, anything else as it is."""
+    """Return the plain Python value of a :class:`Variant`; other values unchanged."""
     return value.plain if isinstance(value, Variant) else value
 
 
 def trusted(vt: int, value: Any) -> Variant:
-    """Return a :class:`Variant` of a value that is known to fit its type."""
+    """Return a :class:`Variant` without checking that the value fits its type."""
     new = Variant.__new__(Variant)
     object.__setattr__(new, "type", vt)
     object.__setattr__(new, "value", value)
@@ -169,7 +169,7 @@ def _infer(value: Any) -> tuple[int, Any]:
         return _infer_list(items), items
     raise InvalidValue(
         tr(
-            "no VARIANT can hold a {type} ({shown}); give None, bool, int, float, str, bytes, "
+            "a {type} cannot be converted to a VARIANT: {shown}. Try: None, bool, int, float, str, bytes, "
             "datetime, Decimal, a list of these, or an explicit Variant(VarType...., value)",
             type=kind.__name__,
             shown=shown(value),
@@ -186,7 +186,7 @@ def _infer_list(items: Sequence[Any]) -> int:
 
 
 def _scalar_type(kind: type, example: Any) -> int:
-    """The type of all scalars of a kind (numpy.float64 and float are both VT_R8), VT_EMPTY for anything else."""
+    """Return the VARIANT type of scalars of a Python type (numpy.float64 and float: VT_R8); VT_EMPTY for other values."""
     if kind in BY_PYTHON:
         return BY_PYTHON[kind]
     if issubclass(kind, _SCALARS) or (getattr(example, "ndim", None) == 0 and not hasattr(kind, "__setitem__")):
@@ -195,13 +195,13 @@ def _scalar_type(kind: type, example: Any) -> int:
 
 
 def _infer_numpy(value: Any) -> tuple[int, Any]:
-    kind = getattr(value.dtype, "kind", "")  # other libraries' arrays have a dtype too
+    kind = getattr(value.dtype, "kind", "")  # arrays of other libraries also have a dtype
     vt = BY_DTYPE.get(kind if kind in ("U", "") else f"{kind}{value.dtype.itemsize}")
     if vt is None or value.ndim > 1:
         raise InvalidValue(
             tr(
-                "a numpy value of dtype {dtype} with {dimensions} dimensions has no VARIANT; use one dimension "
-                "of bool, integer, float32, float64 or str, or a list of such rows",
+                "a numpy value of dtype {dtype} with {dimensions} dimensions cannot be converted to a VARIANT. "
+                "Try: one dimension of bool, integer, float32, float64 or str, or a list of such rows",
                 dtype=value.dtype,
                 dimensions=value.ndim,
             )
@@ -213,7 +213,7 @@ def _infer_numpy(value: Any) -> tuple[int, Any]:
 
 
 def _conform(vt: int, value: Any) -> Any:
-    """Return the value in the form kept for its type; raise InvalidValue if it does not fit."""
+    """Return the value in the form stored for its type; raise InvalidValue if it does not fit."""
     row = ROWS.get(vt & ~ARRAY)
     if row is None or (row.empty and vt & ARRAY):
         raise no_type(type_name(vt), vt)
@@ -233,5 +233,5 @@ def _conform(vt: int, value: Any) -> Any:
 
 
 def nested_too_deep() -> InvalidValue:
-    """Return the exception for a list in a list in a list ..., or one that contains itself."""
+    """Return the exception for a list that is nested too deep or contains itself."""
     return InvalidValue(tr("the value is nested too deep for a VARIANT, or contains itself"))
