@@ -199,7 +199,7 @@ def test_another_one_halts(refused, rc8, url, when, tmp_path):
     path = tmp_path / "motion.csv"
     line = refused("move", url, POSE, *SLOWLY, "--record", str(path))
     assert "STOPPED_DURING_PC_MOTION" in line
-    assert "somebody halted it" in line
+    assert "halted by another client or program" in line
     assert status(rc8, "motor", "arm_holder") == ["off", ""]
     assert path.exists()
 

@@ -141,7 +141,7 @@ def test_connect_ends_by_its_deadline(both: Both, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["tcp", "http"])
 def test_connect_has_a_deadline_by_default(both: Both, kind: str) -> None:
-    with hostile(kind, 0) as url, pytest.raises(CallTimeout, match="still at work"):
+    with hostile(kind, 0) as url, pytest.raises(CallTimeout, match="still executing"):
         both.connect(url, timeout=0.2)
 
 
@@ -160,7 +160,7 @@ def test_a_call_ends_by_its_deadline(both: Both, kind: str, way: str) -> None:
     with hostile(kind, 1) as url:
         client = both.client(url, timeout=2.0)
         both.run(client.call(f.service_start))
-        with pytest.raises(CallTimeout, match="still at work"):
+        with pytest.raises(CallTimeout, match="still executing"):
             if way == "of the call":
                 both.run(client.request(f.service_start, deadline=0.3))
             else:

@@ -1,4 +1,4 @@
-"""What an exception is told of an arm whose connection has ended: it depends on how the controller can know."""
+"""Notes of an exception about the arm after the connection has ended: they depend on how the controller detects it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orinkit.core.errors import ConnectionClosed, OrinError
 from orinkit.ecap.client import HTTP
 
 
-def gone(wire: TransportProfile) -> str:
+def note_lost(wire: TransportProfile) -> str:
     error = RuntimeError()
     note_failure(error, ConnectionClosed("closed"), wire)
     (note,) = error.__notes__
@@ -22,25 +22,25 @@ def gone(wire: TransportProfile) -> str:
 @pytest.mark.parametrize(
     ("wire", "en", "ja"),
     [
-        (STREAM, "the controller then stops the arm and takes it back by itself", "停止と占有解除はコントローラが行います"),
-        (DATAGRAM, "after 10 s of silence or later, and then stops the arm", "10 秒以上無通信が続いた後に"),
-        (HTTP, "after 60 s of silence or later, and then stops the arm", "60 秒以上無通信が続いた後に"),
-        (LINE, "may go on moving, and stays taken, until the next client connects", "シリアル回線では"),
+        (STREAM, "the controller stops the arm and releases its semaphore; the motor", "停止と占有解除はコントローラが行います"),
+        (DATAGRAM, "after 10 s or more without a request, then stops the arm", "10 秒以上無通信が続いた後に"),
+        (HTTP, "after 60 s or more without a request, then stops the arm", "60 秒以上無通信が続いた後に"),
+        (LINE, "may keep moving, and its semaphore stays taken, until the next client connects", "シリアル回線では"),
     ],
     ids=lambda value: value.name if isinstance(value, TransportProfile) else "",
 )  # fmt: skip
-def test_a_connection_that_is_gone(wire: TransportProfile, en: str, ja: str) -> None:
-    assert en in gone(wire)
+def test_a_lost_connection(wire: TransportProfile, en: str, ja: str) -> None:
+    assert en in note_lost(wire)
     i18n.use("ja")
-    assert ja in gone(wire)
+    assert ja in note_lost(wire)
 
 
 @pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
 def test_a_connection_that_was_closed(note) -> None:
     assert "lost" not in note(STREAM)
-    assert "should the packet that says so be lost, after 10 s of silence or later" in note(DATAGRAM)
-    assert "should the server not hear of that, after 60 s of silence or later" in note(HTTP)
-    assert "should the packet that says so be lost, only when the next client connects" in note(LINE)
+    assert "if the closing packet is lost: after 10 s or more without a request" in note(DATAGRAM)
+    assert "if the server is not notified: after 60 s or more without a request" in note(HTTP)
+    assert "if the closing packet is lost: when the next client connects" in note(LINE)
     i18n.use("ja")
     assert "失われた" not in note(STREAM)
     assert "10 秒以上無通信が続いた後" in note(DATAGRAM)
@@ -50,7 +50,7 @@ def test_a_connection_that_was_closed(note) -> None:
 
 @pytest.mark.parametrize("wire", [STREAM, DATAGRAM, LINE, HTTP], ids=lambda wire: wire.name)
 @pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
-def test_it_is_said_once(note, wire: TransportProfile) -> None:
+def test_a_lost_connection_is_noted_once(note, wire: TransportProfile) -> None:
     error = RuntimeError()
     error.add_note(note(wire))
     note_failure(error, ConnectionClosed("closed"), wire)

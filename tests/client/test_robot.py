@@ -135,14 +135,14 @@ def test_a_method_is_one_call(
         (lambda r: r.move([1.0, 2.0]), "no pose"),
         (lambda r: r.move(None), "no pose"),
         (lambda r: r.move("@E P1", "@E"), "pass mark"),
-        (lambda r: r.move(HOME, 10), '10 is no pass mark; a pass mark is a text: "@P"'),
-        (lambda r: r.move_l(HOME, None), "None is no pass mark"),
-        (lambda r: r.drive({1: 1}, 10), "10 is no pass mark"),
-        (lambda r: r.depart(10, 10), "10 is no pass mark"),
-        (lambda r: r.move(1, [0.0, 45, 90, 0, 45, 0]), r"6 numbers may be joints or a position: J\(...\) or P\(...\)"),
+        (lambda r: r.move(HOME, 10), '10 is not a pass mark. Try: a text, "@P"'),
+        (lambda r: r.move_l(HOME, None), "None is not a pass mark"),
+        (lambda r: r.drive({1: 1}, 10), "10 is not a pass mark"),
+        (lambda r: r.depart(10, 10), "10 is not a pass mark"),
+        (lambda r: r.move(1, [0.0, 45, 90, 0, 45, 0]), r"6 numbers may be joints or a position. Try: J\(...\) or P\(...\)"),
         (lambda r: r.move(2, (0, 45, 90, 0, 45, 0), "NEXT"), "6 numbers"),
         (lambda r: r.move(interpolation=1, pose=Variant(0x2005, [0.0] * 6)), "6 numbers"),
-        (lambda r: r.move("J(0,45"), r"'J\(0,45' is no pose: column 7: .*move\(1, text\)"),
+        (lambda r: r.move("J(0,45"), r"'J\(0,45' is not a pose: column 7: .*move\(1, text\)"),
         (lambda r: r.move("X(0,45)"), "column 1"),
         (lambda r: r.move_l("P(1,2,3"), "column 8"),
         (lambda r: r.move_c("P1", "P("), "column 3"),
@@ -156,19 +156,19 @@ def test_a_method_is_one_call(
         (lambda r: r.move_s(HOME), "list of poses"),
         (lambda r: r.approach("P1", float("nan")), "distance"),
         (lambda r: r.depart("far"), "distance"),
-        (lambda r: r.drive({}), "joints"),
+        (lambda r: r.drive({}), "axes from 1 to 8"),
         (lambda r: r.drive({0: 1}), "1 to 8"),
         (lambda r: r.drive({9: 1}), "1 to 8"),
         (lambda r: r.drive({"1": 1}), "1 to 8"),
         (lambda r: r.drive({1: float("inf")}), "J1"),
-        (lambda r: r.drive([(1, 10)]), "joints"),
+        (lambda r: r.drive([(1, 10)]), "axes from 1 to 8"),
         (lambda r: r.execute(5), "command"),
         (lambda r: r.move(1, "P1", 5), "option"),
         (lambda r: r.to_joints(HOME), "cannot be converted to J"),
         (lambda r: r.to_position(V(1, 2, 3)), "cannot be converted to P"),
     ],
 )
-def test_what_cannot_be_sent_is_said_before_anything_is(
+def test_invalid_arguments_are_refused_before_anything_is_sent(
     both: Both, recorder: Recorder, recorded: Any, use: Callable[[Any], Any], words: str
 ) -> None:
     del recorder.calls[:]
@@ -189,7 +189,7 @@ def test_what_cannot_be_sent_is_said_before_anything_is(
         (lambda r: r.to_joints("Q1"), NotationError, "column 1"),
         (lambda r: r.move(HOME, sped=1), TypeError, "'sped'.*speed, accel"),
         (lambda r: r.drive({1: 1}, spede=1), TypeError, "'spede'"),
-        (lambda r: r.move(1), TypeError, r"Robot.move\(\): missing .*'pose'; the forms are"),
+        (lambda r: r.move(1), TypeError, r"Robot.move\(\): missing .*'pose'. Try: move\("),
         (lambda r: r.move(), TypeError, "pose"),
         (
             lambda r: r.move(0, 45, 90, 0, 45, 0),
@@ -415,8 +415,8 @@ def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
         assert error.code == hresult.STOPPED_DURING_PC_MOTION
         assert (error.function, error.subject) == ("Robot_Move", "Arm")
         assert error.arguments[1:] == (1, "J(45, 30, 120, 0, -60, 0)", "SPEED=0.1,NEXT")
-        assert "the arm stands at J(" in str(error)
-        assert "the motion ends at J(45, 30, 120, 0, -60, 0)" in str(error)
+        assert "the arm stopped at J(" in str(error)
+        assert ", target J(45, 30, 120, 0, -60, 0)" in str(error)
     with pytest.raises(CallError):
         progress_of(both, motion)
     assert "stopped" in repr(motion)
@@ -650,7 +650,7 @@ def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str, rc8:
     with pytest.raises(TransportError) as caught:
         holding(both, robot, body)
     assert time.monotonic() - began < PATIENCE  # no time-out has passed
-    assert ["the connection is gone" in note for note in caught.value.__notes__] == [True]
+    assert ["the connection is lost" in note for note in caught.value.__notes__] == [True]
     both.run(controller.close())
 
 
@@ -924,7 +924,7 @@ def test_a_step_that_fails_hides_nothing(both: Both, scripted: Any, device: Scri
         holding(both, scripted, body)
     assert device.calls == [*TAKEN, "Halt", *GIVEN]
     (note,) = caught.value.__notes__
-    assert "while cleaning up" in note
+    assert "error during clean-up" in note
     assert "MOTOR_OFF_WHILE_MOVING" in note
 
 
@@ -1059,14 +1059,14 @@ def test_a_controller_that_does_not_tell_where_a_motion_ends(both: Both, scripte
 @pytest.mark.parametrize("answer", [None, "x", [1.0, "x"], [float("nan")] * 8, [], 5])
 def test_answers_that_are_no_joints(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
     device.answers["CurJnt"] = [answer]
-    with pytest.raises(ProtocolError, match="CurJnt was answered with"):
+    with pytest.raises(ProtocolError, match="CurJnt returned an unexpected value"):
         both.run(scripted.get_joints())
 
 
 @pytest.mark.parametrize("answer", [None, "yes", [True], float("inf")])
 def test_answers_that_are_no_numbers(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
     device.answers["MotionComplete"] = [answer]
-    with pytest.raises(ProtocolError, match="MotionComplete was answered with"):
+    with pytest.raises(ProtocolError, match="MotionComplete returned an unexpected value"):
         both.run(scripted.motion_complete())
 
 

@@ -177,7 +177,7 @@ def test_a_stop_after_an_answered_motion_is_told(
     with pytest.raises(CallError) as caught:
         both.run(motion.wait())
     assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
-    assert "somebody halted it" in caught.value.detail
+    assert "halted by another client or program" in caught.value.detail
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ def test_a_stop_after_an_answered_motion_is_told(
             lambda rc8, motion: rc8.raise_error(0x83204071, "axis 1"),
             "the motor is off; the controller reports 0x83204071",
         ),
-        (lambda rc8, motion: motion.halt(), "it was halted"),
+        (lambda rc8, motion: motion.halt(), "halted by this program"),
     ],
 )
 def test_why_it_was_stopped(both: Both, moving: Any, rc8: VirtualRC8, stop: Callable[..., Any], words: str) -> None:
@@ -220,7 +220,7 @@ def test_ctrl_c_in_a_motion_is_told_once(rc8: VirtualRC8, url: str) -> None:
         thread.join()
     (note,) = caught.value.__notes__
     assert note.endswith(
-        "the motion was broken off, so the connection was closed; the arm stops and is free again; "
+        "the motion call was interrupted, so the connection was closed; the arm stops and its semaphore is released; "
         "the motor may still be on"
     )
 

@@ -171,7 +171,7 @@ def test_what_breaks_a_run_off_is_said(arm: Arm, robot: orinkit.Robot, what: str
 
         thread = threading.Thread(target=later)
         thread.start()
-        with pytest.raises(StreamError, match="broken off"):
+        with pytest.raises(StreamError, match="trajectory was interrupted"):
             stream.run(sine(10.0))
         thread.join()
         stream.wait()

@@ -1,1 +1,1 @@
-"""Clients: ``_async`` is written by hand, ``_sync`` is made from it by ``tools/make_sync.py`` and never edited."""
+"""Clients. ``_async`` is written by hand; ``tools/make_sync.py`` generates ``_sync`` from it. Do not edit ``_sync``."""

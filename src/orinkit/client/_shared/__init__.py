@@ -1,1 +1,1 @@
-"""Plain data and functions of both clients."""
+"""Data types and functions shared by the asynchronous and the synchronous client; no I/O."""

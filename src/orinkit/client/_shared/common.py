@@ -1,4 +1,4 @@
-"""What the asynchronous and the synchronous client share: plain data, no calls."""
+"""Data types, checks and conversions shared by the asynchronous and the synchronous client; no I/O."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import Value, Variant, VarType
 
 RC8: Final = "CaoProv.DENSO.VRC"
-"""The provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
+"""Provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
 
 DEFAULT_TIMEOUT: Final = STREAM.timeout
 T = TypeVar("T", str, bytes)
-_LEAST_ALIVE: Final = 0.3  # s
-_MOST_ALIVE: Final = 3600.0
-_LEAST_WDT: Final = 0.08
-_USUAL_WDT: Final = 0.4
-_MOST_SECONDS: Final = 2e6
-_LINE: Final = 3  # place of the line in the details of an error; that of the program is before it
-_LOGGED_MESSAGE: Final = 12  # place in a record of the error log
+_MIN_ALIVE: Final = 0.3  # s
+_MAX_ALIVE: Final = 3600.0  # s
+_MIN_WDT: Final = 0.08  # s
+_DEFAULT_WDT: Final = 0.4  # s
+_MAX_TIMEOUT: Final = 2e6  # s
+_LINE: Final = 3  # index of the line in the details of an error; the index before it is the program
+_LOGGED_MESSAGE: Final = 12  # index of the message in a record of the error log
 
 
 class ObjectFunctions(NamedTuple):
-    """The functions that every kind of object has under its own ids; ``None`` where a kind has none."""
+    """The common functions of one object type, each with its own ID; ``None`` if the type does not have the function."""
 
     release: Function[[int], None]
     attribute: Function[[int], int] | None = None
@@ -50,12 +50,12 @@ class ObjectFunctions(NamedTuple):
 
 
 class ErrorInfo(NamedTuple):
-    """One error that the controller reports now (GetCurErrorInfo).
+    """An error that is present on the controller (GetCurErrorInfo).
 
     Attributes:
-        code: unsigned 32 bits.
-        message: the controller's own text.
-        details: what else the controller says of it, as it came.
+        code: Return code, unsigned 32 bits.
+        message: The controller's own text.
+        details: Further values that the controller returns for the error, unchanged.
     """
 
     code: int
@@ -64,12 +64,12 @@ class ErrorInfo(NamedTuple):
 
     @property
     def program(self) -> str:
-        """Program in which it happened; ``""`` where that is not told."""
+        """The program in which the error occurred; ``""`` if unknown."""
         return self.details[2] if len(self.details) > _LINE and isinstance(self.details[2], str) else ""
 
     @property
     def line(self) -> int:
-        """Line of the program, counted from 1; 0 where that is not told."""
+        """The line of the program, counted from 1; 0 if unknown."""
         line = self.details[_LINE] if self.program else 0
         return line if isinstance(line, int) else 0
 
@@ -80,154 +80,155 @@ class ErrorInfo(NamedTuple):
         return f"ErrorInfo(code=0x{self.code:08X}, message={self.message!r}, details={self.details!r})"
 
 
-def not_understood(command: str, answer: Any) -> ProtocolError:
-    """Return the error of a command whose answer is not what it should be."""
-    return ProtocolError(tr("{command} was answered with {answer!r:.80}", command=command, answer=answer))
+def unexpected_value(command: str, answer: Any) -> ProtocolError:
+    """Create the error for a command that returned an unexpected value."""
+    return ProtocolError(tr("{command} returned an unexpected value: {answer!r:.80}", command=command, answer=answer))
 
 
-def error_count(answer: Any) -> int:
-    """Read what GetCurErrorCount answers with.
+def error_count(value: Any) -> int:
+    """Return the number of errors from the result of GetCurErrorCount.
 
     Raises:
-        ProtocolError: it is no number.
+        ProtocolError: If the value is not a number.
     """
-    if isinstance(answer, int | float) and 0 <= answer < 2**31:
-        return int(answer)
-    raise not_understood("GetCurErrorCount", answer)
+    if isinstance(value, int | float) and 0 <= value < 2**31:
+        return int(value)
+    raise unexpected_value("GetCurErrorCount", value)
 
 
-def no_such_error(error: CallError) -> bool:
-    """Return whether an error is that of a list which has become shorter meanwhile."""
+def is_bad_index(error: CallError) -> bool:
+    """Return True if an index is out of range, as after the list of errors was shortened."""
     return error.code == hresult.DISP_E_BADINDEX
 
 
-def error_info(answer: Any) -> ErrorInfo:
-    """Read the array that GetCurErrorInfo answers with: code, message, details (reference: docs/protocol.md).
+def error_info(value: Any) -> ErrorInfo:
+    """Return the error from the result of GetCurErrorInfo: an array of code, message and details (docs/protocol.md).
 
     Raises:
-        ProtocolError: it is no such array.
+        ProtocolError: If the value is not such an array.
     """
-    if isinstance(answer, list) and len(answer) > 1 and isinstance(answer[0], int) and isinstance(answer[1], str):
-        return ErrorInfo(hresult.unsigned(answer[0]), answer[1], tuple(answer[2:]))
-    raise not_understood("GetCurErrorInfo", answer)
+    if isinstance(value, list) and len(value) > 1 and isinstance(value[0], int) and isinstance(value[1], str):
+        return ErrorInfo(hresult.unsigned(value[0]), value[1], tuple(value[2:]))
+    raise unexpected_value("GetCurErrorInfo", value)
 
 
 def service_option(option: str | None, profile: TransportProfile, dialect: Dialect, timeout: float) -> str | None:
-    """Return Service_Start's option: as given, or a watchdog that lets long calls outlast the time-out.
+    """Return the option of Service_Start: the given one, or by default a watchdog, so that calls may outlast the time-out.
 
-    The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1); where that cannot be, none is asked
-    for, nor where the controller tells in another way that it is at work.
+    The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1). No watchdog is requested if that is
+    impossible, or if the controller reports in another way that a call is still executing.
     """
     if option is not None:
         return option or None
     if not profile.watched or not dialect.takes_options:
         return None
-    interval = min(_USUAL_WDT, timeout / 2)
-    return f"WDT={round(interval * 1000)}" if interval > _LEAST_WDT + 0.001 else None
+    interval = min(_DEFAULT_WDT, timeout / 2)
+    return f"WDT={round(interval * 1000)}" if interval > _MIN_WDT + 0.001 else None
 
 
 def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> None:
-    """Check the seconds within which a client is to be heard.
+    """Check ``alive``, the interval in s within which the server must receive a sign of life from the client.
 
     Raises:
-        InvalidValue: they are no number from 0.3 to 3,600; or the dialect knows no options.
+        InvalidValue: If the value is not a number from 0.3 to 3,600, if the dialect has no options, or if the option of
+            Service_Start already contains ``Alive``.
     """
     if seconds is None:
         return
     given: object = seconds
-    if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST_ALIVE <= given <= _MOST_ALIVE:
+    if isinstance(given, bool) or not isinstance(given, int | float) or not _MIN_ALIVE <= given <= _MAX_ALIVE:
         raise InvalidValue(
             tr(
-                "alive must be {least:g} to {most:g} seconds, not {seconds}",
-                least=_LEAST_ALIVE,
-                most=_MOST_ALIVE,
+                "alive must be {least:g} to {most:g} s, not {seconds}",
+                least=_MIN_ALIVE,
+                most=_MAX_ALIVE,
                 seconds=brief(seconds),
             )
         )
     if not dialect.takes_options:
         raise InvalidValue(
-            tr("alive cannot be said in the dialect {name}, whose Service_Start has no options", name=dialect.name)
+            tr("alive= is not supported by dialect {name}: its Service_Start has no options", name=dialect.name)
         )
     if option is not None and "alive=" in option.replace(" ", "").lower():
-        raise InvalidValue(tr("give alive= or Alive in service=, not both"))
+        raise InvalidValue(tr("alive= cannot be combined with Alive in service="))
 
 
 def check_watchdog(option: str | None) -> None:
-    """Check that an option of Service_Start asks for no watchdog where the tries of a call are the signs of life.
+    """Check that an option of Service_Start requests no watchdog, if repeated requests serve as signs of life.
 
     Raises:
-        InvalidValue: it does: S_EXECUTING would put the next try off.
+        InvalidValue: If the option contains ``WDT``, because S_EXECUTING would postpone the next repetition.
     """
     if option is not None and "wdt=" in option.replace(" ", "").lower():
         raise InvalidValue(
             tr(
-                "over UDP and serial lines alive= cannot be combined with WDT in service=: the tries of "
-                "a call are the signs of life, and WDT stops them. Try: leave WDT out"
+                "over UDP and serial lines, alive= cannot be combined with WDT in service=: repeated requests are the "
+                "signs of life, and WDT suppresses them. Try: remove WDT"
             )
         )
 
 
 def with_alive(option: str | None, seconds: float | None) -> str | None:
-    """Return Service_Start's option with the time within which the client is to be heard; ``None`` leaves it as it is."""
+    """Return the option of Service_Start with ``Alive`` added; unchanged if the interval in s is ``None``."""
     if seconds is None:
         return option
     return ",".join(part for part in (option, f"Alive={round(seconds * 1000)}") if part)
 
 
 def motor_state(dialect: Dialect, *, on: bool) -> Value:
-    """Return the parameter of Motor: that it is to be waited for too, where that can be said."""
+    """Return the parameter of Motor. If the dialect permits, it requests to wait until the motor is on or off."""
     return Variant(VarType.I2, int(on)) if dialect.short_numbers else [int(on), 0]
 
 
-def no_code(dialect: Dialect) -> Value:
-    """Return the parameter of ClearError (VE026A table 5-2: a code that is not used)."""
+def clear_error_parameter(dialect: Dialect) -> Value:
+    """Return the parameter of ClearError (VE026A table 5-2: a code that the controller ignores)."""
     return Variant(VarType.I2, 0) if dialect.short_numbers else None
 
 
 def dialect_of(name: str | None, provider: str) -> Dialect | None:
-    """Return the dialect of that name, or that a provider's name tells; ``None`` where nothing does.
+    """Return the dialect with a name, or the dialect that follows from the provider name; ``None`` if neither decides.
 
     Raises:
-        InvalidValue: there is no dialect of that name.
+        InvalidValue: If no dialect has the name.
     """
     if name is not None:
         given: object = name
         dialect = DIALECTS.get(given.lower()) if isinstance(given, str) else None
         if dialect is None:
             known = ", ".join(DIALECTS)
-            raise InvalidValue(tr("dialect: {name}; possible: {known}", name=brief(name), known=known))
+            raise InvalidValue(tr("unknown dialect {name}. Try: {known}", name=brief(name), known=known))
         return dialect
     return VE026A if not provider or is_ve026a(provider) else None
 
 
-def is_ve026a(told: object) -> bool:
-    """Whether the name of a provider, or a version, is that of a VE026A."""
-    return VE026A.name.upper() in str(told).upper()
+def is_ve026a(text: object) -> bool:
+    """Return True if a provider name or a version text belongs to a VE026A."""
+    return VE026A.name.upper() in str(text).upper()
 
 
-def forgotten_after(profile: TransportProfile) -> str:
-    """Return what there is to say of a handle that is not known any more, to a client that was silent for long."""
+def expired_handle_hint(profile: TransportProfile) -> str:
+    """Return the hint for an expired handle after a long idle period."""
     name, seconds = profile.name.upper(), profile.memory
     return tr(
-        "a controller forgets a client on {name} that calls nothing for {seconds:g} s, with all "
-        "its objects. Connect again, call something now and then, or use TCP",
+        "a controller forgets a client on {name}, with all its objects, after {seconds:g} s without a call. Connect "
+        "again; then make calls regularly, or use TCP",
         name=name,
         seconds=seconds,
     )
 
 
 def check_timeout(seconds: float, name: str = "timeout") -> float:
-    """Return a time-out in seconds.
+    """Return a time-out in s, as a float.
 
     Raises:
-        InvalidValue: it is not a positive number, or more than a clock of the system can count.
+        InvalidValue: If the value is not a positive number, or exceeds the range of the system's clock.
     """
-    if not _is_number(seconds) or not 0 < seconds <= _MOST_SECONDS:
+    if not _is_number(seconds) or not 0 < seconds <= _MAX_TIMEOUT:
         raise InvalidValue(
             tr(
                 "{name} must be a positive number of seconds up to {most:.0e}, not {seconds}",
                 name=name,
-                most=_MOST_SECONDS,
+                most=_MAX_TIMEOUT,
                 seconds=brief(seconds),
             )
         )
@@ -235,26 +236,26 @@ def check_timeout(seconds: float, name: str = "timeout") -> float:
 
 
 def check_deadline(seconds: float | None) -> float | None:
-    """Return a deadline in seconds, ``None`` for none.
+    """Return a deadline in s, as a float; ``None`` means no deadline.
 
     Raises:
-        InvalidValue: it is not a positive number, or more than a clock of the system can count.
+        InvalidValue: If the value is not a positive number, or exceeds the range of the system's clock.
     """
     return None if seconds is None else check_timeout(seconds, "deadline")
 
 
 def check_tries(number: int) -> int:
-    """Return how often a request is sent in all: 1 to 7, what is below counts as 1, what is above as 7 (RC8 table 5-1).
+    """Return how often a request is sent at most, clamped to 1 to 7 (RC8 table 5-1).
 
     Raises:
-        InvalidValue: it is no whole number.
+        InvalidValue: If the value is not an integer.
     """
     try:
         whole = index(number)
     except TypeError:
         raise InvalidValue(
             tr(
-                "tries must be a whole number from {least} to {most}, not {number}",
+                "tries must be an integer from {least} to {most}, not {number}",
                 least=LEAST_TRIES,
                 most=MOST_TRIES,
                 number=brief(number),
@@ -267,19 +268,19 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float)
 
 
-def text_list(answer: Any) -> list[str]:
-    """Return a list of names; a controller without any answers VT_EMPTY."""
-    return [] if answer is None else [answer] if isinstance(answer, str) else [str(name) for name in answer]
+def text_list(value: Any) -> list[str]:
+    """Return the result of a ...Names function as a list; a controller returns VT_EMPTY for an empty one."""
+    return [] if value is None else [value] if isinstance(value, str) else [str(name) for name in value]
 
 
 # --- tasks ------------------------------------------------------------------------------------------------------------
 
 
 def task_mode(kind: type[TaskMode | StopMode], mode: str | int) -> int:
-    """Return the number of a mode from its name; a number is sent as it is.
+    """Return the number of a mode, given by name or number; numbers are not checked.
 
     Raises:
-        InvalidValue: there is no mode of that name.
+        InvalidValue: If no mode has the name.
     """
     if not isinstance(mode, str):
         return int(mode)
@@ -287,71 +288,71 @@ def task_mode(kind: type[TaskMode | StopMode], mode: str | int) -> int:
         return int(kind[mode.strip().upper()])
     except KeyError:
         known = ", ".join(f'"{each.name.lower()}"' for each in kind)
-        raise InvalidValue(tr("there is no mode {mode!r:.40}; {known}", mode=mode, known=known)) from None
+        raise InvalidValue(tr("unknown mode {mode!r:.40}. Try: {known}", mode=mode, known=known)) from None
 
 
-def task_status(answer: Any) -> TaskStatus:
-    """Read what GetStatus answers with.
+def task_status(value: Any) -> TaskStatus:
+    """Return the status from the result of GetStatus.
 
     Raises:
-        ProtocolError: it is no status.
+        ProtocolError: If the value is not a status.
     """
     try:
-        return TaskStatus(answer)
+        return TaskStatus(value)
     except ValueError:
-        raise not_understood("GetStatus", answer) from None
+        raise unexpected_value("GetStatus", value) from None
 
 
 def is_program(program: str, task: str) -> bool:
-    """Return whether the program that an error tells is that of a task."""
+    """Return True if the program named in an error is the program of a task."""
     names = [name.strip().replace("\\", "/").casefold().removesuffix(".pcs") for name in (program, task)]
     return bool(names[0]) and names[0] == names[1]
 
 
 def program_error(info: ErrorInfo, task: str) -> CallError:
-    """Return the error that has ended a program as an exception."""
-    where = tr("{program}, line {line}", program=info.program, line=info.line) if info.line else info.program
-    error = error_for(info.code, f"{where}: {info.message}")
+    """Return the exception for an error that ended a program."""
+    place = tr("{program}, line {line}", program=info.program, line=info.line) if info.line else info.program
+    error = error_for(info.code, f"{place}: {info.message}")
     error.subject = task
     return error
 
 
-def logged_message(answer: Any, code: int) -> str:
-    """Return the message of a record that GetErrorLog answers with, ``""`` for one of another code, or none."""
-    if not isinstance(answer, list) or len(answer) <= _LOGGED_MESSAGE or not isinstance(answer[0], int):
+def logged_message(value: Any, code: int) -> str:
+    """Return the message of a record from GetErrorLog; ``""`` for a record with another code, or without a message."""
+    if not isinstance(value, list) or len(value) <= _LOGGED_MESSAGE or not isinstance(value[0], int):
         return ""
-    message = answer[_LOGGED_MESSAGE]
-    return message if isinstance(message, str) and hresult.unsigned(answer[0]) == code else ""
+    message = value[_LOGGED_MESSAGE]
+    return message if isinstance(message, str) and hresult.unsigned(value[0]) == code else ""
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-def is_no_file(error: CallError) -> bool:
-    """Return whether an error says that a file is not there, but could be."""
+def is_file_not_found(error: CallError) -> bool:
+    """Return True if the name is valid but no file has it."""
     return error.code == hresult.FILE_NOT_FOUND
 
 
 def file_option(option: str, *, create: bool) -> str:
-    """Return the option for connecting to a file, which is made if it is not there."""
+    """Return the option for connecting to a file; with ``create``, the controller creates a missing file."""
     return ",".join(filter(None, ("@Create=1", option))) if create else option
 
 
-def moment(answer: Any) -> Any:
-    """Return a date that a controller has written, ``2024-04-01 09:00:00``, as ``datetime``; others as they are."""
-    if isinstance(answer, str):
+def parse_date(value: Any) -> Any:
+    """Return a date such as ``2024-04-01 09:00:00`` as ``datetime``; other values unchanged."""
+    if isinstance(value, str):
         try:
-            return datetime.fromisoformat(answer.strip())
+            return datetime.fromisoformat(value.strip())
         except ValueError:
             pass
-    return answer
+    return value
 
 
 def file_text(content: Any) -> str:
-    """Return a file's content as text; bytes are read as UTF-8, or else as Shift_JIS (code page 932).
+    """Return the content of a file as text; bytes are decoded as UTF-8, or else as Shift_JIS (code page 932).
 
     Raises:
-        InvalidValue: they are neither.
+        InvalidValue: If the content cannot be decoded.
     """
     if content is None:
         return ""
@@ -363,14 +364,14 @@ def file_text(content: Any) -> str:
                 return content.decode(encoding)
             except UnicodeDecodeError:
                 pass
-    raise InvalidValue(tr("the content of the file is no text; read .data"))
+    raise InvalidValue(tr("the content of the file is not text. Try: .data"))
 
 
 def file_data(content: Any) -> bytes:
-    """Return a file's content as bytes.
+    """Return the content of a file as bytes.
 
     Raises:
-        InvalidValue: it is neither text nor bytes.
+        InvalidValue: If the content is neither text nor bytes.
     """
     if content is None:
         return b""
@@ -379,15 +380,15 @@ def file_data(content: Any) -> bytes:
     if isinstance(content, bytes):
         return content
     raise InvalidValue(
-        tr("the content of the file is {content!r:.40}, neither text nor bytes; read .value", content=content)
+        tr("the content of the file is neither text nor bytes: {content!r:.40}. Try: .value", content=content)
     )
 
 
 def check_content(kind: type[T], content: T) -> T:
-    """Return what a file is to contain.
+    """Return the new content of a file after checking its type.
 
     Raises:
-        InvalidValue: it is of another type.
+        InvalidValue: If the content has another type.
     """
     given: object = content
     if isinstance(given, bytearray) and kind is bytes:
@@ -396,7 +397,7 @@ def check_content(kind: type[T], content: T) -> T:
         return given
     raise InvalidValue(
         tr(
-            "{content!r:.40} is no {name}; a file has .text (str) and .data (bytes)",
+            "{content!r:.40} is not {name}. Try: .text for str, .data for bytes",
             content=content,
             name=kind.__name__,
         )
@@ -404,24 +405,24 @@ def check_content(kind: type[T], content: T) -> T:
 
 
 class HandleTable:
-    """Handles that this program holds, and those whose objects were dropped without being closed.
+    """The handles of a connection: those in use, and those of objects that were deleted without being closed.
 
-    The latter are released before the next object is made. A controller may answer with one handle for several objects
-    (``@IfNotMember``; a VE026A always does): it is released with the last of them.
+    The latter are released before the next object is created. A controller may return the same handle for several objects
+    (``@IfNotMember``; a VE026A always does); it is released with the last of them.
     """
 
     def __init__(self) -> None:
         self._handles: deque[tuple[Function[[int], None], int]] = deque()
-        self._shared: Counter[tuple[int, int]] = Counter()  # by function that releases it, and handle
+        self._shared: Counter[tuple[int, int]] = Counter()  # (ID of the release function, handle) -> number of objects
         self._lock = Lock()
 
     def hold(self, release: Function[[int], None], handle: int) -> None:
-        """One more object has this handle."""
+        """Count one more object with this handle."""
         with self._lock:
             self._shared[release.id, handle] += 1
 
     def is_last(self, release: Function[[int], None], handle: int) -> bool:
-        """One object has it no more; tells whether none is left, so that it is to be released."""
+        """Count one object less; return True if it was the last one, so that the handle must be released."""
         with self._lock:
             self._shared[release.id, handle] -= 1
             if self._shared[release.id, handle] > 0:
@@ -430,11 +431,11 @@ class HandleTable:
             return True
 
     def add(self, release: Function[[int], None], handle: int) -> None:
-        """Note a handle; may be called from anywhere, also while Python collects garbage."""
+        """Add the handle of a deleted object; may be called from any thread and during garbage collection."""
         self._handles.append((release, handle))
 
     def take(self) -> tuple[Function[[int], None], int] | None:
-        """Return one and forget it."""
+        """Remove and return the handle of a deleted object; ``None`` if there is none."""
         try:
             return self._handles.popleft()
         except IndexError:

@@ -1,4 +1,4 @@
-"""What a URL says to a client: where to connect, which protocol is spoken there, how long it may take."""
+"""Connection parameters of a client from its URL: address, protocol and time limits."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
     AnyConversation: TypeAlias = BcapConversation | EcapConversation
 
 L = TypeVar("L")
-_LEAST_DEADLINE: Final = 3.0  # s
-_LEAST_OPENING: Final = 1.0  # s: a name may have to be looked up, however short the time-outs are
+_MIN_DEADLINE: Final = 3.0  # s
+_MIN_OPEN_TIMEOUT: Final = 1.0  # s, because name resolution takes time
 
 
 def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress, TransportProfile, float]:
-    """Return what a URL says, how calls travel there, and how many seconds opening the link may take.
+    """Return the address in a URL, its transport profile, and the time limit in s for opening the connection.
 
     Args:
-        url: of the controller.
-        timeout: seconds of a try, ``None`` for what is usual on the profile.
-        tries: how often a request is sent.
+        url: URL of the controller.
+        timeout: Time-out of one attempt in s; ``None`` for the default of the profile.
+        tries: Maximum number of times that a request is sent.
 
     Raises:
-        InvalidAddress: the URL cannot be used by a client.
-        InvalidValue: timeout or tries cannot be used.
+        InvalidAddress: If a client cannot use the URL.
+        InvalidValue: If timeout or tries is invalid.
     """
     address = parse_address(url)
     row = row_of(address)
@@ -46,16 +46,16 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
         raise refused(address)
     profile: TransportProfile = resolve(row.profile)
     seconds, times = check_timeout(profile.timeout if timeout is None else timeout), check_tries(tries)
-    return address, profile, max(seconds * times, _LEAST_OPENING) if profile.lossy else seconds
+    return address, profile, max(seconds * times, _MIN_OPEN_TIMEOUT) if profile.lossy else seconds
 
 
 def closing_deadline(timeout: float, tries: int, profile: TransportProfile) -> float:
-    """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
-    return max(3 * timeout * (tries if profile.lossy else 1), _LEAST_DEADLINE)
+    """Return the default deadline in s for connecting and for closing."""
+    return max(3 * timeout * (tries if profile.lossy else 1), _MIN_DEADLINE)
 
 
 def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
-    """Return the conversation for a way that calls travel: b-CAP, or e-CAP."""
+    """Create the conversation for a transport profile: b-CAP or e-CAP."""
     if isinstance(profile, BcapProfile):
         return BcapConversation(limits, trace, profile, clock=monotonic)
     from orinkit.ecap.client import EcapConversation as EcapConversation
@@ -65,18 +65,18 @@ def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace |
 
 @runtime_checkable
 class _RepeatableLink(Protocol):
-    """A link over which a call cannot be left alone while something else is said."""
+    """A link on which nothing else can be sent during a call, but which can be opened again."""
 
     def another(self) -> Self: ...
 
     def close(self) -> None: ...
 
 
-def parting(link: L) -> L:
-    """Return the link to take leave over.
+def link_for_closing(link: L) -> L:
+    """Return the link over which to send the closing requests.
 
-    Where that cannot be done beside a call that another thread or task may have at work, it is another link to the same
-    place, and this one is closed: the call ends, and no other one can come in between.
+    If nothing can be sent during a call of another thread or task, this is a new link to the same address, and the given one
+    is closed: that ends the call, and no other call can intervene.
     """
     if isinstance(link, _RepeatableLink):
         link.close()
@@ -86,7 +86,7 @@ def parting(link: L) -> L:
 
 @runtime_checkable
 class _ShareableLink(Protocol):
-    """A link over which something can be sent while a call is under way."""
+    """A link on which data can be sent during a call."""
 
     def share(self) -> None: ...
 
@@ -94,31 +94,31 @@ class _ShareableLink(Protocol):
 
 
 def share(link: object) -> None:
-    """Prepare a link for :func:`beside`."""
+    """Prepare a link for :func:`send_during_call`."""
     if isinstance(link, _ShareableLink):
         link.share()
 
 
-def beside(link: object, data: bytes) -> None:
-    """Send something over a link on which a call is under way, if that can be done; not over one that is lent."""
+def send_during_call(link: object, data: bytes) -> None:
+    """Send data on a link while a call is executing, if the link supports it; not on a detached link."""
     if isinstance(link, _ShareableLink):
         link.beside(data)
 
 
 def another(link: L) -> L | None:
-    """Return another link for the same client to the same place, ``None`` where there can be none."""
+    """Return a second link of the same client to the same address; ``None`` if the link does not support it."""
     return link.another() if isinstance(link, _RepeatableLink) else None
 
 
 def access_to(address: AnyAddress, token: str, cafile: str) -> Credentials:
-    """Return what a client shows to a server.
+    """Return the credentials of a client.
 
     Raises:
-        InvalidValue: there is something that is not for this kind of address.
+        InvalidValue: If token or cafile is given for an address that is not HTTP.
     """
     if (token or cafile) and not row_of(address).http:
         schemes = ", ".join(f"{row.scheme}://" for row in rows() if row.http)
         raise InvalidValue(
-            tr("token and cafile are for {schemes}; b-CAP at {address} has none", schemes=schemes, address=address)
+            tr("token and cafile require {schemes}; {address} uses b-CAP", schemes=schemes, address=address)
         )
     return Credentials(token, cafile)

@@ -1,4 +1,4 @@
-"""What both clients' motions share: where they go, how far they are, why they were stopped. Plain data, no calls."""
+"""Motion state shared by the asynchronous and the synchronous client: segments, progress and stop causes; no I/O."""
 
 from __future__ import annotations
 
@@ -13,31 +13,33 @@ from orinkit.core.i18n import tr
 from orinkit.values.poses import J, P
 
 POLL: Final = 0.03
-"""Seconds between two looks at a motion."""
+"""Polling interval of a motion in s."""
 SETTLE: Final = 0.05
-"""Seconds after which a look that found the arm somewhere else is repeated: encoders are late, a motion may just begin."""
+"""Time in s after which the position of the arm is read again if the arm is not at the end of its motion: encoders lag
+behind the command, and a motion may not have begun yet."""
 TOLERANCE: Final = 0.1
-"""How far, in degrees or mm, a joint may be from where the motion ends; ten times what controllers stand still with."""
+"""Tolerance of a joint at the end of a motion in deg or mm; ten times the deviation of controllers at standstill."""
 UNFINISHED: Final = 0.999
-"""The most that is said of a motion that is not over."""
+"""Maximum progress of an unfinished motion."""
 
-_DIRECTION: Final = 0.005  # of vectors of length 1: about 0.3 degrees
-_LONGEST_CHAIN: Final = 16  # motions that are followed back; controllers have room for ten
+_DIRECTION: Final = 0.005  # tolerance of unit vectors, about 0.3 deg
+_MAX_CHAIN: Final = 16  # motions; controllers queue up to ten
 _MANUAL: Final = 1
 _TEACH_CHECK: Final = 2
 
 
 class MotionSegment:
-    """From where to where a motion goes, as far as that is known.
+    """The start and the end of a motion, as far as they are known.
 
-    DestJnt tells where the motion that *runs* ends. As long as another one may run, what it tells counts for this motion
-    only once it differs from where that one ends.
+    DestJnt returns the end of the motion that is *executing*. While the previous motion may still be executing, DestJnt
+    belongs to this motion only if it differs from the end of the previous one.
 
     Attributes:
-        target: where it ends, as its pose itself says.
-        start, end: joints; ``end`` is that of the target, or what DestJnt has told.
-        before: the motion before, until this one is known to have begun; ``None`` where nobody can tell.
-        begun: whether it is known to have begun.
+        target: End of the motion according to the commanded pose; ``None`` if the pose does not determine it.
+        start: Joints at the start; ``None`` if unknown.
+        end: Joints at the end, from the target or from DestJnt; ``None`` if unknown.
+        before: Previous motion, until this one is known to have begun; ``None`` if unknown.
+        begun: True if the motion is known to have begun.
     """
 
     __slots__ = ("before", "begun", "end", "start", "target")
@@ -51,59 +53,59 @@ class MotionSegment:
 
     @classmethod
     def leading_to(cls, end: J) -> MotionSegment:
-        """Return the way of a motion that ends at some joints, and of which nothing else counts any more."""
-        way = cls()
-        way.end, way.begun = end, True
-        return way
+        """Create the segment of a motion that has begun and ends at the given joints."""
+        segment = cls()
+        segment.end, segment.begun = end, True
+        return segment
 
     @property
     def waits(self) -> bool:
-        """Whether it is still to be seen that it has begun."""
+        """True if the beginning of the motion can still be detected, but has not been."""
         return not self.begun and self.before is not None
 
-    def begin(self, before: MotionSegment, start: J | None, told: J) -> None:
-        """Note what is known when the controller has just taken the motion.
+    def begin(self, before: MotionSegment, start: J | None, destination: J) -> None:
+        """Record the state immediately after the controller has accepted the motion.
 
         Args:
-            before: the motion before.
-            start: joints of the arm if no other motion is to come first.
-            told: DestJnt.
+            before: Previous motion.
+            start: Joints of the arm if no other motion is pending; otherwise ``None``.
+            destination: Result of DestJnt.
         """
         chain: MotionSegment | None = before
-        for _ in range(_LONGEST_CHAIN):
+        for _ in range(_MAX_CHAIN):
             if chain is None:
                 break
             chain = chain.before
-        if chain is not None:  # too many to be followed back
+        if chain is not None:  # too many pending motions to track
             return
         self.before = before
         self.start = start
-        self.see(told)
+        self.see(destination)
 
-    def see(self, told: J) -> None:
-        """Note what DestJnt tells while something moves."""
+    def see(self, destination: J) -> None:
+        """Update the segment with a result of DestJnt during motion."""
         before = self.before
         if before is None or self.begun:
             return
-        before.see(told)
-        if not before.begun or before.end is None or near(told, before.end):
+        before.see(destination)
+        if not before.begun or before.end is None or near(destination, before.end):
             return
         if self.end is None:
-            self.end = told
-        if near(told, self.end):
+            self.end = destination
+        if near(destination, self.end):
             self.begun = True
             self.start = self.start or before.end
             self.before = None
 
-    def left_behind(self, told: J) -> bool:
-        """Return whether the arm is surely on its way to somewhere else: it has begun, and DestJnt tells another end."""
-        return self.begun and self.end is not None and not near(told, self.end)
+    def left_behind(self, destination: J) -> bool:
+        """Return True if the arm certainly executes a later motion: this one has begun, and DestJnt is another end."""
+        return self.begun and self.end is not None and not near(destination, self.end)
 
     def fraction(self, now: J) -> float:
-        """Return how far an arm at these joints is, from 0 to a little below 1; 0 where that is not known.
+        """Return the progress of the motion for given joints, from 0 to slightly below 1; 0 if unknown.
 
-        It is the part of the way that the joints have left behind. They go together, so it is that of the path too
-        where the path is a line in joint space, and roughly elsewhere.
+        This is the covered part of the distance in joint space. It equals the covered part of the path if the path is a line
+        in joint space, and approximates it otherwise.
         """
         if self.start is None or self.end is None:
             return 0.0
@@ -112,17 +114,17 @@ class MotionSegment:
 
 
 def near(one: Iterable[float], other: Iterable[float], tolerance: float = TOLERANCE) -> bool:
-    """Return whether two poses are the same, as far as both have numbers."""
+    """Return True if two poses are equal within a tolerance, compared up to the shorter length."""
     return all(abs(a - b) <= tolerance for a, b in zip(one, other, strict=False))
 
 
 def same_place(one: P, other: P) -> bool:
-    """Return whether two positions are the same, whatever their figures: within TOLERANCE mm, turned alike."""
+    """Return True if two positions are equal within TOLERANCE mm and about 0.3 deg; figures are not compared."""
     return near(one[:3], other[:3]) and near(_directions(one), _directions(other), _DIRECTION)
 
 
 def _directions(pose: P) -> tuple[float, ...]:
-    """Return the approach and the orient vector of Rz * Ry * Rx: angles can be written in several ways, these cannot."""
+    """Return the approach and orient vectors of Rz * Ry * Rx. They are unique, whereas several angles are equivalent."""
     (sa, ca), (sb, cb), (sc, cc) = ((math.sin(angle), math.cos(angle)) for angle in map(math.radians, pose[3:6]))
     approach = (cc * sb * ca + sc * sa, sc * sb * ca - cc * sa, cb * ca)
     orient = (cc * sb * sa - sc * ca, sc * sb * sa + cc * ca, cb * sa)
@@ -137,36 +139,36 @@ def _distance(one: J, other: J) -> float:
 
 
 def may_have_moved(error: OrinError) -> bool:
-    """Return whether a motion whose call failed may have begun, or may still begin: the error is no refusal."""
+    """Return True if a motion may have begun, or may still begin, although its call failed with the error."""
     if isinstance(error, CallError):
         return error.code == hresult.STOPPED_DURING_PC_MOTION
     return isinstance(error, CallTimeout | TransportError | ProtocolError)
 
 
 class MotionStop(NamedTuple):
-    """How a motion was stopped before its end.
+    """Details of a motion that was stopped before its end.
 
     Attributes:
-        at: where the arm stands.
-        reason: why, in words.
+        at: Joints of the arm at standstill.
+        reason: Cause of the stop, as text.
     """
 
     at: J
     reason: str
 
-    def error(self, subject: str, function: str, arguments: tuple[object, ...], way: MotionSegment) -> CallError:
-        """Return it as an exception.
+    def error(self, subject: str, function: str, arguments: tuple[object, ...], segment: MotionSegment) -> CallError:
+        """Create the exception for the stop.
 
         Args:
-            subject: name of the robot.
-            function: the call that began the motion.
-            arguments: of the call.
-            way: of the motion.
+            subject: Name of the robot.
+            function: Function that started the motion.
+            arguments: Arguments of the call.
+            segment: Start and end of the motion.
         """
-        detail = tr("the arm stands at {pose}", pose=_rounded(self.at))
-        end = way.end if way.target is None else way.target
+        detail = tr("the arm stopped at {pose}", pose=_rounded(self.at))
+        end = segment.end if segment.target is None else segment.target
         if end is not None:
-            detail += tr(", the motion ends at {pose}", pose=_rounded(end))
+            detail += tr(", target {pose}", pose=_rounded(end))
         detail += tr("; {reason}", reason=self.reason)
         error = error_for(hresult.STOPPED_DURING_PC_MOTION, detail, function, arguments)
         error.subject = subject
@@ -174,7 +176,7 @@ class MotionStop(NamedTuple):
 
 
 class StopDiagnosis(NamedTuple):
-    """What may have stopped an arm; ``None`` where the controller does not tell."""
+    """Controller states that can stop an arm; ``None`` for a state that the controller does not report."""
 
     emergency_stop: object
     protective_stop: object
@@ -182,21 +184,21 @@ class StopDiagnosis(NamedTuple):
     motor_on: object
 
     def reason(self, error: str, *, halted: bool) -> str:
-        """Return in words why a motion was stopped.
+        """Return the cause of a stop as text.
 
         Args:
-            error: the first of the errors that the controller reports, ``""`` for none.
-            halted: whether this program has halted it.
+            error: First error that the controller reports; ``""`` if none.
+            halted: True if this program halted the motion.
         """
         parts = [
             self._state(),
             tr("the controller reports {error}", error=error) if error else "",
         ]
-        if said := tr("; ").join(filter(None, parts)):
-            return said
+        if text := tr("; ").join(filter(None, parts)):
+            return text
         if halted:
-            return tr("it was halted")
-        return tr("somebody halted it")
+            return tr("halted by this program")
+        return tr("halted by another client or program")
 
     def _state(self) -> str:
         if self.emergency_stop:
@@ -216,68 +218,68 @@ def _rounded(pose: J | P) -> J | P:
     return pose.of(round(value, 3) for value in pose)
 
 
-# --- letting go -------------------------------------------------------------------------------------------------------
+# --- clean-up ---------------------------------------------------------------------------------------------------------
 
 
 def note_failure(error: BaseException, problem: OrinError, profile: TransportProfile) -> None:
-    """Note in an exception that a step of the clean-up has failed too; that the connection has gone is said once."""
+    """Add a note to an exception that a step of the clean-up failed, too; a lost connection is noted only once."""
     if not isinstance(problem, TransportError):
-        error.add_note(tr("orinkit: while cleaning up: {problem}", problem=problem))
+        error.add_note(tr("orinkit: error during clean-up: {problem}", problem=problem))
         return
-    said = {note_broken_off(profile), note_closed(profile), _connection_gone(profile)}
+    said = {note_broken_off(profile), note_closed(profile), _note_lost(profile)}
     if said.isdisjoint(getattr(error, "__notes__", ())):
-        error.add_note(_connection_gone(profile))
+        error.add_note(_note_lost(profile))
 
 
 def note_broken_off(profile: TransportProfile) -> str:
-    """Return the note that an exception gets that broke off a call which was to move the arm."""
-    lost = _if_it_is_lost(profile)
+    """Return the note for an exception that interrupted a motion call."""
+    condition = _if_packet_lost(profile)
     return tr(
-        "orinkit: the motion was broken off, so the connection was closed; the arm stops and is "
-        "free again{condition}; the motor may still be on",
-        condition=lost,
+        "orinkit: the motion call was interrupted, so the connection was closed; the arm stops and its semaphore is "
+        "released{condition}; the motor may still be on",
+        condition=condition,
     )
 
 
 def note_closed(profile: TransportProfile) -> str:
-    """Return the note that an exception gets where only closing the connection could stop the arm."""
-    lost = _if_it_is_lost(profile)
+    """Return the note for an exception after which the arm could only be stopped by closing the connection."""
+    condition = _if_packet_lost(profile)
     return tr(
-        "orinkit: the controller is still busy with the call before, so the connection was "
-        "closed to stop the arm{condition}; the motor may still be on",
-        condition=lost,
+        "orinkit: the controller is still executing the previous call, so the connection was closed to stop the "
+        "arm{condition}; the motor may still be on",
+        condition=condition,
     )
 
 
-def _if_it_is_lost(profile: TransportProfile) -> str:
-    """Return when the arm stops where what tells of a client's end may not arrive, in brackets."""
+def _if_packet_lost(profile: TransportProfile) -> str:
+    """Return, in brackets, when the arm stops if the controller is not notified of the client's end."""
     if profile.shared:
-        return tr(" (should the packet that says so be lost, only when the next client connects)")
+        return tr(" (if the closing packet is lost: when the next client connects)")
     if profile.memory and not profile.lossy:
         return tr(
-            " (should the server not hear of that, after {seconds:g} s of silence or later)", seconds=profile.memory
+            " (if the server is not notified: after {seconds:g} s or more without a request)", seconds=profile.memory
         )
     if profile.memory:
         return tr(
-            " (should the packet that says so be lost, after {seconds:g} s of silence or later)", seconds=profile.memory
+            " (if the closing packet is lost: after {seconds:g} s or more without a request)", seconds=profile.memory
         )
     return ""
 
 
-def _connection_gone(profile: TransportProfile) -> str:
+def _note_lost(profile: TransportProfile) -> str:
     if profile.shared:
         return tr(
-            "orinkit: the connection is gone, which a controller cannot notice on a serial line: the "
-            "arm may go on moving, and stays taken, until the next client connects; press the "
-            "emergency stop if it has to stop now"
+            "orinkit: the connection is lost, and a controller cannot detect this on a serial line: the arm may keep "
+            "moving, and its semaphore stays taken, until the next client connects. Press the emergency stop if the arm "
+            "must stop now"
         )
     if profile.memory:
         return tr(
-            "orinkit: the connection is gone; the controller notices after {seconds:g} s of silence "
-            "or later, and then stops the arm and takes it back by itself; the motor may still be on",
+            "orinkit: the connection is lost; the controller detects this after {seconds:g} s or more without a request, "
+            "then stops the arm and releases its semaphore; the motor may still be on",
             seconds=profile.memory,
         )
     return tr(
-        "orinkit: the connection is gone; the controller then stops the arm and takes it back by "
-        "itself, the motor may still be on"
+        "orinkit: the connection is lost; the controller stops the arm and releases its semaphore; the motor may still "
+        "be on"
     )

@@ -1,4 +1,4 @@
-"""What both clients' robots share: what is sent for a motion, what is read from answers. Plain data, no calls."""
+"""Arguments of motions and results of commands, shared by the asynchronous and the synchronous client; no I/O."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypedDict, TypeVar
 
-from orinkit.client._shared.common import not_understood
+from orinkit.client._shared.common import unexpected_value
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, NotationError
 from orinkit.core.i18n import tr
@@ -22,27 +22,27 @@ ARC: Final = 3
 CURVE: Final = 4
 
 HOLDING_COMMANDS: Final = frozenset(("takearm", "givearm", "motor"))
-"""Commands, in small letters, that surely move nothing."""
+"""Commands, in lower case, that never move the arm."""
 
 _MISSING: Final = (hresult.E_NOTIMPL, hresult.E_INVALID_CMD_NAME, hresult.E_INVALIDARG, hresult.FUNCTION_NOT_DEFINED)
-_DEEPEST: Final = 32  # of lists that are looked through for poses; a VARIANT has fewer
+_MAX_DEPTH: Final = 32  # of nested lists; more than a VARIANT may have
 _PASSING: Final = re.compile(r"@\s*(?:[Pp]|[0-9.+]*[1-9])")
-_MOST_PERCENT: Final = 100.0
-_MOST_SECONDS: Final = 3600.0
-_JOINTS: Final = 6  # of most arms
+_MAX_PERCENT: Final = 100.0
+_MAX_SECONDS: Final = 3600.0
+_JOINTS: Final = 6  # number of joints of most arms
 
 Pose = TypeVar("Pose", P, T, J)
 
 
 class MoveOptions(TypedDict, total=False):
-    """The options of a motion, as keywords; what is left out is as the controller has it.
+    """Keyword options of a motion. The controller's settings apply to omitted options.
 
     Attributes:
-        speed: percent, above 0, at most 100.
-        accel: acceleration in percent.
-        decel: deceleration in percent.
-        time: how long it is to take, in seconds, at most 3600.
-        wait: True, the default, waits for the end; False returns at once (NEXT).
+        speed: Speed in percent, above 0 and at most 100.
+        accel: Acceleration in percent, above 0 and at most 100.
+        decel: Deceleration in percent, above 0 and at most 100.
+        time: Duration of the motion in s, above 0 and at most 3600.
+        wait: True (the default) to wait for the end of the motion, False to return immediately (NEXT).
     """
 
     speed: float
@@ -53,33 +53,33 @@ class MoveOptions(TypedDict, total=False):
 
 
 def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:
-    """Return the option string of a motion (RC8 3.3.4), and whether to wait for its end.
+    """Return the option string of a motion (RC8 3.3.4), and True if the call waits for its end.
 
     Args:
-        options: as given.
-        mark: a pass mark that belongs to the option string, as that of Rotate does.
+        options: Keyword options.
+        mark: Pass mark to put into the option string, as for Rotate.
 
     Raises:
-        TypeError: an option that there is not.
-        InvalidValue: an amount is no number, or out of range.
+        TypeError: If an option is unknown.
+        InvalidValue: If a value is not a number or is out of range.
     """
     if unknown := options.keys() - MoveOptions.__annotations__.keys():
         known = ", ".join(MoveOptions.__annotations__)
-        raise TypeError(tr("a motion has no option {name!r}; there are {known}", name=min(unknown), known=known))
+        raise TypeError(tr("unknown motion option {name!r}. Try: {known}", name=min(unknown), known=known))
     parts = [mark] if mark else []
     parts += [
-        f"{name.upper()}={plain_decimal(_amount(name, options.get(name), _MOST_PERCENT))}"
+        f"{name.upper()}={plain_decimal(_amount(name, options.get(name), _MAX_PERCENT))}"
         for name in ("speed", "accel", "decel")
         if name in options
     ]
     if "time" in options:
-        parts.append(f"TIME={max(1, round(_amount('time', options['time'], _MOST_SECONDS) * 1000))}")
+        parts.append(f"TIME={max(1, round(_amount('time', options['time'], _MAX_SECONDS) * 1000))}")
     wait = options.get("wait", True)
     return ",".join(parts if wait else [*parts, "NEXT"]), bool(wait)
 
 
 def waits(option: str) -> bool:
-    """Return whether a motion with this option string is answered at its end."""
+    """Return True if the controller replies at the end of a motion with this option string."""
     return all(part.strip().upper() not in ("NEXT", "NEXT=1") for part in str(option).split(","))
 
 
@@ -87,7 +87,7 @@ def _amount(name: str, value: object, most: float) -> float:
     number = finite("move", name, value)
     if not 0 < number <= most:
         raise InvalidValue(
-            tr("{name}: {number:g} is not above 0 and at most {most:.0f}", name=name, number=number, most=most)
+            tr("{name} must be above 0 and at most {most:.0f}, not {number:g}", name=name, number=number, most=most)
         )
     return number
 
@@ -96,21 +96,21 @@ def _amount(name: str, value: object, most: float) -> float:
 
 
 def is_raw(first: str, arguments: tuple[object, ...], named: Mapping[str, object]) -> bool:
-    """Return whether a method was called as CAO has it: its first argument is a number.
+    """Return True if a method was called in the form of CAO, in which the first argument is a number.
 
     Args:
-        first: name of that argument.
-        arguments: of the call.
-        named: of the call.
+        first: Name of the first argument in the form of CAO.
+        arguments: Positional arguments of the call.
+        named: Keyword arguments of the call.
     """
     return first in named or (bool(arguments) and isinstance(arguments[0], int))
 
 
 def check_move(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
-    """Make sure that ``move`` was called in one of its forms.
+    """Check that ``move`` was called in one of its two forms.
 
     Raises:
-        TypeError: it was not; the message has what to write.
+        TypeError: If the arguments match neither form; the message shows both.
     """
     if (
         len(arguments) > 1
@@ -121,7 +121,7 @@ def check_move(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
         numbers = ", ".join(f"{number:g}" for number in arguments)
         raise TypeError(
             tr(
-                "Robot.move() takes a pose, not numbers: move(J({numbers})) for joints, "
+                "Robot.move() takes a pose, not numbers. Try: move(J({numbers})) for joints, "
                 "move(P({numbers})) for a position",
                 numbers=numbers,
             )
@@ -131,10 +131,10 @@ def check_move(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
 
 
 def check_drive(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
-    """Make sure that ``drive`` was called in one of its forms.
+    """Check that ``drive`` was called in one of its two forms.
 
     Raises:
-        TypeError: it was not; the message has what to write.
+        TypeError: If the arguments match neither form; the message shows both.
     """
     form = _DRIVE_RAW if is_raw("axis", arguments, named) else _DRIVE
     _check_form("drive", form, arguments, named, "drive({1: 10, 2: -5}, speed=20)", 'drive(1, 10.0, "SPEED=20")')
@@ -148,7 +148,7 @@ def _check_form(
     except TypeError as error:
         raise TypeError(
             tr(
-                "Robot.{name}(): {error}; the forms are {usual} and, as CAO has it, {raw}",
+                "Robot.{name}(): {error}. Try: {usual} or, in the form of CAO, {raw}",
                 name=name,
                 error=error,
                 usual=usual,
@@ -169,44 +169,44 @@ _DRIVE: Final = _form("axes", "mark", options=True, mark="")
 _DRIVE_RAW: Final = _form("axis", "value", "option", options=False, option="")
 
 
-# --- poses that are sent ----------------------------------------------------------------------------------------------
+# --- poses in requests ------------------------------------------------------------------------------------------------
 
 
 def sendable(value: Value, depth: int = 0) -> Value:
-    """Return a value of CAO with the text of each pose in place of the pose, also in lists.
+    """Return a value of CAO in which each pose, also in lists, is replaced by its text.
 
-    The numbers of a pose alone do not say what they are: a controller could read those of a J as a P.
+    The numbers of a pose alone do not determine its type: a controller could interpret those of a J as a P.
     """
     given: Any = value
     if isinstance(given, P | T | J | V | Target):
         return to_text(given)
     if isinstance(given, PassMark):
         return str(given)
-    if isinstance(given, list | tuple) and depth < _DEEPEST:
+    if isinstance(given, list | tuple) and depth < _MAX_DEPTH:
         return [sendable(each, depth + 1) for each in given]
     return value
 
 
 def raw_pose(pose: Value) -> Value:
-    """Return the pose of a motion as CAO has it.
+    """Return the pose of a motion in the form of CAO.
 
     Raises:
-        InvalidValue: 6 numbers, of which nobody knows what they are.
+        InvalidValue: If the pose is 6 numbers, which may be joints or a position.
     """
     text = sendable(pose)
     values = plain(text)
-    numbers = values.tolist() if hasattr(values, "tolist") else values  # of numpy
+    numbers = values.tolist() if hasattr(values, "tolist") else values  # numpy arrays
     if isinstance(numbers, list | tuple) and len(numbers) == _JOINTS and all(map(_is_number, numbers)):
-        raise InvalidValue(tr("{pose}: 6 numbers may be joints or a position: J(...) or P(...)", pose=brief(pose)))
+        raise InvalidValue(tr("{pose}: 6 numbers may be joints or a position. Try: J(...) or P(...)", pose=brief(pose)))
     return text
 
 
 def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
-    """Return the text that is sent for a pose; one that is given as text is read first.
+    """Return the text to send for a pose; a pose given as text is checked.
 
     Raises:
-        InvalidValue: no pose, or a text that is none; the message names the column.
-        NotationError: the mark is none.
+        InvalidValue: If the value is not a pose; for a text, the message gives the column.
+        NotationError: If the mark is not a pass mark.
     """
     text = to_text(pose, mark)
     if isinstance(pose, str):
@@ -215,7 +215,7 @@ def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
         except NotationError as error:
             raise InvalidValue(
                 tr(
-                    "{pose} is no pose: {error}; what is to be sent as it is: move(1, text)",
+                    "{pose} is not a pose: {error}. Try: move(1, text) to send a text without checking it",
                     pose=brief(pose),
                     error=error,
                 )
@@ -224,7 +224,7 @@ def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
 
 
 def passes(arguments: object) -> bool:
-    """Return whether a motion may be answered while the arm still moves: its pass mark is ``@P``, or a radius."""
+    """Return True if the reply may arrive while the arm still moves, because the pass mark is ``@P`` or a radius."""
     if isinstance(arguments, str):
         return _PASSING.search(arguments) is not None
     if isinstance(arguments, list | tuple):
@@ -238,38 +238,36 @@ def arc_text(via: PoseLike, end: PoseLike, mark: str | PassMark) -> str:
 
 
 def curve_text(path: int | Sequence[PoseLike], mark: str | PassMark) -> str:
-    """Return the path of a free curve: the number of a stored one, or its poses.
+    """Return the path of a free curve as text: the number of a stored path, or its poses.
 
     Raises:
-        InvalidValue: no pose, or a number below 0.
+        InvalidValue: If a pose is invalid, the list is empty, or the number is below 0.
     """
     if isinstance(path, int):
         if path < 0:
-            raise InvalidValue(tr("{path} is no number of a path", path=path))
+            raise InvalidValue(tr("{path} is not a path number", path=path))
         return f"{as_mark(mark)} {path}" if mark else str(path)
     poses: object = path
     if not isinstance(poses, list | tuple) or isinstance(poses, P | T | J | V) or not poses:
-        raise InvalidValue(
-            tr("{path}: a free curve takes the number of a stored path, or a list of poses", path=brief(path))
-        )
+        raise InvalidValue(tr("{path} is neither the number of a stored path nor a list of poses", path=brief(path)))
     *middle, last = path
     return ", ".join([*map(pose_text, middle), pose_text(last, mark)])
 
 
 def distance_text(distance: float, mark: str | PassMark) -> str:
-    """Return a distance with its pass mark, as Approach and Depart take it: ``@P 10``."""
+    """Return a distance in mm with its pass mark, as for Approach and Depart: ``@P 10``."""
     return f"{as_mark(mark or '@0')} {plain_decimal(finite('move', 'distance', distance))}"
 
 
 def axes_text(axes: Mapping[int, float], mark: str | PassMark) -> str:
-    """Return joints and values as DriveEx takes them: ``@0 (1,10),(2,20)``.
+    """Return axes and values as for DriveEx: ``@0 (1,10),(2,20)``.
 
     Raises:
-        InvalidValue: no joint, or one that is no number from 1 to 8, or a value that is no finite number.
+        InvalidValue: If no axis is given, an axis is not an integer from 1 to 8, or a value is not a finite number.
     """
     given: object = axes
     if not isinstance(given, Mapping) or not given or not all(map(_is_axis, given)):
-        raise InvalidValue(tr("{axes}: joints are given as {{number: value}}, numbers from 1 to 8", axes=brief(axes)))
+        raise InvalidValue(tr("{axes} does not have the form {{axis: value}} with axes from 1 to 8", axes=brief(axes)))
     pairs = ",".join(f"({axis},{plain_decimal(finite('drive', f'J{axis}', value))})" for axis, value in axes.items())
     return f"{as_mark(mark or '@0')} {pairs}"
 
@@ -283,37 +281,37 @@ def _is_number(value: object) -> bool:
 
 
 def kind_of(pose: PoseLike, wanted: str) -> str:
-    """Return the kind of a pose that is to be converted, P, T or J, from what its text says.
+    """Return the type of a pose that is to be converted: P, T or J.
 
     Args:
-        pose: the pose.
-        wanted: the kind that it is to become.
+        pose: Pose to convert.
+        wanted: Type to convert it to.
 
     Raises:
-        InvalidValue: it is of that kind already, or a vector.
-        NotationError: the text is no pose.
+        InvalidValue: If the pose already has that type, or is a vector.
+        NotationError: If the text is not a pose.
     """
-    kind = target_of(pose).kind or "P"
-    if kind in (wanted, "V"):
+    pose_type = target_of(pose).kind or "P"
+    if pose_type in (wanted, "V"):
         raise InvalidValue(tr("{pose} cannot be converted to {wanted}", pose=brief(pose), wanted=wanted))
-    return kind
+    return pose_type
 
 
 def target_of(pose: PoseLike) -> Target:
     """Return a pose as a target.
 
     Raises:
-        InvalidValue: no pose.
-        NotationError: the text is none.
+        InvalidValue: If the value is not a pose.
+        NotationError: If the text is not a pose.
     """
     return pose if isinstance(pose, Target) else parse_target(to_text(pose))
 
 
 def literal_end(pose: PoseLike) -> J | P | None:
-    """Return where a motion to a pose surely ends, if the pose itself says it."""
+    """Return the end of a motion to a pose; ``None`` if the pose alone does not determine it."""
     try:
         end = target_of(pose)
-    except ValueError:  # the controller will say what is wrong with it
+    except ValueError:  # the controller will report the error
         return None
     if end.extra is not None:
         return None
@@ -321,32 +319,32 @@ def literal_end(pose: PoseLike) -> J | P | None:
     return known if isinstance(known, J | P) else None
 
 
-# --- answers ----------------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def read_pose(kind: type[Pose], command: str, answer: Any) -> Pose:
-    """Return the pose that a command was answered with.
+def read_pose(pose_type: type[Pose], command: str, value: Any) -> Pose:
+    """Return the result of a command as a pose.
 
     Raises:
-        ProtocolError: it is none.
+        ProtocolError: If the value is not such a pose.
     """
     try:
-        return kind.of(answer)
+        return pose_type.of(value)
     except InvalidValue:
-        raise not_understood(command, answer) from None
+        raise unexpected_value(command, value) from None
 
 
-def read_number(command: str, answer: Any) -> float:
-    """Return the number that a command was answered with.
+def read_number(command: str, value: Any) -> float:
+    """Return the result of a command as a number.
 
     Raises:
-        ProtocolError: it is none.
+        ProtocolError: If the value is not a finite number.
     """
-    if isinstance(answer, int | float) and math.isfinite(answer):
-        return answer
-    raise not_understood(command, answer)
+    if isinstance(value, int | float) and math.isfinite(value):
+        return value
+    raise unexpected_value(command, value)
 
 
 def is_missing(error: CallError) -> bool:
-    """Return whether a controller says that it does not have a command."""
+    """Return True if the error means that the controller does not have the command."""
     return error.code in _MISSING

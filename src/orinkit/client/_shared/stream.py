@@ -1,4 +1,4 @@
-"""What both clients' streams share: formats, results, samples. Plain data, no calls."""
+"""Results and samples of streams, shared by the asynchronous and the synchronous client; no network I/O."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from orinkit.streaming.recording.samples import OWN, Sample
 from orinkit.values.poses import J, P, T
 
 POLL: Final = 0.002
-"""Seconds between two looks at what the streaming process has done."""
+"""Polling interval of the streaming process in s."""
 LOOK_NS: Final = 10_000_000
-"""Nanoseconds that a trajectory may be queued for until others have their turn."""
+"""Maximum time in ns that set-points are queued without yielding to other tasks."""
 SETTLE: Final = 2.0
-"""Seconds that the arm may take to stand still before slave mode begins."""
+"""Maximum time in s to wait for standstill of the arm before slave mode begins."""
 PREFETCH: Final = 25
-"""Set-points of an iterator that are there before the first one is sent."""
+"""Number of set-points that are read from an iterator before the first one is sent."""
 TRIES: Final = 3
-"""How often recovering is tried (reference: recovery that users implemented)."""
+"""Maximum number of attempts to recover (reference: recovery that users implemented)."""
 
 POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
-"""The values of each kind of pose."""
+"""Class of each pose type."""
 
-_LONGEST_SLEEP: Final = 0.05
+_RECORD_INTERVAL: Final = 0.05  # s
 
 
 class Progress(NamedTuple):
-    """How far a trajectory is.
+    """Progress of a trajectory.
 
     Attributes:
-        sent: set-points that have been sent.
-        total: how many there are; ``None`` where nobody knows.
+        sent: Number of set-points that have been sent.
+        total: Number of set-points of the trajectory; ``None`` if unknown.
     """
 
     sent: int
@@ -51,36 +51,36 @@ class Progress(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds between one set-point and the next, as they were sent.
+    """Statistics of the time between successive set-points, as sent.
 
     Attributes:
-        gaps: each of them.
+        gaps: Times between successive set-points in s.
     """
 
     gaps: tuple[float, ...] = ()
 
     def part(self, part: float) -> float:
-        """Return the gap that this part of all gaps, 0 to 1, do not exceed, s."""
+        """Return a quantile of the gaps in s, for a part of 0 to 1."""
         ordered = sorted(self.gaps)
         return ordered[min(len(ordered) - 1, int(part * len(ordered)))] if ordered else 0.0
 
     @property
     def p50(self) -> float:
-        """The middle one, s."""
+        """The median gap in s."""
         return self.part(0.5)
 
     @property
     def p99(self) -> float:
-        """What 99 of 100 do not exceed, s."""
+        """The 99th percentile of the gaps in s."""
         return self.part(0.99)
 
     @property
     def max(self) -> float:
-        """The longest, s."""
+        """The longest gap in s."""
         return max(self.gaps, default=0.0)
 
     def histogram(self, width: float = 0.001) -> dict[int, int]:
-        """Return how many gaps there are of each length: 7 counts those from 7 to below 8 widths."""
+        """Return a histogram of the gaps: key n counts the gaps from n to below n + 1 times the width (s)."""
         counts: dict[int, int] = {}
         for gap in self.gaps:
             place = int(gap / width)
@@ -99,16 +99,16 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class StreamResult:
-    """What became of a trajectory.
+    """Result of streaming a trajectory.
 
     Attributes:
-        sent: set-points of it that were sent.
-        underflows: how often they came too late, so that the arm was brought to rest; 0 for a sequence.
-        samples: what came back, from the first set-point to the arm's rest.
-        missed: samples that nobody read in time.
-        timing: seconds between the set-points.
-        late: set-points that a virtual controller waited for, or, with strict time in mode 1, stopped in place for. Real ones do not
-            count them: they stop the arm.
+        sent: Number of set-points of the trajectory that were sent.
+        underflows: Number of times that set-points were late, so that the arm was stopped; 0 for a sequence.
+        samples: Set-points and feedback, from the first set-point to standstill of the arm.
+        missed: Number of samples that were overwritten before they were read.
+        timing: Statistics of the time between successive set-points.
+        late: Late set-points for which a virtual controller waited or, with strict time in mode 1, stopped the arm in place.
+            Real controllers do not count them: they stop the arm.
     """
 
     sent: int
@@ -129,38 +129,34 @@ class StreamResult:
 
 
 def timing_of(samples: Iterable[Sample]) -> Timing:
-    """Return the gaps between samples; what nobody has read leaves none."""
+    """Return the gaps between successive samples; gaps next to a missed sample are omitted."""
     return Timing(tuple(b.sent - a.sent for a, b in pairwise(samples) if b.number == a.number + 1))
 
 
 def ended_because(reason: str, idle: float | None) -> StreamError:
-    """Return the exception for a stream that has ended without an error."""
+    """Create the exception for a stream that ended without an error."""
     texts = {
-        "stopped": tr(
-            "this program was stopped (SIGSTOP): the arm was brought to rest and slave mode was left. Try: recover()"
-        ),
+        "stopped": tr("this program was stopped (SIGSTOP), so the arm was stopped and slave mode left. Try: recover()"),
         "idle": tr(
-            "no set-point came for {idle} s: slave mode was left. Try: recover(), or slave_mode(idle=None)", idle=idle
+            "no set-point for {idle} s, so slave mode was left. Try: recover(), or slave_mode(idle=None)", idle=idle
         ),
-        "terminated": tr(
-            "the streaming process was told to end (SIGTERM): the arm was brought to rest and slave mode was left"
-        ),
+        "terminated": tr("the streaming process was terminated (SIGTERM), so the arm was stopped and slave mode left"),
     }
-    return StreamError(texts.get(reason) or tr("slave mode is off: a stream is used inside its block"))
+    return StreamError(texts.get(reason) or tr("slave mode is off. Try: use the stream inside its with block"))
 
 
 def with_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the joints that there are limits for, and the others.
+    """Split joints into those with limits and the others.
 
     Raises:
-        StreamError: one of the others is used: it would be moved without limits.
+        StreamError: If a joint without limits is not 0, because it would move without limits.
     """
     count = len(limits.lower)
     for axis, joint in enumerate(joints[count:], count + 1):
         if joint:
             raise StreamError(
                 tr(
-                    "limits for {count} axes, but axis {axis} stands at {joint:g}: give limits for it too",
+                    "limits cover {count} axes, but axis {axis} is at {joint:g}. Try: limits for this axis, too",
                     count=count,
                     axis=axis,
                     joint=joint,
@@ -170,9 +166,9 @@ def with_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float,
 
 
 def broken_off(sent: int) -> StreamError:
-    """Return the exception for a trajectory that something else has ended."""
+    """Create the exception for a trajectory that another call interrupted."""
     return StreamError(
-        tr("the trajectory was broken off after {sent} set-points: stop() was called, or a target was set", sent=sent)
+        tr("the trajectory was interrupted after {sent} set-points: stop() was called, or a target was set", sent=sent)
     )
 
 
@@ -180,7 +176,7 @@ def broken_off(sent: int) -> StreamError:
 
 
 def sample_of(raw: RawSample, began_ns: int) -> Sample:
-    """Return a sample as users see it."""
+    """Convert a sample of the streaming process to the public class; times are relative to ``began_ns``."""
     own: dict[str, Any] = {}
     more: dict[str, Any] = {}
     for name, value in raw.values.items():
@@ -203,13 +199,14 @@ _POSES: Final = {row.name: POSE_TYPES[kind].of for kind, row in POSES.items()}
 
 @dataclass(slots=True)
 class SampleReader:
-    """Reads samples in their order.
+    """Reads the samples of a streaming process in order.
 
     Attributes:
-        next: number of the next one.
-        period: seconds of a cycle; with it numbers go on from ``began_ns``, another stream's beginning.
-        began_ns: when time began; 0 for when this stream did.
-        missed: how many were overwritten before they were read.
+        shared: Memory shared with the streaming process.
+        next: Number of the next sample.
+        missed: Number of samples that were overwritten before they were read.
+        period: Cycle time in s, to number the samples from ``began_ns``; 0 to number them from the start of this stream.
+        began_ns: Time origin in ns, the start of an earlier stream; 0 for the start of this stream.
     """
 
     shared: StreamMemory
@@ -219,7 +216,7 @@ class SampleReader:
     began_ns: int = 0
 
     def new(self) -> Iterator[Sample]:
-        """Give every sample that has been written since the last call."""
+        """Yield the samples that were written since the last call."""
         if self.shared.closed:
             return
         count = self.shared.samples
@@ -239,12 +236,12 @@ class SampleReader:
 
 
 class TrajectoryRun:
-    """A trajectory under way.
+    """The execution of one trajectory.
 
     Args:
-        shared: that it is queued in.
-        total: how many set-points it has; ``None`` where nobody knows.
-        progress: is told how many have been sent.
+        shared: Memory that contains the queue of set-points.
+        total: Number of set-points; ``None`` if unknown.
+        progress: Callback invoked with the progress.
     """
 
     def __init__(self, shared: StreamMemory, total: int | None, progress: Callable[[Progress], object] | None) -> None:
@@ -255,26 +252,26 @@ class TrajectoryRun:
         self._samples: list[Sample] = []
         self._before, self._dry, self._first = shared.sent, shared.dry, shared.written
         self._late_before = self._late_seen = shared.lateness
-        self._latest = 0.0  # s, the longest lateness of its set-points
+        self._max_lateness = 0.0  # s
         self._started = False
         self._broken_off = False
 
     @property
     def sent(self) -> int:
-        """Set-points of it that have been sent."""
+        """The number of set-points of the trajectory that have been sent."""
         return self.shared.sent - self._before
 
     def start(self) -> None:
-        """Have what is queued sent."""
+        """Start sending the queued set-points."""
         if not self._started:
             self._started = True
             self.shared.feed_queue()
 
     def look(self) -> None:
-        """Read what came back.
+        """Read new samples and report the progress.
 
         Raises:
-            StreamError: something else has ended it.
+            StreamError: If another call interrupted the trajectory.
         """
         self._read()
         if self._progress is not None:
@@ -285,35 +282,34 @@ class TrajectoryRun:
             raise broken_off(self.sent)
 
     def give_up(self) -> None:
-        """It ends with an exception: the arm comes to rest, unless something else moves it now."""
+        """Stop the arm after an exception, unless another call controls it now."""
         if not self._broken_off and not self.shared.closed:
             self.shared.forget()
             self.shared.hold()
 
     def result(self, sent: int) -> StreamResult:
-        """Return what has become of it; it is over."""
+        """Return the result, after the end of the trajectory."""
         self.shared.hold()
         self._read()
         if self._progress is not None:
             self._progress(Progress(sent, self._total))
         samples, missed, late, before = tuple(self._samples), self._reader.missed, self._late_seen, self._late_before
-        lateness = Lateness(late.count - before.count, self._latest, late.total - before.total)
+        lateness = Lateness(late.count - before.count, self._max_lateness, late.total - before.total)
         return StreamResult(sent, self.shared.dry - self._dry, samples, missed, timing_of(samples), lateness)
 
     def _read(self) -> None:
         self._samples.extend(self._reader.new())
         late = self.shared.lateness
         if late.count != self._late_seen.count:
-            self._late_seen, self._latest = late, max(self._latest, late.longest)
+            self._late_seen, self._max_lateness = late, max(self._max_lateness, late.longest)
 
 
 class SampleRecording:
-    """Writes every sample to a file, in a thread, as they come.
+    """Writes all samples to a file, from its own thread.
 
     Args:
-        path: of the file.
-        shared: where they come from.
-        options: of the stream.
+        path: Path of the file.
+        options: Options of the stream.
     """
 
     def __init__(self, path: Path, options: StreamOptions) -> None:
@@ -321,12 +317,12 @@ class SampleRecording:
 
         self._recorder = open_recorder(path, kind=options.mode.kind, period=options.period, start_ns=time_ns())
         self._period = options.period
-        self._began_ns = 0  # of the first stream: one that was recovered goes on
+        self._began_ns = 0  # start of the first stream; streams after recover() continue its time
         self._end = Event()
         self._threads: list[Thread] = []
 
     def follow(self, shared: StreamMemory) -> None:
-        """Begin to write what a streaming process sends."""
+        """Start recording the samples of a streaming process."""
         self._end.clear()
         self._began_ns = self._began_ns or shared.began_ns
         reader = SampleReader(shared, period=self._period, began_ns=self._began_ns)
@@ -337,22 +333,22 @@ class SampleRecording:
     def _write(self, reader: SampleReader) -> None:
         last = False
         while not last:
-            last = self._end.wait(_LONGEST_SLEEP)
+            last = self._end.wait(_RECORD_INTERVAL)
             for sample in reader.new():
                 self._recorder.write(sample)
 
     def pause(self) -> None:
-        """Write what is there, and stop following."""
+        """Write the remaining samples and stop recording."""
         self._end.set()
         for thread in self._threads:
             thread.join()
         self._threads.clear()
 
     def close(self) -> None:
-        """Finish the file.
+        """Stop recording and close the file.
 
         Raises:
-            StreamError: it could not be written.
+            StreamError: If the file could not be written.
         """
         self.pause()
         self._recorder.close()

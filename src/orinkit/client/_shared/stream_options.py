@@ -1,4 +1,4 @@
-"""What slave mode is asked for, checked before anything is sent. Plain data, no calls."""
+"""Options of slave mode and their checks, before anything is sent; no I/O."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 from orinkit.values.pose_numbers import brief, finite
 
 Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
-"""What can come back with each set-point; the controller's time and the joints are by default. The words of the table of
-fields, written out for type checkers."""
+"""Feedback that a controller can return for each set-point; by default its time and the joints. These are the names of the
+table of fields, repeated for type checkers."""
 OnRange: TypeAlias = Literal["clamp", "refuse"]
-"""What is done with a live target beyond the arm's range."""
+"""Handling of a live target beyond the arm's range."""
 
 PERIOD: Final = 0.008
-"""Seconds of a controller's cycle (RC8 4.1)."""
+"""Default cycle time of a controller in s (RC8 4.1)."""
 
 _POSES: Final[dict[frozenset[str], int]] = {
     frozenset(POSES[kind].name for kind in kinds): number for number, kinds in POSE_PARTS.items()
 }
-_JOINTS: Final = _POSES[frozenset({POSES["J"].name})]  # also if no pose is named
+_JOINTS: Final = _POSES[frozenset({POSES["J"].name})]  # also the default
 _POSE_NAMES: Final = frozenset(row.name for row in POSES.values())
 _FLAGS: Final = {row.name: row.receive for row in WORDS if row.receive}
 _STAMP: Final = sum(row.receive for row in RECEIVED if row.form is FieldType.STAMP)
 _WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is FieldType.WINDOW)
-_LONGEST_PERIOD: Final = 1.0  # s
-_LONGEST_IDLE: Final = 1e6  # s
-_FULL: Final = 100.0
-_MOST_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at once
-_UNEVEN: Final = 0.6  # part of the velocities that leaves room for steps of two set-points
-_PATH_SPEED: Final = 0.5  # part of the tool's limits that is taken where none are given
-_PATH_ACCELERATION: Final = 0.25
+_MAX_PERIOD: Final = 1.0  # s
+_MAX_IDLE: Final = 1e6  # s
+_FULL: Final = 100.0  # %
+_MAX_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at the same time
+_UNEVEN: Final = 0.6  # velocity scale that leaves room for two set-points in one cycle
+_PATH_SPEED: Final = 0.5  # default scale of the tool's velocity limits
+_PATH_ACCELERATION: Final = 0.25  # default scale of the tool's acceleration limits
 
 
 @dataclass(slots=True)
 class StreamOptions:
-    """What slave mode is asked for; as of ``Robot.slave_mode``."""
+    """The checked options of ``Robot.slave_mode``."""
 
     mode: SlaveMode
     receive: ReceiveFormat
@@ -77,10 +77,10 @@ def read_options(
     period: float, queue: int, idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
     user_window: tuple[int, int] | None = None, **outputs: int | tuple[int, bytes] | None,
 ) -> StreamOptions:  # fmt: skip
-    """Return the options of slave mode.
+    """Check the options of slave mode and return them.
 
     Raises:
-        InvalidValue: one of them is none.
+        InvalidValue: If an option is invalid.
     """
     if type(mode) is not int:
         _refuse("mode", mode, "0, 1, 2")
@@ -94,11 +94,11 @@ def read_options(
     if on_range not in ("clamp", "refuse"):
         _refuse("on_range", on_range, "clamp, refuse")
     if limits is not None and not isinstance(limits, Limits if wanted.kind == "J" else PathLimits):
-        raise InvalidValue(tr("limits: joints (pose J) have Limits, positions (pose P, T) have PathLimits"))
+        raise InvalidValue(tr("limits must be Limits for joints (pose J), PathLimits for positions (pose P, T)"))
     options = StreamOptions(
         wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
-        _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _LONGEST_PERIOD),
-        int(_amount("queue", queue, 1, _MOST_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _LONGEST_IDLE),
+        _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _MAX_PERIOD),
+        int(_amount("queue", queue, 1, _MAX_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _MAX_IDLE),
         on_range, _path(record),
     )  # fmt: skip
     check_outputs(options, states)
@@ -106,40 +106,40 @@ def read_options(
 
 
 def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
-    """Return the receive format of a controller that knows no formats (VE026A 2.2).
+    """Return the receive format of a controller without configurable formats (VE026A 2.2).
 
     Raises:
-        InvalidValue: something is wanted that it does not have.
+        InvalidValue: If the controller does not support an option.
     """
     if mode == 2 or pose != "J" or number & ~_STAMP != _JOINTS or outputs != Outputs():
         raise InvalidValue(
             tr(
-                'this controller has slave modes 0 and 1 for pose "J" only, answers the joints only, and '
-                "takes no outputs"
+                'this controller supports only slave modes 0 and 1 with pose "J", returns only joints, and accepts '
+                "no outputs"
             )
         )
     return _JOINTS
 
 
 def check_outputs(options: StreamOptions, outputs: Outputs) -> None:
-    """Check that outputs can be sent; what is not given is as it was.
+    """Check that outputs can be sent; omitted outputs keep their values.
 
     Raises:
-        InvalidValue: they cannot.
+        InvalidValue: If an output cannot be sent.
     """
-    kind, given = options.mode.kind, options.outputs.changed(outputs).given()
-    nowhere = SetPoint((0.0,) * POSE_SIZES[kind], (), **given, window=options.window)
-    encode_set_point(kind, nowhere, options.send, options.receive)
+    pose_type, given = options.mode.kind, options.outputs.changed(outputs).given()
+    dummy = SetPoint((0.0,) * POSE_SIZES[pose_type], (), **given, window=options.window)
+    encode_set_point(pose_type, dummy, options.send, options.receive)
 
 
 def read_outputs(**given: int | tuple[int, bytes] | None) -> Outputs:
-    """Return outputs.
+    """Check the values of outputs and return them.
 
     Args:
-        **given: by the names of the table of fields.
+        **given: Outputs by their names in the table of fields.
 
     Raises:
-        InvalidValue: what is given is no number, or no number and bytes.
+        InvalidValue: If a value is not an integer, or not an integer and bytes.
     """
     found: dict[str, Any] = {}
     for row in OUTPUTS:
@@ -150,22 +150,20 @@ def read_outputs(**given: int | tuple[int, bytes] | None) -> Outputs:
 
 
 def check_opened(options: StreamOptions, outputs: Outputs) -> None:
-    """Check that the block was opened with these outputs.
+    """Check that slave mode was entered with these outputs.
 
     Raises:
-        InvalidValue: it was opened without one of them.
+        InvalidValue: If slave mode was entered without one of them.
     """
     opened = options.outputs.given()
     for name in outputs.given():
         if name not in opened:
-            raise InvalidValue(
-                tr("{name} outputs are not sent: open the block with them, slave_mode({name}=...)", name=name)
-            )
+            raise InvalidValue(tr("{name} outputs are not enabled. Try: slave_mode({name}=...)", name=name))
 
 
 def _bits(name: str, value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        _refuse(name, value, tr("a whole number"))
+        _refuse(name, value, tr("an integer"))
     return value
 
 
@@ -203,7 +201,7 @@ def _receive(recv: Iterable[str]) -> int:
     poses = _POSES.get(names & _POSE_NAMES or frozenset({POSES["J"].name}))
     if poses is None:
         raise InvalidValue(
-            tr("recv: position and trans cannot come back together; joints can come with either (RC8 table 4-1)")
+            tr("recv: position and trans cannot be combined; either can be combined with joints (RC8 table 4-1)")
         )
     number = poses | _STAMP
     for name in names & _FLAGS.keys():
@@ -233,7 +231,7 @@ def _path(record: object) -> Path | None:
         _refuse("record", record, "run.csv, run.mcap")
     path = Path(record)
     if not path.absolute().parent.is_dir():
-        raise InvalidValue(tr("record: there is no directory {directory}", directory=path.parent))
+        raise InvalidValue(tr("record: directory {directory} does not exist", directory=path.parent))
     return path
 
 
@@ -241,20 +239,20 @@ def _amount(name: str, value: float, least: float, most: float) -> float:
     number = finite("slave_mode", name, value)
     if not least <= number <= most:
         raise InvalidValue(
-            tr("{name}: {number:g} is not from {least:g} to {most:g}", name=name, number=number, least=least, most=most)
+            tr("{name} must be {least:g} to {most:g}, not {number:g}", name=name, number=number, least=least, most=most)
         )
     return number
 
 
 def _refuse(name: str, value: object, known: str) -> NoReturn:
-    raise InvalidValue(tr("{name}: {value}; possible: {known}", name=name, value=brief(value), known=known))
+    raise InvalidValue(tr("{name}: invalid value {value}. Try: {known}", name=name, value=brief(value), known=known))
 
 
 def limits_for(options: StreamOptions, type_name: object) -> Limits | PathLimits:
-    """Return the limits to stream within: as given, or those of the arm whose controller gives this type name.
+    """Return the limits of a stream: the given ones, or by default those of the arm with the given type name.
 
     Raises:
-        StreamError: no such arm is known here.
+        StreamError: If the type of arm is unknown.
     """
     limits = options.limits
     if limits is None:
@@ -262,16 +260,16 @@ def limits_for(options: StreamOptions, type_name: object) -> Limits | PathLimits
         if model is None:
             raise StreamError(
                 tr(
-                    "the limits of a {type} are not known here; give them: slave_mode(limits=...)",
+                    "the limits of a {type} are unknown. Try: slave_mode(limits=...)",
                     type=brief(type_name),
                 )
             )
         if options.mode.kind == "J" and options.mode.buffering == 1 and type_name == VE026A.name:
-            # it takes the newest set-point in each cycle: two that come in one are a step of both (VE026A 2.2)
+            # each cycle uses the newest set-point only: two in one cycle add up to one step (VE026A 2.2)
             limits = Limits.of_model(model).scaled(_UNEVEN, 1.0, 1.0)
         elif options.mode.kind == "J":
             limits = Limits.of_model(model)
-        else:  # what the tool does at its full acceleration is too much for the joints at many places
+        else:  # in many poses, the tool's full acceleration exceeds the limits of the joints
             limits = PathLimits.of_model(model).scaled(_PATH_SPEED, _PATH_ACCELERATION, _PATH_ACCELERATION)
     part = options.speed / _FULL
     return limits if part == 1.0 else limits.scaled(part, part, part)
