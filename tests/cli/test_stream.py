@@ -138,7 +138,7 @@ def test_an_arm_that_is_somewhere_else(run, refused, rc8, url, tmp_path):
     file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
     line = refused("stream", url, file, code=2)
     assert "the trajectory begins at J(3, 45, 90, 0, 45, 0)" in line
-    assert line.endswith("try: --move")
+    assert line.endswith("Try: --move")
     assert joints(rc8) == pytest.approx(HOME)
     done = run("stream", url, file, "--move", "--speed", "90")
     assert done.code == 0
@@ -183,7 +183,7 @@ def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path, number):
     assert (done.code, done.out) == (130, "")
     assert [signal.getsignal(each) for each in SIGNALS] == handlers
     assert done.err.startswith("orinkit: interrupted after ")
-    assert "of 1001 set-points: the arm was brought to rest, slave mode is off" in done.err
+    assert "of 1001 set-points: the arm was stopped, slave mode is off" in done.err
     assert 1 < joints(rc8)[0] < 50
     assert rc8.pendant.status()["error"] == ""
     assert status(rc8, "motor", "arm_holder", "moving") == ["on", "", False]
@@ -214,7 +214,7 @@ def test_an_error_on_the_way(refused, rc8, url, when, tmp_path):
     [
         ([], "TRAJECTORY is missing"),
         (["none.csv"], "cannot read none.csv"),
-        (["wave.csv", "--mode", "7"], "there are 0, 1 and 2"),
+        (["wave.csv", "--mode", "7"], "Try: 0, 1 or 2"),
         (["wave.csv", "--mode", "1.5"], "'1.5'"),
         (["wave.csv", "--pose", "X"], "J, P or T"),
         (["wave.csv", "--pose", "p"], "kind J, P is wanted"),
@@ -362,11 +362,11 @@ def test_a_recording_that_was_cut_off(run, tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("x.mcap", b"", "no recording of a stream"),
-        ("x.mcap", b"\x89MCAP0\r\n" + bytes(100), "no recording of a stream"),
-        ("x.mcap", b"time_s,J1_command\n", "no recording of a stream"),
-        ("x.csv", b"time_s,J1_command,sent_s\n0,1,0\n", "two or more"),
-        ("x.csv", b"time_s,J1_command,sent_s\n", "two or more"),
+        ("x.mcap", b"", "not a recording of a stream"),
+        ("x.mcap", b"\x89MCAP0\r\n" + bytes(100), "not a recording of a stream"),
+        ("x.mcap", b"time_s,J1_command\n", "not a recording of a stream"),
+        ("x.csv", b"time_s,J1_command,sent_s\n0,1,0\n", "at least 2 are required"),
+        ("x.csv", b"time_s,J1_command,sent_s\n", "at least 2 are required"),
         ("x.csv", b"time_s,sent_s\n0,1\n", "columns time_s, J1_command"),
         ("x.csv", b"J1_command,sent_s\n0,1\n", "columns time_s, J1_command"),
         ("x.csv", b"time_s,J1_command,sent_s\n0,nan,0\n1,1,1\n", "line 2"),

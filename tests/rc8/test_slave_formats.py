@@ -94,14 +94,14 @@ def test_off_is_no_mode():
 
 @pytest.mark.parametrize("number", [4, 0x100, 0x104, 0x200, 0x301, -1, 2**31 - 1, 2**300])
 def test_other_numbers_are_no_mode(number):
-    error = invalid("slave mode .*; there are 0x0000, 0x0001, .*, 0x0203", sf.mode_of, number)
+    error = invalid("slave mode .* does not exist; valid values: 0x0000, 0x0001, .*, 0x0203", sf.mode_of, number)
     i18n.use("ja")
     assert "スレーブモード" in invalid("はありません", sf.mode_of, number).detail
     assert len(error.detail) < 200
 
 
 def test_the_message_writes_the_number_as_the_document_does():
-    invalid("^[^;]*slave mode 0x0104; there are 0x0000, 0x0001", sf.mode_of, 0x104)
+    invalid("^[^;]*slave mode 0x0104 does not exist; valid values: 0x0000, 0x0001", sf.mode_of, 0x104)
 
 
 @pytest.mark.parametrize(("buffering", "kind"), [(3, "P"), (-1, "J"), (0, "V"), (0, "p"), (0, ""), (None, None)])
@@ -133,7 +133,11 @@ def test_the_six_send_formats_of_table_4_1():
 
 @pytest.mark.parametrize("number", [1, 0x10, 0x21, 0x40, 0x300, 0x320, 0x400, -0x20, 2**31 - 1])
 def test_other_numbers_are_no_send_format(number):
-    invalid("send format .*; there are 0x0000, 0x0020, 0x0100, 0x0120, 0x0200, 0x0220", sf.send_format, number)
+    invalid(
+        "send format .* does not exist; valid values: 0x0000, 0x0020, 0x0100, 0x0120, 0x0200, 0x0220",
+        sf.send_format,
+        number,
+    )
     i18n.use("ja")
     invalid("送信フォーマット .* はありません", sf.send_format, number)
 
@@ -163,14 +167,14 @@ def test_flags_of_a_receive_format(flag):
 
 @pytest.mark.parametrize("number", [6, 7, 0x0F, 0x16, 0x80, 0x82, 0x400, 0x1002, -1, 2**31 - 1])
 def test_other_numbers_are_no_receive_format(number):
-    invalid("receive format .*: 0 to 5 for the pose", sf.receive_format, number)
+    invalid("receive format .* is not valid; expected 0 to 5 for the pose", sf.receive_format, number)
     i18n.use("ja")
     invalid("受信フォーマット .* は使えません", sf.receive_format, number)
 
 
 @pytest.mark.parametrize("unit", [2, -1, 1000])
 def test_other_units_of_timestamps(unit):
-    invalid(f"unit {unit} of timestamps: 0 for ms, 1 for µs", sf.receive_format, 0x11, unit)
+    invalid(f"unit {unit} of timestamps is not valid; expected 0 .ms. or 1 .µs.", sf.receive_format, 0x11, unit)
     i18n.use("ja")
     invalid(f"タイムスタンプの単位 {unit} は使えません", sf.receive_format, 0x11, unit)
 
@@ -209,7 +213,7 @@ def test_forms_of_slv_recv_formats_parameter(parameter, number, microseconds):
     ids=label,
 )
 def test_too_few_and_too_many_numbers_for_slv_recv_format(parameter):
-    invalid("too few or too many numbers", sf.read_receive_parameter, variant(parameter))
+    invalid("wrong number of values", sf.read_receive_parameter, variant(parameter))
     i18n.use("ja")
     invalid("値の個数が正しくありません", sf.read_receive_parameter, variant(parameter))
 
@@ -241,8 +245,8 @@ def test_what_is_no_number_for_slv_recv_format(parameter, match):
         (17.5, "receive format: 17.5 is no whole number"),
         ([17.0, math.nan], "unit of timestamps: nan is no whole number"),
         (2.0**31, "receive format: 2147483648.0 is out of range"),
-        (7, "receive format 0x0007: 0 to 5"),
-        ("0xFFFFFFFF", "receive format -1: 0 to 5"),
+        (7, "receive format 0x0007 is not valid; expected 0 to 5"),
+        ("0xFFFFFFFF", "receive format -1 is not valid; expected 0 to 5"),
         ([17, 2], "unit 2 of timestamps"),
         (True, "receive format -1"),
     ],
@@ -351,12 +355,12 @@ def test_the_nine_rows_of_table_4_5(kind, parameter, extra):
 @pytest.mark.parametrize(
     ("kind", "numbers", "match"),
     [
-        ("P", (), "0 numbers for a P: 6 to 7 are a pose, up to 10 with extra axes"),
+        ("P", (), "0 numbers for a P; expected 6 to 7, or up to 10 with extended joints"),
         ("P", P[:5], "5 numbers for a P"),
         ("P", (*P, 0x4000C0, 1, 2, 0), "11 numbers for a P"),
-        ("J", J[:5], "5 numbers for a J: 6 to 8 are a pose, up to 9 with extra axes"),
+        ("J", J[:5], "5 numbers for a J; expected 6 to 8, or up to 9 with extended joints"),
         ("J", (*J, 0x400040, 1), "10 numbers for a J"),
-        ("T", T[:8], "8 numbers for a T: 9 to 10 are a pose, up to 13 with extra axes"),
+        ("T", T[:8], "8 numbers for a T; expected 9 to 10, or up to 13 with extended joints"),
         ("T", (*T, 0x4000C0, 1, 2, 0), "14 numbers for a T"),
     ],
 )
@@ -379,7 +383,7 @@ def test_giant_arrays_are_refused_by_their_length(kind, value):
 @pytest.mark.parametrize(
     ("kind", "behind", "match"),
     [
-        ("P", (0x40, 1), "value 8 of a P is 0x0040; extra axes are told by 0x400040"),
+        ("P", (0x40, 1), "value 8 of a P is 0x0040; flags of extended joints are 0x400040"),
         ("P", (0x400041, 1), "value 8 of a P is 0x400041;"),
         ("P", (0x400100, 1), "value 8 of a P is 0x400100;"),
         ("P", (0x400040 + 0.5, 1), "value 8 of a P is 4194368.5;"),
@@ -393,12 +397,12 @@ def test_giant_arrays_are_refused_by_their_length(kind, value):
         ("J", (1,), "value 9 of a J is 0x0001;"),
         ("J", (0x400001,), "value 9 of a J is 0x400001;"),
         ("T", (0x20, 1), "value 11 of a T is 0x0020;"),
-        ("P", (0x400040,), "extra axes 0x400040 need 1 values behind them, 0 were given"),
-        ("P", (0x400040, 1, 0), "extra axes 0x400040 need 1 values behind them, 2 were given"),
-        ("P", (0x400080, 1, 2), "extra axes 0x400080 need 1 .* 2 were"),
-        ("P", (0x4000C0, 1), "extra axes 0x4000C0 need 2 .* 1 were"),
-        ("P", (0x400000, 1), "extra axes 0x400000 need 0 .* 1 were"),
-        ("T", (0x4000C0, 1), "extra axes 0x4000C0 need 2 .* 1 were"),
+        ("P", (0x400040,), "flags 0x400040 of extended joints require 1 values after them, got 0"),
+        ("P", (0x400040, 1, 0), "flags 0x400040 of extended joints require 1 values after them, got 2"),
+        ("P", (0x400080, 1, 2), "flags 0x400080 of extended joints require 1 .* got 2"),
+        ("P", (0x4000C0, 1), "flags 0x4000C0 of extended joints require 2 .* got 1"),
+        ("P", (0x400000, 1), "flags 0x400000 of extended joints require 0 .* got 1"),
+        ("T", (0x4000C0, 1), "flags 0x4000C0 of extended joints require 2 .* got 1"),
     ],
 )
 def test_flags_that_are_none_or_do_not_agree(kind, behind, match):
@@ -416,7 +420,7 @@ def test_flags_that_are_none_or_do_not_agree(kind, behind, match):
 def test_numbers_that_are_not_finite_or_too_large(kind, place, name, value):
     numbers = list(POSES[kind])
     numbers[place - 1] = value
-    match = rf"{name} \(value {place}\) of a {kind} is .*; a finite number of at most 1000000 is wanted"
+    match = rf"{name} \(value {place}\) of a {kind} is .*; expected a finite number of at most 1000000"
     error = invalid(match, sf.read_set_point, kind, r8(*numbers), *POSE_ONLY)
     assert str(float(value)) in error.detail
     with pytest.raises(InvalidValue, match=match):
@@ -440,7 +444,7 @@ def test_values_of_extra_axes_that_cannot_be(behind, match):
 @pytest.mark.parametrize(("kind", "place"), [("P", 7), ("T", 10)])
 def test_a_figure_is_a_whole_number(kind, place):
     numbers = (*POSES[kind][:-1], 5.5)
-    match = rf"fig \(value {place}\) of a {kind} is 5.5; a whole number is wanted"
+    match = rf"fig \(value {place}\) of a {kind} is 5.5; expected a whole number"
     invalid(match, sf.read_set_point, kind, r8(*numbers), *POSE_ONLY)
     with pytest.raises(InvalidValue, match=match):
         sf.encode_set_point(kind, SetPoint(numbers), *POSE_ONLY)
@@ -472,10 +476,10 @@ def test_a_figure_that_is_no_whole_number_with_extra_axes():
 def test_what_is_no_pose(parameter, name):
     if name == "elements":
         invalid(
-            "slvMove has 8 elements, the formats in force want 1: pose", sf.read_set_point, "J", parameter, *POSE_ONLY
+            "slvMove has 8 elements, the current formats require 1: pose", sf.read_set_point, "J", parameter, *POSE_ONLY
         )
         return
-    mismatch(f"pose: {name} was given, an array of numbers is wanted", sf.read_set_point, "J", parameter, *POSE_ONLY)
+    mismatch(f"pose: got {name}, expected an array of numbers", sf.read_set_point, "J", parameter, *POSE_ONLY)
     i18n.use("ja")
     mismatch(f"位置には数値の配列が必要ですが {name} です", sf.read_set_point, "J", parameter, *POSE_ONLY)
 
@@ -547,7 +551,7 @@ def test_states_and_poses_of_other_types(parameter):
 @pytest.mark.parametrize(
     ("parameter", "match"),
     [
-        (r8(*J), "slvMove has 1 elements, the formats in force want 3: pose, mini I/O, hand I/O"),
+        (r8(*J), "slvMove has 1 elements, the current formats require 3: pose, mini I/O, hand I/O"),
         (form(*J), "slvMove has 1 elements"),
         (form(), "slvMove has 1 elements"),
         (form(r8(*J)), "slvMove has 1 elements"),
@@ -570,11 +574,11 @@ def test_set_points_that_are_not_as_the_formats_say(parameter, match):
 @pytest.mark.parametrize(
     ("parameter", "match"),
     [
-        (variant(None), "pose: VT_EMPTY was given"),
-        (variant("x"), "pose: VT_BSTR was given"),
-        (form("J(1,2,3)", 1, 2), "pose: VT_BSTR was given"),
-        (form(1.0, 2.0, 3.0), "pose: VT_R8 was given"),
-        (form(["x"] * 8, 1, 2), "pose: VT_BSTR was given"),
+        (variant(None), "pose: got VT_EMPTY"),
+        (variant("x"), "pose: got VT_BSTR"),
+        (form("J(1,2,3)", 1, 2), "pose: got VT_BSTR"),
+        (form(1.0, 2.0, 3.0), "pose: got VT_R8"),
+        (form(["x"] * 8, 1, 2), "pose: got VT_BSTR"),
         (form(r8(*J), "x", 2), "mini I/O: VT_BSTR was given"),
         (form(r8(*J), 1, None), "hand I/O: VT_EMPTY was given"),
         (form(r8(*J), 1, [1, 2]), r"hand I/O: VT_I4\|VT_ARRAY was given"),
@@ -593,7 +597,11 @@ def test_bits_of_a_state_as_hexadecimal_text():
 
 def test_a_part_of_no_format_in_force():
     invalid(
-        "slvMove has 2 elements, the formats in force want 1: pose", sf.read_set_point, "J", form(r8(*J), 1), *POSE_ONLY
+        "slvMove has 2 elements, the current formats require 1: pose",
+        sf.read_set_point,
+        "J",
+        form(r8(*J), 1),
+        *POSE_ONLY,
     )
     i18n.use("ja")
     error = invalid("slvMove の要素が 2 個", sf.read_set_point, "J", form(r8(*J), 1), *POSE_ONLY)
@@ -625,13 +633,13 @@ def test_forms_of_user_io(offset, size, states, user):
 @pytest.mark.parametrize(
     ("offset", "size", "match"),
     [
-        (-8, 1, "offset of user I/O to {} is -8, a multiple of 8 is wanted"),
-        (1, 1, "offset of user I/O to {} is 1, a multiple of 8 is wanted"),
-        (12, 1, "offset of user I/O to {} is 12, a multiple of 8 is wanted"),
-        (8, 0, "size of user I/O to {} is 0, 1 to 64 bytes are possible"),
-        (8, -1, "size of user I/O to {} is -1, 1 to 64 bytes are possible"),
-        (8, 65, "size of user I/O to {} is 65, 1 to 64 bytes are possible"),
-        (8, 2**31 - 1, "size of user I/O to {} is 2147483647, 1 to 64 bytes are possible"),
+        (-8, 1, "offset of user I/O to {} is -8, expected a multiple of 8"),
+        (1, 1, "offset of user I/O to {} is 1, expected a multiple of 8"),
+        (12, 1, "offset of user I/O to {} is 12, expected a multiple of 8"),
+        (8, 0, "size of user I/O to {} is 0, expected 1 to 64 bytes"),
+        (8, -1, "size of user I/O to {} is -1, expected 1 to 64 bytes"),
+        (8, 65, "size of user I/O to {} is 65, expected 1 to 64 bytes"),
+        (8, 2**31 - 1, "size of user I/O to {} is 2147483647, expected 1 to 64 bytes"),
         (0.5, 1, "offset of user I/O to {}: 0.5 is no whole number"),
         (8, 1.5, "size of user I/O to {}: 1.5 is no whole number"),
     ],
@@ -648,10 +656,10 @@ def test_user_io_beyond_its_bounds(offset, size, match):
 @pytest.mark.parametrize(
     ("states", "match"),
     [
-        (ui1(1), "user I/O to send: 1 bytes, of which 2 are to be sent"),
-        (ui1(), "user I/O to send: 0 bytes"),
-        (5, "user I/O to send: 1 bytes"),
-        ([1, 256], "user I/O to send: byte 2 is 256, 0 to 255 is wanted"),
+        (ui1(1), "user I/O to send: got 1 bytes, expected 2"),
+        (ui1(), "user I/O to send: got 0 bytes"),
+        (5, "user I/O to send: got 1 bytes"),
+        ([1, 256], "user I/O to send: byte 2 is 256, expected 0 to 255"),
         ([-1, 0], "user I/O to send: byte 1 is -1"),
         ([0.5, 1.0], "user I/O to send: 0.5 is no whole number"),
     ],
@@ -708,7 +716,9 @@ def test_extra_axes_of_joints_are_those_of_the_pose():
 @pytest.mark.parametrize("axes", [(6,), (9,), (8, 7), (7, 7), (7, 8, 9), (0,), (99,)])
 def test_axes_that_are_no_extra_axes(kind, axes):
     point = SetPoint(POSES[kind], tuple((axis, 1.0) for axis in axes))
-    with pytest.raises(InvalidValue, match=r"extra axes .*: 7, or 8, or 7 and 8 in this order are wanted"):
+    with pytest.raises(
+        InvalidValue, match=r"extended joints .* are not valid; expected 7, 8, or 7 and 8 in this order"
+    ):
         sf.encode_set_point(kind, point, *POSE_ONLY)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match=r"付加軸 .* は指定できません"):
@@ -724,11 +734,11 @@ def test_axes_that_are_no_extra_axes(kind, axes):
         ("P", (*P, 0), "8 numbers for a P"),
         ("T", (*T, 0), "11 numbers for a T"),
         ("J", (), "0 numbers for a J"),
-        ("J", (*J[:7], None), "not all are numbers"),
-        ("J", (*J[:7], "x"), "not all are numbers"),
-        ("J", (*J[:7], 10**400), "not all are numbers"),
-        ("J", None, "not all are numbers"),
-        ("J", "x" * HUGE, "not all are numbers"),
+        ("J", (*J[:7], None), "not all values are numbers"),
+        ("J", (*J[:7], "x"), "not all values are numbers"),
+        ("J", (*J[:7], 10**400), "not all values are numbers"),
+        ("J", None, "not all values are numbers"),
+        ("J", "x" * HUGE, "not all values are numbers"),
     ],
     ids=label,
 )
@@ -742,7 +752,7 @@ def test_poses_that_cannot_be_sent(kind, pose, match):
 
 
 def test_an_extra_axis_that_goes_nowhere():
-    with pytest.raises(InvalidValue, match=r"extra axes \(\(7, None\),\): not all are numbers"):
+    with pytest.raises(InvalidValue, match=r"extended joints \(\(7, None\),\): not all values are numbers"):
         sf.encode_set_point("P", SetPoint(P, ((7, None),)), *POSE_ONLY)
 
 
@@ -757,7 +767,7 @@ WANTING = {
 
 @pytest.mark.parametrize("part", list(PARTS))
 def test_a_part_that_is_missing(part):
-    with pytest.raises(InvalidValue, match=f"{NAMES[part]}: the formats in force want it"):
+    with pytest.raises(InvalidValue, match=f"{NAMES[part]}: required by the current formats"):
         sf.encode_set_point("J", SetPoint(J), *WANTING[part])
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="現在のフォーマットでは指定が必要です"):
@@ -770,7 +780,7 @@ def test_a_part_that_the_formats_have_no_place_for(part):
     for formats in (POSE_ONLY, *(WANTING[other] for other in PARTS if other != part)):
         given = {other: PARTS[other] for other in PARTS if WANTING[other] == formats}
         point = SetPoint(J, **given, **{part: PARTS[part]})
-        with pytest.raises(InvalidValue, match=f"{NAMES[part]}: the formats in force have no place for it"):
+        with pytest.raises(InvalidValue, match=f"{NAMES[part]}: not included in the current formats"):
             sf.encode_set_point("J", point, *formats)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="現在のフォーマットでは送信できません"):
@@ -788,7 +798,7 @@ def test_states_are_32_bits(state, sent):
 
 @pytest.mark.parametrize("state", [2**32, -(2**31) - 1, 2**300])
 def test_states_of_more_than_32_bits(state):
-    with pytest.raises(InvalidValue, match=r"mini I/O: .* is more than 32 bits"):
+    with pytest.raises(InvalidValue, match=r"mini I/O: .* has more than 32 bits"):
         sf.encode_set_point("J", SetPoint(J, mini=state), SendBits.MINI, ReceiveFormat())
     i18n.use("ja")
     with pytest.raises(InvalidValue, match=r"MiniIO 状態: .* は 32 ビットを超えています"):
@@ -913,9 +923,7 @@ def test_a_timestamp_begins_again_where_a_vt_i4_ends(time, sent):
     ],
 )
 def test_answers_that_lack_what_the_format_has(number, answer, name):
-    with pytest.raises(
-        InvalidValue, match=f"{name}: the receive format has it, but it is missing or of another length"
-    ):
+    with pytest.raises(InvalidValue, match=f"{name}: required by the receive format, but missing or of another length"):
         sf.build_answer(ReceiveFormat(number), answer)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="値がないか要素数が異なります"):
@@ -931,39 +939,39 @@ def test_a_client_also_reads_whole_numbers_and_fewer_currents():
 @pytest.mark.parametrize(
     ("number", "value", "match"),
     [
-        (0, None, "pose is None instead of 8 finite numbers"),
-        (0, "J1", "pose is 'J1' instead of 8"),
-        (0, 1.0, "pose is 1.0 instead of 8"),
-        (0, list(J[:7]), r"pose is 7 values, \[0.0, 45.0, .* instead of 8"),
-        (0, [*J, 0.0], "pose is 9 values, .* instead of 8"),
+        (0, None, "pose is None, expected 8 finite numbers"),
+        (0, "J1", "pose is 'J1', expected 8"),
+        (0, 1.0, "pose is 1.0, expected 8"),
+        (0, list(J[:7]), r"pose is 7 values, \[0.0, 45.0, .*, expected 8"),
+        (0, [*J, 0.0], "pose is 9 values, .*, expected 8"),
         (0, [1.0] * HUGE, f"pose is {HUGE} values"),
         (0, "x" * HUGE, "pose is 'xxxxx"),
         (0, b"x" * HUGE, f"pose is {HUGE} values, b'xxx"),
         (0, [*J[:7], None], "pose is 8 values"),
         (0, [*J[:7], True], "pose is 8 values"),
         (0, [*J[:7], "1"], "pose is 8 values"),
-        (0, [*J[:7], math.nan], "instead of 8 finite numbers"),
-        (0, [*J[:7], -math.inf], "instead of 8 finite numbers"),
-        (0, [*J[:7], 10**400], "instead of 8 finite numbers"),
+        (0, [*J[:7], math.nan], "expected 8 finite numbers"),
+        (0, [*J[:7], -math.inf], "expected 8 finite numbers"),
+        (0, [*J[:7], 10**400], "expected 8 finite numbers"),
         (0, [list(J)], "pose is 1 values"),
-        (1, list(J), "receive format 0x0001: pose is 8 values, .* instead of 7"),
-        (3, list(J), "instead of 10"),
-        (4, list(J), "instead of 15"),
-        (5, list(J), "instead of 18"),
-        (0x12, list(J), "receive format 0x0012: the whole is 8 values, .* instead of 2 values"),
-        (0x12, None, "the whole is None instead of 2 values"),
-        (0x12, b"ab", "the whole is 2 values, b'ab' instead of 2 values"),
-        (0x12, [1], "the whole is 1 values"),
-        (0x12, [1, list(J), 3], "the whole is 3 values"),
-        (0x12, [list(J), 1], r"pose is 1 instead of 8"),
-        (0x12, [1.0, list(J)], "timestamp is 1.0 instead of a whole number"),
-        (0x12, [None, list(J)], "timestamp is None instead of a whole number"),
-        (0x12, [True, list(J)], "timestamp is True instead of a whole number"),
-        (0x102, [list(J), "1"], "mini I/O is '1' instead of a whole number"),
-        (0x22, [list(J), [1]], r"hand I/O is 1 values, \[1\] instead of a whole number"),
-        (0x202, [list(J), [1, 2]], r"user I/O is 2 values, \[1, 2\] instead of an array of VT_UI1"),
-        (0x202, [list(J), None], "user I/O is None instead of an array of VT_UI1"),
-        (0x42, [list(J), []], r"motor currents is 0 values, \[\] instead of 1..8 finite numbers"),
+        (1, list(J), "receive format 0x0001: pose is 8 values, .*, expected 7"),
+        (3, list(J), "expected 10"),
+        (4, list(J), "expected 15"),
+        (5, list(J), "expected 18"),
+        (0x12, list(J), "receive format 0x0012: the whole result is 8 values, .*, expected 2 values"),
+        (0x12, None, "the whole result is None, expected 2 values"),
+        (0x12, b"ab", "the whole result is 2 values, b'ab', expected 2 values"),
+        (0x12, [1], "the whole result is 1 values"),
+        (0x12, [1, list(J), 3], "the whole result is 3 values"),
+        (0x12, [list(J), 1], r"pose is 1, expected 8"),
+        (0x12, [1.0, list(J)], "timestamp is 1.0, expected a whole number"),
+        (0x12, [None, list(J)], "timestamp is None, expected a whole number"),
+        (0x12, [True, list(J)], "timestamp is True, expected a whole number"),
+        (0x102, [list(J), "1"], "mini I/O is '1', expected a whole number"),
+        (0x22, [list(J), [1]], r"hand I/O is 1 values, \[1\], expected a whole number"),
+        (0x202, [list(J), [1, 2]], r"user I/O is 2 values, \[1, 2\], expected an array of VT_UI1"),
+        (0x202, [list(J), None], "user I/O is None, expected an array of VT_UI1"),
+        (0x42, [list(J), []], r"motor currents is 0 values, \[\], expected 1..8 finite numbers"),
         (0x42, [list(J), [1.0] * 9], "motor currents is 9 values"),
         (0x42, [list(J), 1.0], "motor currents is 1.0"),
     ],
@@ -1009,14 +1017,14 @@ def test_a_field_without_an_attribute_goes_there_and_back(temperature):
 
 @pytest.mark.usefixtures("temperature")
 def test_a_field_without_an_attribute_that_is_missing():
-    with pytest.raises(InvalidValue, match=r"^temperature: the receive format has it, but it is missing"):
+    with pytest.raises(InvalidValue, match=r"^temperature: required by the receive format, but missing"):
         sf.build_answer(WARM, SlaveAnswer(J))
 
 
 @pytest.mark.usefixtures("temperature")
 @pytest.mark.parametrize("value", [None, "1", [1.0], True, math.nan, math.inf, -math.inf])
 def test_what_is_no_number(value):
-    with pytest.raises(ProtocolError, match=r"0x0402: temperature is .* instead of a finite number$"):
+    with pytest.raises(ProtocolError, match=r"0x0402: temperature is .*, expected a finite number$"):
         sf.read_answer(WARM, [list(J), value])
     i18n.use("ja")
     with pytest.raises(ProtocolError, match="temperatureには有限の数値が必要ですが"):

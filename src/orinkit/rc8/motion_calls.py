@@ -1,4 +1,4 @@
-"""Which calls begin motions that go on when the call has been answered, as far as that can be told without the controller."""
+"""Classifies calls by whether a motion may continue after their reply, as far as the call itself shows it."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ MOVING: Final = frozenset(
     each.id
     for each in (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home, f.robot_execute, f.command_execute)
 )
-"""Functions with which a client begins motions, or takes what it needs for them."""
+"""Functions with which a client begins motions or acquires what motions require."""
 
 _MOTIONS: Final = (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home)
-_AT_REST: Final = ("givearm",)  # it waits for the end of the motion
+_AT_REST: Final = ("givearm",)  # waits for the end of the motion
 
 
 def leaves_moving(function: Function[..., Any], arguments: Sequence[Any]) -> bool | None:
-    """Tell whether an arm may move when a call has been answered; ``None`` where the call changes nothing about that.
+    """Return True if an arm may move after the reply to a call; ``None`` if the call does not affect that.
 
     Args:
-        function: an entry of the table.
-        arguments: without the handle.
+        function: Entry of the function table.
+        arguments: Arguments without the handle.
     """
     if function is f.robot_halt:
         return False

@@ -1,19 +1,19 @@
 """The option string of motions: ``"SPEED=50,NEXT"``, ``"@0,Pose=1,TIME=200,NEXT"`` (RC8 3.3.4).
 
 ===================================  ================================================================================
-option                               what it says
+option                               meaning
 ===================================  ================================================================================
 ``SPEED=n``, ``S=n``                 speed in percent, above 0, at most 100
 ``ACCEL=n``, ``DECEL=n``             acceleration and deceleration in percent, above 0, at most 100
-``TIME=n``                           how long the motion is to take, in ms, above 0, at most 3,600,000
+``TIME=n``                           duration of the motion in ms, above 0, at most 3,600,000
 ``NEXT``                             the call returns at once
-``@0``, ``@E``, ``@P``, ``@n``       pass mark, where no pose carries it: Rotate, Drive
-``Pose=1``, ``Pose=2``               of Rotate
+``@0``, ``@E``, ``@P``, ``@n``       pass mark of functions without a pose: Rotate, Drive
+``Pose=1``, ``Pose=2``               for Rotate
 ===================================  ================================================================================
 
-A number may be a variable instead: ``SPEED=F2`` (I, F or D, also ``F[2]``). Capitals, blanks and empty parts, as from
-a leading comma, do not matter. Of an option that is given twice the last one counts. IF and UNTIL belong to PacScript
-and are refused, as is anything else.
+A variable may replace a number: ``SPEED=F2`` (I, F or D, also ``F[2]``). Case, blanks and empty parts, such as one
+after a leading comma, are ignored. If an option is repeated, the last one counts. IF and UNTIL belong to PacScript and
+are refused, as are all other options.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from orinkit.core.i18n import quoted, tr
 from orinkit.values.poses import PassMark
 
 MAX_PERCENT: Final = 100.0
-"""The highest speed, acceleration and deceleration, in percent."""
+"""Largest speed, acceleration and deceleration, percent."""
 MAX_TIME: Final = 3_600_000.0
-"""The longest time of a motion, in ms."""
+"""Longest duration of a motion, ms."""
 
 _MAX_LENGTH: Final = 1024
 _KNOWN: Final = "SPEED (S), ACCEL, DECEL, TIME, NEXT, POSE, @0, @E, @P, @n"
@@ -48,12 +48,12 @@ VariableKind: TypeAlias = Literal["I", "F", "D"]
 
 @dataclass(frozen=True, slots=True)
 class VariableRef:
-    """A global variable in place of a number: ``F2``.
+    """A global variable that replaces a number: ``F2``.
 
     Attributes:
-        kind: the class of the variable, I, F or D.
-        index: its number, from 0.
-        most: the highest value that is taken from it, MAX_PERCENT or MAX_TIME.
+        kind: Class of the variable: I, F or D.
+        index: Index of the variable, from 0.
+        most: Largest value accepted from it, MAX_PERCENT or MAX_TIME.
     """
 
     kind: VariableKind
@@ -65,21 +65,21 @@ class VariableRef:
 
 
 Amount: TypeAlias = float | VariableRef
-"""A number, or the variable that holds it."""
+"""A number, or a variable with the number."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionOptions:
-    """The options of one motion; what was not given is ``None`` or False.
+    """The options of one motion; an option that was not given is ``None`` or False.
 
     Attributes:
-        speed: percent.
-        accel: percent.
-        decel: percent.
-        time: ms.
-        next: the call is to return at once.
-        mark: when the motion counts as done.
-        pose: 1 or 2, of Rotate.
+        speed: Speed, percent.
+        accel: Acceleration, percent.
+        decel: Deceleration, percent.
+        time: Duration, ms.
+        next: True if the call returns at once.
+        mark: Pass mark.
+        pose: 1 or 2, for Rotate.
     """
 
     speed: Amount | None = None
@@ -92,16 +92,16 @@ class MotionOptions:
 
 
 def parse_options(text: str) -> MotionOptions:
-    """Return the options of a motion; the module's docstring has what there is.
+    """Parse an option string; the module's docstring lists the options.
 
     Raises:
-        CallError: MOTION_OPTION_INVALID for an option that does not exist or cannot be read; VALUE_OUT_OF_RANGE for a
-            number that is too small or too large.
+        CallError: MOTION_OPTION_INVALID if an option does not exist or is not valid; VALUE_OUT_OF_RANGE if a number is
+            too small or too large.
     """
     if len(text) > _MAX_LENGTH:
         raise _invalid(
             tr(
-                "an option string of {count} characters, at most {most} are read",
+                "option string of {count} characters exceeds the limit of {most}",
                 count=len(text),
                 most=_MAX_LENGTH,
             ),
@@ -115,14 +115,14 @@ def parse_options(text: str) -> MotionOptions:
 
 
 def resolve(amount: Amount, read: Callable[[VariableKind, int], float]) -> float:
-    """Return an amount as a number, from its variable if it is one.
+    """Return an amount as a number, reading its variable if necessary.
 
     Args:
-        amount: as in :class:`MotionOptions`.
-        read: gives the value of a variable from its class and number.
+        amount: An amount of :class:`MotionOptions`.
+        read: Callback that returns the value of a variable for its class and index.
 
     Raises:
-        CallError: VALUE_OUT_OF_RANGE, the variable's value is no percentage or time; whatever ``read`` raises.
+        CallError: VALUE_OUT_OF_RANGE if the variable's value is out of range; exceptions of ``read``.
     """
     if not isinstance(amount, VariableRef):
         return amount
@@ -130,7 +130,7 @@ def resolve(amount: Amount, read: Callable[[VariableKind, int], float]) -> float
 
 
 def _option(part: str) -> tuple[str, Any]:
-    """Return the field that an option sets, and its value."""
+    """Return the name of the field that an option sets, and its value."""
     if part.startswith("@"):
         return "mark", _mark(part)
     name, equals, value = (piece.strip() for piece in part.partition("="))
@@ -145,13 +145,13 @@ def _option(part: str) -> tuple[str, Any]:
     if _CONDITION.match(name):
         raise _invalid(
             tr(
-                "{part}: IF and UNTIL are for programs on the controller; the options here are {known}",
+                "{part}: IF and UNTIL are only valid in PacScript programs. Try: {known}",
                 part=quoted(part),
                 known=_KNOWN,
             ),
         )
     raise _invalid(
-        tr("{part} is no option of a motion; there are {known}", part=quoted(part), known=_KNOWN),
+        tr("{part} is not a motion option. Try: {known}", part=quoted(part), known=_KNOWN),
     )
 
 
@@ -174,7 +174,7 @@ def _flag(part: str, value: str) -> bool:
     flag = _FLAGS.get(value.upper())
     if flag is None:
         raise _invalid(
-            tr("{part}: NEXT has no value, or 1 or 0", part=quoted(part)),
+            tr("{part}: NEXT takes no value, or 1 or 0", part=quoted(part)),
         )
     return flag
 
@@ -184,7 +184,7 @@ def _pose(part: str, value: str) -> int:
     if number not in (1, 2):
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            tr("{part}: 1 or 2 is wanted", part=quoted(part)),
+            tr("{part}: expected 1 or 2", part=quoted(part)),
         )
     return int(number)
 
@@ -193,7 +193,7 @@ def _number(part: str, value: str) -> float:
     if _NUMBER.fullmatch(value) is None:
         raise _invalid(
             tr(
-                "{part}: a number is wanted behind the equals sign, or a variable like F2 where it is an amount",
+                "{part}: expected a number after the equals sign (for an amount, also a variable such as F2)",
                 part=quoted(part),
             ),
         )
@@ -201,10 +201,15 @@ def _number(part: str, value: str) -> float:
 
 
 def _within(part: str, number: float, most: float) -> float:
-    if not 0 < number <= most:  # NaN is not either
+    if not 0 < number <= most:  # rejects NaN as well
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            tr("{part:.40}: {number:.10g} is not above 0 and at most {most:.0f}", part=part, number=number, most=most),
+            tr(
+                "{part:.40}: {number:.10g} is out of range; expected above 0 and at most {most:.0f}",
+                part=part,
+                number=number,
+                most=most,
+            ),
         )
     return number
 

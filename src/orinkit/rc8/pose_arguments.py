@@ -3,26 +3,25 @@
 ===========================================  ====================================================================
 argument                                     read as
 ===========================================  ====================================================================
-``"@E P1"``, ``"P1, @E P2"``                 text, one target or several (:mod:`orinkit.values.poses`)
-``["P1", "@E P2"]``                          such texts, one after the other
-``[value, type, pass, extra]``               one target; everything behind the value may be left out or VT_EMPTY
+``"@E P1"``, ``"P1, @E P2"``                 string, one target or several (:mod:`orinkit.values.poses`)
+``["P1", "@E P2"]``                          such strings in sequence
+``[value, type, pass, extra]``               one target; everything after the value may be omitted or VT_EMPTY
 ``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    targets of any of these forms
-numbers                                      by how many they are: 7 a P, 8 a J, 9 or 10 a T, 3 a V; of 6 nobody told
-                                             whether they are joints or a position
+numbers                                      by their count: 7 a P, 8 a J, 9 or 10 a T, 3 a V; for 6 the pose type (J
+                                             or P) is unknown
 ===========================================  ====================================================================
 
 =====  ===============================================================================================================
 part   forms
 =====  ===============================================================================================================
-value  a number: that variable, of class P if no type is told. An array of numbers of any numeric type, or a VARIANT
-       array of them: the values, of the kind that goes with how many they are if no type is told
-type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: values that are to be taken as the function sees fit
-pass   -1, -2, 0, n for @P, @E, @0, @n (mm); or the text, ``"@E"``
-extra  ``[mode, [joint, value], ...]``: mode 1 or ``"EX"`` relative, 2 or ``"EXA"`` absolute, as DENSO's ROS driver
-       numbers them; 0: none
-=====  ===============================================================================================================
+value  a number: that variable, of class P if there is no type. An array of numbers of any numeric type, or a VARIANT
+       array of them: the values; without a type, the type that matches their count
+type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: the function decides how to interpret the values
+pass   -1, -2, 0, n for @P, @E, @0, @n (mm); or a string, ``"@E"``
+extra  ``[mode, [joint, value], ...]``: mode 1 or ``"EX"`` relative, 2 or ``"EXA"`` absolute, with the numbers of
+       DENSO's ROS driver; 0: none
 
-So ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. Three or fewer numbers of which the
+So ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. Up to three numbers of which the
 first is of an integer type are value, type, pass: clients send ``[1, 0, -1]`` as a VT_I4 array.
 """
 
@@ -40,12 +39,12 @@ from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, NUMERIC, VARIANT_ARRA
 from orinkit.values.variant import Variant, trusted
 
 MAX_TARGETS: Final = 16
-"""How many targets one argument may have."""
+"""Largest number of targets of one argument."""
 
 _BSTR_ARRAY: Final = VarType.BSTR | ARRAY
 _MOST_NUMBERS: Final = 10
 _MOST_PARTS: Final = 4
-_MOST_OF_ONE_TYPE: Final = 3  # of value, type, pass, extra: the last is an array
+_MOST_OF_ONE_TYPE: Final = 3  # value, type, pass; extra is an array
 
 _LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
 _TYPES: Final[dict[int, Kind]] = {0: "P", 1: "T", 2: "J", 3: "V", -1: ""}
@@ -55,11 +54,11 @@ _MODES: Final[dict[int | str, bool | None]] = {0: None, 1: False, 2: True, "EX":
 
 
 def read_targets(given: Variant) -> tuple[Target, ...]:
-    """Return the targets that an argument stands for; the module's docstring has the forms.
+    """Return the targets of an argument; the module's docstring lists the forms.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH for a type that can be no pose; E_INVALIDARG for a text that cannot be read,
-            a number that is out of range or not finite, more than MAX_TARGETS targets.
+        CallError: DISP_E_TYPEMISMATCH for a type that cannot be a pose; E_INVALIDARG for a string that is not valid,
+            a number that is out of range or not finite, or more than MAX_TARGETS targets.
     """
     if given.type == _BSTR_ARRAY:
         return _several([trusted(VarType.BSTR, text) for text in given.value[: MAX_TARGETS + 1]])
@@ -69,7 +68,7 @@ def read_targets(given: Variant) -> tuple[Target, ...]:
 
 
 def _are_targets(elements: Sequence[Variant]) -> bool:
-    """Tell targets from value, type, pass: they begin with a text, or with an array and another target behind it."""
+    """Distinguish targets from value, type, pass: they begin with a string, or with an array before another target."""
     if not elements or elements[0].type == VarType.BSTR:
         return bool(elements)
     if not elements[0].type & ARRAY:
@@ -94,14 +93,14 @@ def _several(elements: Sequence[Variant]) -> tuple[Target, ...]:
 
 def _bounded(targets: tuple[Target, ...]) -> tuple[Target, ...]:
     if not targets:
-        raise _invalid(tr("an array without a pose"))
+        raise _invalid(tr("the array contains no pose"))
     if len(targets) > MAX_TARGETS:
         raise _invalid(tr("more than {most} poses", most=MAX_TARGETS))
     return targets
 
 
 def _one(given: Variant) -> tuple[Target, ...]:
-    """Read a text, which may have several targets, or one target as an array."""
+    """Read a string, which may have several targets, or one target as an array."""
     try:
         return parse_targets(given.value) if given.type == VarType.BSTR else (_from_array(given),)
     except (NotationError, InvalidValue) as error:
@@ -111,7 +110,7 @@ def _one(given: Variant) -> tuple[Target, ...]:
 def _from_array(given: Variant) -> Target:
     elements = _elements(given)
     if not elements:
-        raise _invalid(tr("an empty array is no pose"))
+        raise _invalid(tr("an empty array is not a pose"))
     if all(element.type in NUMERIC for element in elements) and (
         len(elements) > _MOST_OF_ONE_TYPE or elements[0].type not in INTEGERS
     ):
@@ -127,13 +126,16 @@ def _elements(given: Variant) -> Sequence[Variant]:
     base = given.type & ~ARRAY
     if given.type & ARRAY and base in NUMERIC:
         return [trusted(base, value) for value in given.value[: _MOST_NUMBERS + 1]]
-    raise _mismatch(given, tr("a pose: VT_BSTR, an array of numbers or a VARIANT array"))
+    raise _mismatch(given, tr("a pose (VT_BSTR, an array of numbers or a VARIANT array)"))
 
 
 def _from_parts(parts: Sequence[Variant]) -> Target:
     if len(parts) > _MOST_PARTS:
         raise _invalid(
-            tr("a pose of {count} elements; it has at most 4: value, type, pass, extra joints", count=len(parts)),
+            tr(
+                "pose of {count} elements; expected at most 4: value, type, pass mark, extended joints",
+                count=len(parts),
+            ),
         )
     value, kind_part, mark_part, extra_part = [*parts, *[trusted(VarType.EMPTY, None)] * (_MOST_PARTS - len(parts))]
     kind, mark, extra = _kind(kind_part), _mark(mark_part), _extra(extra_part)
@@ -157,20 +159,23 @@ def _kind_by_count(values: Sequence[float]) -> Kind:
     kind = _BY_COUNT.get(len(values))
     if kind is None:
         raise _invalid(
-            tr("{count} numbers without a type; 7 are a P, 8 a J, 9 or 10 a T, 3 a V", count=len(values)),
+            tr(
+                "the pose type of {count} numbers is unknown; expected 7 (P), 8 (J), 9 or 10 (T) or 3 (V)",
+                count=len(values),
+            ),
         )
     return kind
 
 
 def _kind(given: Variant) -> Kind | None:
-    """Read the type of a value; ``None`` where it is not told."""
-    word = _word(given, tr("the type of a pose"))
+    """Read the type of a value; ``None`` if it is not given."""
+    word = _word(given, tr("a pose type"))
     if word == "":
         return None
     kind = _LETTERS.get(word) if isinstance(word, str) else _TYPES.get(coerce.to_integer(given))
     if kind is None:
         raise _invalid(
-            tr("{word} is no type of a pose: 0 or P, 1 or T, 2 or J, 3 or V, -1 for none", word=quoted(word)),
+            tr("{word} is not a pose type. Try: 0 or P, 1 or T, 2 or J, 3 or V, -1 for none", word=quoted(word)),
         )
     return kind
 
@@ -185,7 +190,7 @@ def _mark(given: Variant) -> PassMark | None:
     mark = _MARKS.get(int(number)) if number.is_integer() else None
     if mark is None:
         raise _invalid(
-            tr("{word} is no pass mark: -1 is @P, -2 @E, 0 @0, n above 0 @n", word=quoted(word)),
+            tr("{word} is not a pass mark. Try: -1 (@P), -2 (@E), 0 (@0) or n above 0 (@n)", word=quoted(word)),
         )
     return mark
 
@@ -194,12 +199,13 @@ def _extra(given: Variant) -> Extra | None:
     if given.type in EMPTIES:
         return None
     mode, *joints = _elements(given) or [trusted(VarType.EMPTY, None)]
-    word = _word(mode, tr("the mode of extra joints"))
+    word = _word(mode, tr("the mode of extended joints"))
     key = word if isinstance(word, str) else coerce.to_integer(mode)
     if key not in _MODES or len(joints) > len(_MODES):
         raise _invalid(
             tr(
-                "extra joints of mode {word}, {count} of them: [1 (EX) or 2 (EXA), [7, value], [8, value]]",
+                "mode {word} with {count} extended joints is not valid. Try: [1 (EX) or 2 (EXA), [7, value], "
+                "[8, value]]",
                 word=quoted(word),
                 count=len(joints),
             ),
@@ -212,13 +218,13 @@ def _joint(given: Variant) -> tuple[int, float]:
     numbers = _numbers(given)
     if len(numbers) != 2 or not numbers[0].is_integer():
         raise _invalid(
-            tr("an extra joint is [number, value], like [7, 30.5]"),
+            tr("expected an extended joint as [number, value], for example [7, 30.5]"),
         )
     return int(numbers[0]), numbers[1]
 
 
 def _word(given: Variant, wanted: str) -> str | float:
-    """Return a text in capitals, or a number, for telling what it means; ``""`` for nothing."""
+    """Return a string in upper case or a number, to be interpreted by the caller; ``""`` for an empty value."""
     if given.type in EMPTIES:
         return ""
     if given.type == VarType.BSTR:
@@ -234,4 +240,4 @@ def _invalid(text: str) -> CallError:
 
 def _mismatch(given: Variant, wanted: str) -> CallError:
     name = type_name(given.type)
-    return error_for(hresult.DISP_E_TYPEMISMATCH, tr("{type} was given, {wanted} is wanted", type=name, wanted=wanted))
+    return error_for(hresult.DISP_E_TYPEMISMATCH, tr("got {type}, expected {wanted}", type=name, wanted=wanted))

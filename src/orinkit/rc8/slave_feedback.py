@@ -1,4 +1,4 @@
-"""What slvMove answers: slvRecvFormat and the answers it asks for (RC8 4.2, tables 4-1 and 4-3)."""
+"""The result of slvMove: slvRecvFormat and the results that it selects (RC8 4.2, tables 4-1 and 4-3)."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Varian
 
 @dataclass(frozen=True, slots=True)
 class ReceiveFormat:
-    """What slvRecvFormat sets; :func:`receive_format` makes it of its numbers.
+    """A format of slvRecvFormat; use :func:`receive_format` to make one from its numbers.
 
     Attributes:
-        number: flags of :class:`ReceiveBits` and a number of POSE_PARTS.
-        microseconds: timestamps are in µs, not in ms.
+        number: Flags of :class:`ReceiveBits` and a number of POSE_PARTS.
+        microseconds: True if timestamps are in µs, False for ms.
     """
 
     number: int = 0
@@ -45,16 +45,16 @@ class ReceiveFormat:
 
     @property
     def kinds(self) -> tuple[PoseKind, ...]:
-        """The kinds of pose in an answer, in their order."""
+        """The pose types of a result, in their order."""
         return POSE_PARTS[self.number & POSE_MASK]
 
     @property
     def pose_only(self) -> bool:
-        """Whether an answer is a bare array."""
+        """True if a result is a bare array."""
         return self.number <= POSE_MASK
 
     def has(self, flag: ReceiveBits | int) -> bool:
-        """Tell whether an answer has this part."""
+        """Return True if a result has this part."""
         return bool(self.number & int(flag))
 
 
@@ -62,19 +62,19 @@ _RECEIVE_BITS: Final = POSE_MASK | sum(RECEIVE_BITS)
 
 
 def receive_format(number: int, unit: int = 0) -> ReceiveFormat:
-    """Return the format of the numbers of slvRecvFormat.
+    """Return the format for numbers of slvRecvFormat.
 
     Args:
-        number: flags, and what the pose is.
-        unit: of timestamps, 0 for ms, 1 for µs.
+        number: Flags and the number of the pose.
+        unit: Unit of timestamps, 0 for ms, 1 for µs.
 
     Raises:
-        CallError: E_INVALIDARG, there is no such pose, flag or unit.
+        CallError: E_INVALIDARG if the pose, a flag or the unit does not exist.
     """
     if number & ~_RECEIVE_BITS or number & POSE_MASK not in POSE_PARTS:
         raise invalid(
             tr(
-                "receive format {number}: 0 to {most} for the pose, with any of {bits}",
+                "receive format {number} is not valid; expected 0 to {most} for the pose, plus any of {bits}",
                 number=hexadecimal(number),
                 most=max(POSE_PARTS),
                 bits=", ".join(f"{bit:#x}" for bit in RECEIVE_BITS),
@@ -82,7 +82,7 @@ def receive_format(number: int, unit: int = 0) -> ReceiveFormat:
         )
     if unit not in (0, 1):
         raise invalid(
-            tr("unit {unit} of timestamps: 0 for ms, 1 for µs", unit=brief(unit)),
+            tr("unit {unit} of timestamps is not valid; expected 0 (ms) or 1 (µs)", unit=brief(unit)),
         )
     return ReceiveFormat(number, bool(unit))
 
@@ -91,11 +91,11 @@ _RECEIVE_NUMBERS: Final = ("format", "unit")
 
 
 def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
-    """Return the format of slvRecvFormat's parameter: a number, an array of one or two, or a text like ``"0x11,1"``.
+    """Parse slvRecvFormat's parameter: a number, an array of one or two, or a string such as ``"0x11,1"``.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH, no number; E_INVALIDARG, too few or too many, a fraction, or as
-            :func:`receive_format`.
+        CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG for a wrong number of values or a fraction,
+            and as for :func:`receive_format`.
     """
     given = coerce.single(parameter)
     most = len(_RECEIVE_NUMBERS)
@@ -108,32 +108,29 @@ def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
         numbers = [trusted(given.type, part) for part in parts]
     if not 1 <= len(numbers) <= most:
         raise invalid(
-            tr(
-                "too few or too many numbers: the receive format is wanted, and behind it the unit of "
-                "timestamps if you like"
-            ),
+            tr("wrong number of values; expected the receive format and optionally the unit of timestamps"),
         )
     return receive_format(*map(whole, numbers, _RECEIVE_NUMBERS))
 
 
-# --- slvMove's answer (table 4-3) -------------------------------------------------------------------------------------
+# --- the result of slvMove (table 4-3) --------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class SlaveAnswer:
-    """What slvMove answers; what the format does not have is ``None``.
+    """The result of slvMove; a field that the format does not have is ``None``.
 
     Attributes:
-        joints: where the arm is, joints 1 to 8, degrees.
-        position: the same as x, y, z in mm, rx, ry, rz in degrees, fig.
-        trans: the same as x, y, z, ox, oy, oz, ax, ay, az, fig.
-        timestamp: the controller's time in ms, or in µs if the format says so. It is a VT_I4: one that does not fit
-            begins again at -2147483648, µs after 36 minutes.
-        mini: states of the mini I/O, bit by bit.
-        hand: states of the hand I/O, bit by bit.
-        user: states of the user I/O that were asked for.
-        current: of the motors.
-        more: fields without an attribute here, by their names.
+        joints: Joint position of the arm, joints 1 to 8, deg.
+        position: The same pose as x, y, z in mm, rx, ry, rz in deg, fig.
+        trans: The same pose as x, y, z, ox, oy, oz, ax, ay, az, fig.
+        timestamp: The controller's time in ms, or in µs if the format says so. It is a VT_I4 and wraps around to
+            -2147483648, in µs after 36 minutes.
+        mini: States of the mini I/O as bits.
+        hand: States of the hand I/O as bits.
+        user: States of the requested user I/O.
+        current: Currents of the motors.
+        more: Fields without an attribute here, by name.
     """
 
     joints: tuple[float, ...] | None = None
@@ -147,39 +144,39 @@ class SlaveAnswer:
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
 
     def values(self) -> dict[str, Any]:
-        """Return what is there, by the names of the fields."""
+        """Return the fields that are present, by name."""
         found = {name: value for name, value in zip(_NAMES, _own(self), strict=True) if value is not None}
         return {**found, **self.more} if self.more else found
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> SlaveAnswer:
-        """Return the answer with these values of fields, by their names."""
+        """Return a result with these values of fields, by name."""
         own = {name: values[each] for each, name in _ATTRIBUTES.items() if name and each in values}
         return cls(**own, more={each: value for each, value in values.items() if not _ATTRIBUTES[each]})
 
 
-_STAMP: Final = "timestamp"  # the attribute of what is a time for programs
+_STAMP: Final = "timestamp"  # the attribute of the field of type STAMP
 _OWN: Final = frozenset(each.name for each in fields(SlaveAnswer)) - {"more"}
 _ATTRIBUTES: Final[dict[str, str]] = {
     row.name: name if (name := _STAMP if row.form is FieldType.STAMP else row.name) in _OWN else "" for row in RECEIVED
 }
-"""The attribute of each field; ``""`` for one that is in ``more``."""
+"""The attribute of each field; ``""`` for a field in ``more``."""
 _NAMES: Final = tuple(name for name, own in _ATTRIBUTES.items() if own)
 _own: Final[Callable[[SlaveAnswer], tuple[Any, ...]]] = operator.attrgetter(*filter(None, _ATTRIBUTES.values()))
 
 
 def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa: A002 - the document's word
-    """Return slvMove's answer, the server's side; what the format does not have is left out.
+    """Return slvMove's result (server side); fields that the format does not have are left out.
 
     Raises:
-        InvalidValue: the format has something that is missing, or of another length.
+        InvalidValue: If a field of the format is missing, or has another length.
     """
     pose: list[float] = []
     for kind in POSE_PARTS[format.number & POSE_MASK]:
         row = POSES[kind]
         numbers = getattr(answer, row.name)
         if numbers is None or len(numbers) != row.count:
-            raise _not_there(row)
+            raise _missing(row)
         pose += numbers
     written = trusted(R8_ARRAY, pose)
     if format.number <= POSE_MASK:
@@ -189,21 +186,21 @@ def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa
     for _, row, attribute, _, writer in plan:
         value = getattr(answer, attribute) if attribute else answer.more.get(row.name)
         if value is None or (row.count > 1 and len(value) != row.count):
-            raise _not_there(row)
+            raise _missing(row)
         parts.append(writer(value))
     parts.insert(pose_at, written)
     return trusted(VARIANT_ARRAY, parts)
 
 
 def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A002 - the document's word
-    """Return what slvMove answered, the client's side.
+    """Parse slvMove's result (client side).
 
     Args:
-        format: what slvRecvFormat set.
-        value: the answer as plain Python.
+        format: The format set with slvRecvFormat.
+        value: The result as plain Python.
 
     Raises:
-        ProtocolError: it is not what the format says.
+        ProtocolError: If the result does not match the format.
     """
     if format.number <= POSE_MASK:
         return SlaveAnswer(*_read_poses(format, value))
@@ -222,8 +219,8 @@ def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A0
 
 
 _REALS: Final = frozenset({float, int})
-_IS_FINITE: Final = (1e300).__gt__  # of a magnitude; no number of an answer comes near
-_SHOWN: Final = 10  # elements of a wrong answer that a message quotes
+_IS_FINITE: Final = (1e300).__gt__  # of an absolute value; larger than any number of a result
+_SHOWN: Final = 10  # elements of an invalid result quoted in a message
 _I4: Final = int(VarType.I4)
 _Numbers: TypeAlias = tuple[float, ...] | None
 _Reader: TypeAlias = Callable[[ReceiveFormat, SlaveField, Any], Any]
@@ -232,7 +229,7 @@ _Writer: TypeAlias = Callable[[Any], Variant]
 
 @lru_cache(maxsize=256)
 def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, SlaveField, str, _Reader, _Writer], ...]]:
-    """Return the place of the pose in an answer (table 4-3); place, row, attribute, reader, writer of each other field."""
+    """Return the place of the pose in a result (table 4-3); place, row, attribute, reader, writer of other fields."""
     has = [row for row in _OTHERS if row.receive & number]
     pose_at = sum(row.place < _POSE_PLACE for row in has)
     places = ((place + (place >= pose_at), row) for place, row in enumerate(has))
@@ -246,7 +243,7 @@ _OTHERS: Final = tuple(row for row in ON_WIRE if row.form not in (FieldType.POSE
 
 
 def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers, _Numbers]:
-    """Return joints, position and transformation of an answer's pose."""
+    """Return joints, position and transformation of a result's pose."""
     kinds = POSE_PARTS[receive.number & POSE_MASK]
     count = sum([POSE_SIZES[kind] for kind in kinds])
     numbers = _read_reals(receive, None, given, count, count)
@@ -313,7 +310,7 @@ def _wrong(receive: ReceiveFormat, name: str, given: Any, wanted: str) -> Protoc
     number = hexadecimal(receive.number)
     return ProtocolError(
         tr(
-            "slvMove's answer with receive format {number}: {name} is {shown} instead of {wanted}",
+            "result of slvMove with receive format {number}: {name} is {shown}, expected {wanted}",
             number=number,
             name=name,
             shown=shown,
@@ -322,6 +319,6 @@ def _wrong(receive: ReceiveFormat, name: str, given: Any, wanted: str) -> Protoc
     )
 
 
-def _not_there(row: SlaveField) -> InvalidValue:
+def _missing(row: SlaveField) -> InvalidValue:
     name = called_in_answer(row)
-    return InvalidValue(tr("{name}: the receive format has it, but it is missing or of another length", name=name))
+    return InvalidValue(tr("{name}: required by the receive format, but missing or of another length", name=name))

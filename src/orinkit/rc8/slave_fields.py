@@ -1,27 +1,28 @@
-"""THE TABLE of the fields of slave mode: what slvMove carries and answers beside codes and modes (RC8 4.2, tables 4-1 to 4-3).
+"""THE TABLE of the fields of slave mode: the arguments and results of slvMove (RC8 4.2, tables 4-1 to 4-3).
 
-One row of :data:`FIELDS` describes one field. The rows are in the order in which programs see the fields (``Sample``, files);
-``place`` has their order in slvMove. These follow from the rows:
+One row of :data:`FIELDS` describes one field. The rows are in the order in which programs see the fields (``Sample``,
+files); ``place`` has their order in slvMove. Derived from the rows:
 
 =====================================  ================================================================================
-what                                   from which columns
+use                                    columns
 =====================================  ================================================================================
 bits of slvSendFormat, slvRecvFormat   ``send``, ``receive``; pairs that exclude each other are in :data:`EXCLUSIVE`
-slvMove's parameter and its answer     ``place``, ``form``, ``count``; ``label`` and its sisters name a field in messages
+slvMove's parameter and its result     ``place``, ``form``, ``count``; ``label`` etc. name a field in messages
 memory of the streaming process        ``form``, ``count``
 ``Sample``, MCAP                       ``name``; ``text`` is the description in the schema
 CSV                                    ``column``, ``form``, ``count``
 words of ``recv=``                     ``name``, if ``by_word``
-parameters of ``slave_mode()``         ``name``; the parameters themselves are written out in the client
-I/O points and sources of values       ``name``: tables in ``virtual/rc8/robot/slave_mode/io.py`` and ``slave_feedback.py``
+parameters of ``slave_mode()``         ``name``; the parameters themselves are written by hand in the client
+I/O points and sources of values       ``name``: tables in ``virtual/rc8/robot``: ``slave_mode/io.py``, ``slave_feedback.py``
 =====================================  ================================================================================
 
-A field that is received takes one row here, and for the virtual RC8 one entry in ``SOURCES`` of ``slave_feedback.py``. Its value
-is then in ``Sample.more`` under its name, until ``Sample`` has an attribute of that name. A field that is sent also takes an
-attribute of ``SetPoint`` and ``Outputs``, and a parameter of the client's methods, because these are typed.
+A received field requires one row here, and for the virtual RC8 one entry in ``SOURCES`` of ``slave_feedback.py``. Its
+value is then in ``Sample.more`` under its name, unless ``Sample`` has an attribute of that name. A sent field also
+requires an attribute of ``SetPoint`` and ``Outputs``, and a parameter of the client's methods, because these are typed.
 
-A new kind of value takes a member of :class:`FieldType`, and its entry in the table of each module that handles values:
-``rc8/slave_values.py``, ``rc8/slave_feedback.py``, ``streaming/process/record_layout.py``, ``streaming/recording/recorder.py``.
+A new type of value requires a member of :class:`FieldType`, and an entry in the table of each module that handles
+values: ``rc8/slave_values.py``, ``rc8/slave_feedback.py``, ``streaming/process/record_layout.py``,
+``streaming/recording/recorder.py``.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ from typing import Final, Literal, TypeAlias
 from orinkit.core.i18n import N_
 
 PoseKind: TypeAlias = Literal["P", "J", "T"]
-"""What the numbers of a set-point are: a position, joints, a homogeneous transformation."""
+"""The pose type of a set-point: position, joints, homogeneous transformation."""
 
 
 class FieldType(Enum):
-    """What the value of a field is."""
+    """The type of a field's value."""
 
     POSE = "pose"
     """Numbers in slvMove's VT_R8 array of poses."""
@@ -47,17 +48,17 @@ class FieldType(Enum):
     REAL = "real"
     """One number, VT_R8. Received only."""
     STAMP = "stamp"
-    """The controller's time, a VT_I4 that wraps; seconds for programs. Received only."""
+    """The controller's time, a VT_I4 that wraps around; seconds for programs. Received only."""
     BITS = "bits"
-    """32 states of I/O, VT_I4."""
+    """32 I/O states, VT_I4."""
     BYTES = "bytes"
-    """States of I/O, a VT_UI1 array. The bytes to send follow the number of the first point and their count, two VT_I4."""
+    """I/O states, a VT_UI1 array. To send, preceded by the number of the first point and the byte count, two VT_I4."""
     WINDOW = "window"
-    """Number of the first point and count of the bytes that the answer is to have, two VT_I4. Sent only."""
+    """Number of the first point and number of bytes requested for the result, two VT_I4. Sent only."""
 
 
 class ReceiveBits(IntFlag):
-    """What slvMove answers beside the pose; the pose itself is a number in POSE_MASK."""
+    """The fields of slvMove's result beside the pose; the pose itself is a number in POSE_MASK."""
 
     TIME = 0x10
     HAND = 0x20
@@ -67,7 +68,7 @@ class ReceiveBits(IntFlag):
 
 
 class SendBits(IntFlag):
-    """What slvMove carries beside the pose."""
+    """The fields of slvMove's parameter beside the pose."""
 
     HAND = 0x20
     MINI = 0x100
@@ -76,23 +77,23 @@ class SendBits(IntFlag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlaveField:
-    """One row.
+    """One row of the table.
 
     Attributes:
-        name: for programs.
-        label: what a message calls it.
-        text: description for users; empty if no file has it.
-        form: what its value is.
-        place: where it is in slvMove; equal ones are in the order of the rows.
-        count: how many numbers it has, at most; 1 unless it is an array of numbers.
-        kind: of a pose.
-        mode: number of a kind of pose in slvChangeMode (low byte).
-        receive: its bit in slvRecvFormat. A window is in the parameter if the format has the bit, anything else in the answer.
-        send: its bit in slvSendFormat.
-        by_word: whether ``recv=`` takes its name.
-        column: name of its columns in a CSV file; ``""`` for the field's name.
-        answer_label: what a message about an answer calls it; ``""`` for ``label``.
-        offset_label, size_label: what a message calls bounds of user I/O.
+        name: Name for programs.
+        label: Name in messages.
+        text: Description for users; empty if no file contains the field.
+        form: Type of the value.
+        place: Place in slvMove; fields with the same place are in the order of the rows.
+        count: Largest number of values; 1 unless it is an array of numbers.
+        kind: Pose type, for a pose.
+        mode: Number of the pose type in slvChangeMode (low byte).
+        receive: Bit in slvRecvFormat. If it is set, a window is in the parameter, any other field in the result.
+        send: Bit in slvSendFormat.
+        by_word: True if ``recv=`` accepts the name.
+        column: Name of its columns in a CSV file; ``""`` for the field's name.
+        answer_label: Name in messages about a result; ``""`` for ``label``.
+        offset_label, size_label: Names of the bounds of user I/O in messages.
     """
 
     name: str
@@ -116,11 +117,11 @@ FIELDS: Final[tuple[SlaveField, ...]] = (
     SlaveField(name="time", label=N_("timestamp"), form=FieldType.STAMP, place=0, receive=ReceiveBits.TIME, column="controller_s",
           text=N_("the controller's time, s")),
     SlaveField(name="joints", label=N_("pose of type J"), form=FieldType.POSE, place=1, count=8, kind="J", mode=2,
-          text=N_("where the arm is, deg (mm for linear joints)")),
+          text=N_("joint position of the arm, deg (mm for linear joints)")),
     SlaveField(name="position", label=N_("pose of type P"), form=FieldType.POSE, place=1, count=7, kind="P", mode=1,
-          text=N_("where the tool is: X, Y, Z in mm, RX, RY, RZ in deg, Fig")),
+          text=N_("position of the tool: X, Y, Z in mm, RX, RY, RZ in deg, Fig")),
     SlaveField(name="trans", label=N_("pose of type T"), form=FieldType.POSE, place=1, count=10, kind="T", mode=3,
-          text=N_("the same: X, Y, Z in mm, orient and approach vector, Fig")),
+          text=N_("transformation of the tool: X, Y, Z in mm, orient and approach vector, Fig")),
     SlaveField(name="mini", label=N_("mini I/O"), form=FieldType.BITS, place=2, receive=ReceiveBits.MINI, send=SendBits.MINI,
           text=N_("states of the mini I/O")),
     SlaveField(name="hand", label=N_("hand I/O"), form=FieldType.BITS, place=5, receive=ReceiveBits.HAND, send=SendBits.HAND,
@@ -131,43 +132,43 @@ FIELDS: Final[tuple[SlaveField, ...]] = (
     SlaveField(name="window", label=N_("user I/O to receive"), form=FieldType.WINDOW, place=4, receive=ReceiveBits.USER, by_word=False,
           offset_label=N_("offset of user I/O to receive"), size_label=N_("size of user I/O to receive")),
     SlaveField(name="current", label=N_("motor currents"), form=FieldType.REALS, place=6, count=8, receive=ReceiveBits.CURRENT,
-          text=N_("of the motors, A")),
+          text=N_("motor currents, A")),
 )  # fmt: skip
-"""The rows."""
+"""The rows of the table."""
 
 EXCLUSIVE: Final = (("mini", "user"),)
 """Fields that cannot be sent together (table 4-1)."""
 
 MOST_USER_BYTES: Final = 64
-"""The most bytes of user I/O in one slvMove and in its answer (RC8 4.2, note 3: many of them make it late)."""
+"""Largest number of bytes of user I/O in one slvMove and in its result (RC8 4.2, note 3: many bytes delay it)."""
 
 # --- slvRecvFormat's number of poses (table 4-1) ----------------------------------------------------------------------
 
 POSE_MASK: Final = 0x0F
-"""The part of a receive format that says what the pose is."""
+"""The bits of a receive format that select the pose."""
 POSE_PARTS: Final[dict[int, tuple[PoseKind, ...]]] = {
     0: ("J",), 1: ("P",), 2: ("J",), 3: ("T",), 4: ("P", "J"), 5: ("T", "J"),
 }  # fmt: skip
-"""The kinds of pose of each number in POSE_MASK; 0 is what a controller answers before any slvRecvFormat (RC8 4.6.3)."""
+"""The pose types for each number in POSE_MASK; 0 is the default before any slvRecvFormat (RC8 4.6.3)."""
 
-# --- what follows from the rows ---------------------------------------------------------------------------------------
+# --- derived from the rows --------------------------------------------------------------------------------------------
 
 ON_WIRE: Final = tuple(sorted(FIELDS, key=lambda field: field.place))
 """The rows in the order of slvMove."""
 POSES: Final[dict[PoseKind, SlaveField]] = {field.kind: field for field in FIELDS if field.kind}
-"""The rows of poses by their kinds."""
+"""The rows of poses by pose type."""
 POSE_SIZES: Final[dict[PoseKind, int]] = {kind: field.count for kind, field in POSES.items()}
-"""How many numbers a whole pose has."""
+"""The number of values of a complete pose."""
 PARAMETERS: Final = tuple(field for field in ON_WIRE if field.send or field.form is FieldType.WINDOW)
-"""What may follow the pose in slvMove's parameter, in its order (table 4-2)."""
+"""The fields that may follow the pose in slvMove's parameter, in its order (table 4-2)."""
 OUTPUTS: Final = tuple(field for field in FIELDS if field.send)
-"""States that are sent."""
+"""The fields with states that are sent."""
 RECEIVED: Final = tuple(field for field in FIELDS if field.form is not FieldType.WINDOW)
-"""What an answer may have: poses and all else."""
+"""The fields of a result: poses and all others."""
 WORDS: Final = tuple(field for field in RECEIVED if field.by_word)
-"""What ``recv=`` takes."""
+"""The fields accepted by ``recv=``."""
 RECEIVE_BITS: Final[tuple[int, ...]] = tuple(sorted({int(field.receive) for field in FIELDS if field.receive}))
-"""All bits of slvRecvFormat but those of POSE_MASK."""
+"""All bits of slvRecvFormat except those of POSE_MASK."""
 
 
 def _send_formats() -> tuple[int, ...]:
@@ -178,4 +179,4 @@ def _send_formats() -> tuple[int, ...]:
 
 
 SEND_FORMATS: Final = _send_formats()
-"""The numbers that slvSendFormat takes."""
+"""The valid numbers of slvSendFormat."""

@@ -1,13 +1,14 @@
-"""Slave mode in numbers: modes, formats, what slvMove takes and what it answers (RC8 4.2, tables 4-1 to 4-5).
+"""Slave mode in numbers: modes, formats, the parameter and the result of slvMove (RC8 4.2, tables 4-1 to 4-5).
 
-Server and client both read and build from here. slvMove's parameter and its answer are made of parts; those in brackets
-are there if a format has their bit. A pose with nothing beside it is a bare array of VT_R8, otherwise all are elements of
-a VARIANT array::
+Server and client both parse and build with this module. slvMove's parameter and its result consist of parts; those in
+brackets are present if a format has their bit. A pose alone is a bare array of VT_R8, otherwise all parts are elements
+of a VARIANT array::
 
-    parameter   pose, [mini I/O], [user I/O to send: offset, size, bytes], [user I/O to receive: offset, size], [hand I/O]
-    answer      [timestamp], pose, [mini I/O], [user I/O], [hand I/O], [motor currents]
+    parameter   pose, [mini I/O], [user I/O to send: offset, size, bytes], [user I/O to receive: offset, size],
+                [hand I/O]
+    result      [timestamp], pose, [mini I/O], [user I/O], [hand I/O], [motor currents]
 
-Two poses of one answer, P and J or T and J, are one array.
+Two poses of one result, P and J or T and J, are one array.
 """
 
 from __future__ import annotations
@@ -57,13 +58,13 @@ from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Varian
 
 @dataclass(frozen=True, slots=True)
 class SlaveMode:
-    """What slvChangeMode sets (RC8 4.3).
+    """A mode of slvChangeMode (RC8 4.3).
 
     Attributes:
-        number: as slvChangeMode has it, 0x001 to 0x203.
-        kind: what the set-points are.
-        buffering: 0 a queue that answers at once, 1 one set-point that is overwritten, 2 a queue that answers when there
-            is room.
+        number: Number for slvChangeMode, 0x001 to 0x203.
+        kind: Pose type of the set-points.
+        buffering: 0 a queue that replies at once, 1 one set-point that is overwritten, 2 a queue that replies when it
+            has room.
     """
 
     number: int
@@ -72,21 +73,21 @@ class SlaveMode:
 
 
 OFF: Final = 0
-"""slvChangeMode's number for leaving slave mode."""
+"""The number for slvChangeMode to leave slave mode."""
 _LOW_BYTES: Final[dict[int, PoseKind]] = dict(sorted((row.mode, kind) for kind, row in POSES.items()))
 SLAVE_MODES: Final[dict[int, SlaveMode]] = {
     buffering << 8 | low: SlaveMode(buffering << 8 | low, kind, buffering)
     for buffering in (0, 1, 2)
     for low, kind in _LOW_BYTES.items()
 }
-"""The nine modes by their numbers."""
+"""The nine modes by number."""
 
 
 def mode_of(number: int) -> SlaveMode | None:
-    """Return the mode of a number of slvChangeMode, ``None`` for OFF.
+    """Return the mode of a number of slvChangeMode; ``None`` for OFF.
 
     Raises:
-        CallError: E_INVALIDARG, there is none.
+        CallError: E_INVALIDARG if the mode does not exist.
     """
     if number == OFF:
         return None
@@ -96,16 +97,16 @@ def mode_of(number: int) -> SlaveMode | None:
 
 
 def mode_number(buffering: int, kind: str) -> int:
-    """Return slvChangeMode's number of a mode.
+    """Return the number of a mode for slvChangeMode.
 
     Raises:
-        InvalidValue: there is none.
+        InvalidValue: If the mode does not exist.
     """
     for mode in SLAVE_MODES.values():
         if (mode.buffering, mode.kind) == (buffering, kind):
             return mode.number
     raise InvalidValue(
-        tr("slave mode {buffering} for {kind}: there are 0, 1 and 2, each for \"P\", \"J\" and \"T\"", buffering=brief(buffering), kind=brief(kind))
+        tr("slave mode {buffering} for {kind} does not exist. Try: 0, 1 or 2, each for \"P\", \"J\" and \"T\"", buffering=brief(buffering), kind=brief(kind))
     )  # fmt: skip
 
 
@@ -113,14 +114,14 @@ def send_format(number: int) -> SendBits:
     """Return the format of a number of slvSendFormat.
 
     Raises:
-        CallError: E_INVALIDARG, there is none.
+        CallError: E_INVALIDARG if the format does not exist.
     """
     if number not in SEND_FORMATS:
         raise _unknown(tr("send format"), number, SEND_FORMATS)
     return SendBits(number)
 
 
-_ASKS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is FieldType.WINDOW)
+_WINDOW_BITS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is FieldType.WINDOW)
 
 
 # --- slvMove's parameter (tables 4-2 and 4-5) -------------------------------------------------------------------------
@@ -128,17 +129,17 @@ _ASKS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is FieldTy
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """One slvMove.
+    """The parameter of one slvMove.
 
     Attributes:
-        pose: P: x, y, z in mm, rx, ry, rz in degrees, fig. J: joints 1 to 8 in degrees. T: x, y, z, ox, oy, oz, ax, ay,
+        pose: P: x, y, z in mm, rx, ry, rz in deg, fig. J: joints 1 to 8 in deg. T: x, y, z, ox, oy, oz, ax, ay,
             az, fig.
-        extra: extra axes, 7 before 8, and where they go. Of joints they are values of the pose itself; where the two
-            differ this one is sent.
-        mini: states of the mini I/O, bit by bit.
-        hand: states of the hand I/O, bit by bit.
-        user: number of the first user I/O, a multiple of USER_STEP, and the bytes to set.
-        window: the user I/O that is asked for.
+        extra: Extended joints and their values, 7 before 8. For a J they are also values of the pose; if the two
+            differ, the value here is sent.
+        mini: States of the mini I/O as bits.
+        hand: States of the hand I/O as bits.
+        user: Number of the first user I/O, a multiple of USER_STEP, and the bytes to set.
+        window: The user I/O requested for the result.
     """
 
     pose: tuple[float, ...]
@@ -150,13 +151,13 @@ class SetPoint:
 
 
 def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: ReceiveFormat) -> Value:
-    """Return slvMove's parameter, the client's side; joints that are left out are 0, a figure is FIG_AUTO.
+    """Return slvMove's parameter (client side); missing joints are 0, a missing figure is FIG_AUTO.
 
     Raises:
-        InvalidValue: something is missing that the formats want, or given that they have no place for; a wrong count; a
-            number that is not finite or above LARGEST; user I/O beyond its bounds.
+        InvalidValue: If a part required by the formats is missing, a part is not included in the formats, a count is
+            wrong, a number is not finite or above LARGEST, or user I/O is out of bounds.
     """
-    parts = _parts_of_set_point(int(send), receive.number & _ASKS)
+    parts = _parts_of_set_point(int(send), receive.number & _WINDOW_BITS)
     numbers = numbers_to_send(kind, point.pose, point.extra)
     if not parts and _OPTIONAL(point) == _NOTHING:
         return numbers
@@ -171,17 +172,18 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: R
 
 
 def read_set_point(kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat) -> SetPoint:
-    """Return the set-point of slvMove's parameter, the server's side.
+    """Return the set-point of slvMove's parameter (server side).
 
-    Numbers may be of any numeric type, a pose an array of any of them. A J may end behind joint 6, P and T before the
-    figure. Behind a whole pose there may be flags and extra axes (table 4-5), or zeros.
+    Numbers may be of any numeric type, a pose an array of any of them. A J may end after joint 6, P and T before the
+    figure. After a complete pose there may be flags and extended joints (table 4-5), or zeros.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH, no array or no number; E_INVALIDARG, a wrong count, flags that are none or do not
-            agree with what follows them, a number that is not finite or above LARGEST, user I/O beyond its bounds.
+        CallError: DISP_E_TYPEMISMATCH if an array or a number is expected; E_INVALIDARG if a count is wrong, flags are
+            not valid or do not match the values after them, a number is not finite or above LARGEST, or user I/O is
+            out of bounds.
     """
-    parts = _parts_of_set_point(int(send), receive.number & _ASKS)
-    if not parts and parameter.type == R8_ARRAY:  # the commonest by far
+    parts = _parts_of_set_point(int(send), receive.number & _WINDOW_BITS)
+    if not parts and parameter.type == R8_ARRAY:  # the most frequent case
         return SetPoint(*read_pose(kind, parameter.value))
     given = iter(_split(parameter, parts))
     pose, extra = read_pose(kind, read_numbers(kind, next(given)))
@@ -193,17 +195,19 @@ _NOTHING: Final = (None,) * len(PARTS)
 
 
 @lru_cache(maxsize=64)
-def _parts_of_set_point(send: int, asks: int) -> tuple[str, ...]:
-    """Return what stands behind the pose, in the order of table 4-2."""
+def _parts_of_set_point(send: int, window_bits: int) -> tuple[str, ...]:
+    """Return the names of the parts after the pose, in the order of table 4-2."""
     return tuple(
-        row.name for row in PARAMETERS if row.send & send or (row.form is FieldType.WINDOW and row.receive & asks)
+        row.name
+        for row in PARAMETERS
+        if row.send & send or (row.form is FieldType.WINDOW and row.receive & window_bits)
     )
 
 
 def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:
     """Return the elements of a parameter, the pose first."""
     wanted = 1 + sum(PARTS[part].span for part in parts)
-    given: Sequence[Variant] = [parameter]  # a pose alone, also one whose numbers are VARIANTs
+    given: Sequence[Variant] = [parameter]  # a pose alone, even if its numbers are VARIANTs
     if parameter.type == VARIANT_ARRAY and parameter.value:
         begins_with_array = parameter.value[0].type & ARRAY
         given = parameter.value if begins_with_array or len(parameter.value) == wanted > 1 else given
@@ -211,22 +215,22 @@ def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:
         names = ", ".join(map(called, ("pose", *parts)))
         raise invalid(
             tr(
-                "slvMove has {count} elements, the formats in force want {wanted}: {names}",
+                "slvMove has {count} elements, the current formats require {wanted}: {names}",
                 count=len(given),
                 wanted=wanted,
                 names=names,
             ),
         )
-    return given  # what is no array is refused as a pose
+    return given  # anything else than an array is refused as a pose
 
 
-def _not_as_formats(part: str, is_wanted: bool) -> InvalidValue:
+def _not_as_formats(part: str, is_required: bool) -> InvalidValue:
     name = called(part)
-    if is_wanted:
-        return InvalidValue(tr("{name}: the formats in force want it", name=name))
-    return InvalidValue(tr("{name}: the formats in force have no place for it", name=name))
+    if is_required:
+        return InvalidValue(tr("{name}: required by the current formats", name=name))
+    return InvalidValue(tr("{name}: not included in the current formats", name=name))
 
 
 def _unknown(what: str, number: int, known: Iterable[int]) -> CallError:
     shown, names = hexadecimal(number), ", ".join(map(hexadecimal, known))
-    return invalid(tr("{what} {number}; there are {known}", what=what, number=shown, known=names))
+    return invalid(tr("{what} {number} does not exist; valid values: {known}", what=what, number=shown, known=names))

@@ -1,7 +1,7 @@
-"""How late the set-points of slave mode were: slvGetLateness, which virtual controllers have beside DENSO's commands.
+"""The lateness of set-points in slave mode: slvGetLateness, a command of virtual controllers only.
 
-A virtual controller waits for a late set-point unless it is told to be strict. Without this command a program would not
-learn that a real controller would have stopped the arm.
+A virtual controller waits for a late set-point unless time is strict. Only this command reports to a program that a
+real controller would have stopped the arm.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import R8_ARRAY, Value, Variant
 
 COMMAND: Final = "slvGetLateness"
-"""A command of Robot_Execute. Its parameter is the number of late set-points to leave out, the first ones; 0 by default."""
+"""A command of Robot_Execute. Its parameter is the number of first late set-points to leave out, default 0."""
 
 _NUMBERS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """Set-points that came too late for a real controller.
+    """Statistics of the late set-points.
 
     Attributes:
-        count: how many.
-        longest: how late the latest one was, s.
-        total: how late all of them were together, s.
+        count: Number of late set-points.
+        longest: Largest delay, s.
+        total: Sum of all delays, s.
     """
 
     count: int = 0
@@ -43,12 +43,12 @@ class Lateness:
 
 
 def build_lateness(lateness: Lateness) -> Variant:
-    """Return the answer of slvGetLateness: VT_R8 array of count, longest in s, total in s."""
+    """Return the result of slvGetLateness: VT_R8 array of count, longest in s, total in s."""
     return Variant(R8_ARRAY, [float(lateness.count), lateness.longest, lateness.total])
 
 
 def read_lateness(answer: Value) -> Lateness | None:
-    """Return what slvGetLateness answered as plain Python; ``None`` if a controller answered something else."""
+    """Parse the result of slvGetLateness as plain Python; return ``None`` if it is not valid."""
     if not isinstance(answer, list) or len(answer) != _NUMBERS:
         return None
     if not all(isinstance(each, float) and 0 <= each < math.inf for each in answer):

@@ -1,12 +1,12 @@
-"""The parts of slvMove's parameter, each from and to its VARIANTs (RC8 4.2 and 4.4, tables 4-2 and 4-5).
+"""Converts the parts of slvMove's parameter from and to VARIANTs (RC8 4.2 and 4.4, tables 4-2 and 4-5).
 
 The numbers of a pose:
 
 ====  =====================  =================  ==================================================================
-kind  whole                  may be left out    may follow
+type  complete               may be omitted     may follow
 ====  =====================  =================  ==================================================================
-P     x to fig, 7            fig                flags, then the values of the extra axes that they name
-J     J1 to J8, 8            J7 and J8          flags, which name those of J7 and J8 that are extra axes
+P     x to fig, 7            fig                flags, then the values of the extended joints that they select
+J     J1 to J8, 8            J7 and J8          flags, which select those of J7 and J8 that are extended joints
 T     x to fig, 10           fig                as for P
 ====  =====================  =================  ==================================================================
 
@@ -32,10 +32,10 @@ from orinkit.values.types import ARRAY, NUMERIC, VARIANT_ARRAY, VarType, type_na
 from orinkit.values.variant import Variant, trusted
 
 ExtraAxes: TypeAlias = tuple[tuple[int, float], ...]
-"""Extra axes and where they go: ``((7, 120.0), (8, -5.0))``, in degrees or mm."""
+"""Extended joints and their values: ``((7, 120.0), (8, -5.0))``, in deg or mm."""
 
 LARGEST: Final = 1e6
-"""The largest magnitude of a number of a pose, mm or degrees."""
+"""The largest magnitude of a number of a pose, mm or deg."""
 
 _FEWEST: Final[dict[PoseKind, int]] = {"P": 6, "J": 6, "T": 9}
 _MOST: Final[dict[PoseKind, int]] = {"P": 10, "J": 9, "T": 13}
@@ -48,7 +48,8 @@ def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
     """Return the numbers of an array of any numeric type, or of a VARIANT array of such numbers.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH, it is none; E_INVALIDARG, it is longer than any pose of this kind.
+        CallError: DISP_E_TYPEMISMATCH if it is not such an array; E_INVALIDARG if it is longer than any pose of this
+            type.
     """
     if not given.type & ARRAY:
         raise _mismatch(given)
@@ -62,11 +63,11 @@ def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
 
 
 def read_pose(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ...], ExtraAxes]:
-    """Return the pose that numbers are, with everything that was left out, and its extra axes.
+    """Return the complete pose of numbers, including the omitted ones, and its extended joints.
 
     Raises:
-        CallError: E_INVALIDARG, a wrong count, flags that are none or do not agree with what follows them, a number that
-            is not finite or above LARGEST.
+        CallError: E_INVALIDARG if the count is wrong, flags are not valid or do not match the values after them, or a
+            number is not finite or above LARGEST.
     """
     pose, extra = (tuple(numbers), ()) if len(numbers) == POSE_SIZES[kind] else _read_unusual(kind, numbers)
     if fault := _fault(kind, pose, extra):
@@ -75,18 +76,22 @@ def read_pose(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ..
 
 
 def numbers_to_send(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> list[float]:
-    """Return the numbers that slvMove carries; joints that are left out are 0, a figure is FIG_AUTO.
+    """Return the numbers of a pose for slvMove; omitted joints are 0, an omitted figure is FIG_AUTO.
 
     Raises:
-        InvalidValue: a wrong count; a number that is none, not finite or above LARGEST; axes other than 7, 8, or both in
-            this order.
+        InvalidValue: If the count is wrong, a value is not a number, not finite or above LARGEST, or the extended
+            joints are not 7, 8, or both in this order.
     """
     try:
         numbers = list(map(float, pose))
         axes, values = tuple([axis for axis, _ in extra]), [float(value) for _, value in extra]
     except (TypeError, ValueError, OverflowError):
         raise InvalidValue(
-            tr("pose {pose}, extra axes {extra}: not all are numbers", pose=brief(pose), extra=brief(extra))
+            tr(
+                "pose {pose}, extended joints {extra}: not all values are numbers",
+                pose=brief(pose),
+                extra=brief(extra),
+            )
         ) from None
     if len(numbers) != POSE_SIZES[kind]:
         if not _FEWEST[kind] <= len(numbers) <= POSE_SIZES[kind]:
@@ -95,7 +100,9 @@ def numbers_to_send(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> 
     if not axes:
         return _checked(kind, numbers, ())
     if axes not in _FLAGS:
-        raise InvalidValue(tr("extra axes {axes}: 7, or 8, or 7 and 8 in this order are wanted", axes=brief(axes)))
+        raise InvalidValue(
+            tr("extended joints {axes} are not valid; expected 7, 8, or 7 and 8 in this order", axes=brief(axes))
+        )
     if kind != "J":
         return [*_checked(kind, numbers, tuple(zip(axes, values, strict=True))), _FLAGS[axes], *values]
     for axis, value in zip(axes, values, strict=True):
@@ -104,20 +111,20 @@ def numbers_to_send(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> 
 
 
 def _read_unusual(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ...], ExtraAxes]:
-    """Read a pose from which something was left out, or that something follows."""
+    """Read a pose with omitted numbers, or with flags and extended joints."""
     if not _FEWEST[kind] <= len(numbers) <= _MOST[kind]:
         raise invalid(_wrong_count(kind, len(numbers)))
     size = POSE_SIZES[kind]
-    pose, behind = _completed(kind, numbers[:size]), numbers[size:]
-    if not any(behind):
+    pose, rest = _completed(kind, numbers[:size]), numbers[size:]
+    if not any(rest):
         return pose, ()
-    flags, *values = behind
+    flags, *values = rest
     axes = _AXES.get(flags)
     shown = hexadecimal(int(flags)) if flags.is_integer() else str(flags)
     if axes is None:
         raise invalid(
             tr(
-                "value {place} of a {kind} is {shown}; extra axes are told by 0x400040 (7), 0x400080 (8), "
+                "value {place} of a {kind} is {shown}; flags of extended joints are 0x400040 (7), 0x400080 (8) and "
                 "0x4000C0 (both)",
                 place=size + 1,
                 kind=kind,
@@ -129,7 +136,7 @@ def _read_unusual(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float
     if len(values) != len(axes):
         raise invalid(
             tr(
-                "extra axes {flags} need {wanted} values behind them, {given} were given",
+                "flags {flags} of extended joints require {wanted} values after them, got {given}",
                 flags=shown,
                 wanted=len(axes),
                 given=len(values),
@@ -150,15 +157,15 @@ def _checked(kind: PoseKind, numbers: list[float], extra: ExtraAxes) -> list[flo
 
 
 def _fault(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> str:
-    """Return what is wrong with the numbers of a whole pose, an empty text if nothing is."""
+    """Return the error in the numbers of a complete pose, an empty string if there is none."""
     if not extra and all(map(_IS_WITHIN, map(abs, pose))) and (kind == "J" or pose[-1].is_integer()):
-        return ""  # nearly always
+        return ""  # the most frequent case
     named = [*zip(FIELDS[kind], pose, strict=True), *((f"J{axis}", value) for axis, value in extra)]
     for place, (name, value) in enumerate(named, start=1):
         if not _IS_WITHIN(abs(value)):
-            at = place + (place > len(pose))  # the flags stand between
+            at = place + (place > len(pose))  # the flags are in between
             return tr(
-                "{name} (value {place}) of a {kind} is {value}; a finite number of at most {largest:.0f} is wanted",
+                "{name} (value {place}) of a {kind} is {value}; expected a finite number of at most {largest:.0f}",
                 name=name,
                 place=at,
                 kind=kind,
@@ -167,7 +174,7 @@ def _fault(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> str:
             )
         if name == "fig" and not value.is_integer():
             return tr(
-                "fig (value {place}) of a {kind} is {value}; a whole number is wanted",
+                "fig (value {place}) of a {kind} is {value}; expected a whole number",
                 place=place,
                 kind=kind,
                 value=value,
@@ -177,7 +184,7 @@ def _fault(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> str:
 
 def _wrong_count(kind: PoseKind, count: int) -> str:
     return tr(
-        "{count} numbers for a {kind}: {few} to {size} are a pose, up to {most} with extra axes",
+        "{count} numbers for a {kind}; expected {few} to {size}, or up to {most} with extended joints",
         count=count,
         kind=kind,
         few=_FEWEST[kind],
@@ -190,23 +197,23 @@ def _mismatch(given: Variant) -> CallError:
     name = type_name(given.type)
     return error_for(
         hresult.DISP_E_TYPEMISMATCH,
-        tr("pose: {name} was given, an array of numbers is wanted", name=name),
+        tr("pose: got {name}, expected an array of numbers", name=name),
     )
 
 
-# --- what stands beside the pose --------------------------------------------------------------------------------------
+# --- the other parts --------------------------------------------------------------------------------------------------
 
 USER_STEP: Final = 8
-"""User I/O is sent and asked for in bytes: the number of the first one is a multiple of this."""
+"""User I/O is sent and requested in bytes: the number of the first one is a multiple of this."""
 
 
 @dataclass(frozen=True, slots=True)
 class UserWindow:
-    """The user I/O that an answer is to have.
+    """The user I/O requested for a result.
 
     Attributes:
-        offset: number of the first one, a multiple of USER_STEP.
-        size: how many bytes, 1 to MOST_USER_BYTES.
+        offset: Number of the first one, a multiple of USER_STEP.
+        size: Number of bytes, 1 to MOST_USER_BYTES.
     """
 
     offset: int
@@ -217,7 +224,7 @@ _NAMES: Final = {
     "pose": N_("pose"),
     "format": N_("receive format"),
     "unit": N_("unit of timestamps"),
-    "answer": N_("the whole"),
+    "answer": N_("the whole result"),
     **{field.name: field.label for field in TABLE},
     **{f"{field.name} offset": field.offset_label for field in TABLE},
     **{f"{field.name} size": field.size_label for field in TABLE},
@@ -242,7 +249,7 @@ def _read_user(part: str, offset: Variant, size: Variant, given: Variant) -> tup
     if len(states) < window.size:
         raise invalid(
             tr(
-                "{part}: {count} bytes, of which {size} are to be sent",
+                "{part}: got {count} bytes, expected {size}",
                 part=called(part),
                 count=len(states),
                 size=window.size,
@@ -251,7 +258,7 @@ def _read_user(part: str, offset: Variant, size: Variant, given: Variant) -> tup
     for place, state in enumerate(states, start=1):
         if not 0 <= state <= _BYTE:
             raise invalid(
-                tr("{part}: byte {place} is {state}, 0 to 255 is wanted", part=called(part), place=place, state=state),
+                tr("{part}: byte {place} is {state}, expected 0 to 255", part=called(part), place=place, state=state),
             )
     return window.offset, bytes(states)
 
@@ -260,7 +267,7 @@ def _write_state(part: str, state: int) -> list[Variant]:
     bits = operator.index(state)
     if not -(2**31) <= bits < 2**32:
         name, shown = called(part), brief(bits)
-        raise InvalidValue(tr("{name}: {shown} is more than 32 bits", name=name, shown=shown))
+        raise InvalidValue(tr("{name}: {shown} has more than 32 bits", name=name, shown=shown))
     return [trusted(VarType.I4, as_i4(bits))]
 
 
@@ -276,14 +283,14 @@ def _write_user(part: str, user: tuple[int, bytes]) -> list[Variant]:
 
 
 def _window_fault(part: str, offset: int, size: int) -> str:
-    """Return what is wrong with bounds of user I/O, an empty text if nothing is."""
+    """Return the error in the bounds of user I/O, an empty string if there is none."""
     if offset < 0 or offset % USER_STEP:
         name = called(f"{part} offset")
-        return tr("{name} is {offset}, a multiple of {step} is wanted", name=name, offset=offset, step=USER_STEP)
+        return tr("{name} is {offset}, expected a multiple of {step}", name=name, offset=offset, step=USER_STEP)
     if not 1 <= size <= MOST_USER_BYTES:
         name = called(f"{part} size")
         return tr(
-            "{name} is {size}, 1 to {most} bytes are possible",
+            "{name} is {size}, expected 1 to {most} bytes",
             name=name,
             size=size,
             most=MOST_USER_BYTES,
@@ -293,12 +300,12 @@ def _window_fault(part: str, offset: int, size: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class PartCodec:
-    """What may stand behind the pose (table 4-2).
+    """The converter of a part after the pose (table 4-2).
 
     Attributes:
-        span: how many elements of the parameter it has.
-        read: its value of its name and its elements.
-        write: its elements of its name and its value.
+        span: Number of elements of the parameter.
+        read: Returns its value for its name and its elements.
+        write: Returns its elements for its name and its value.
     """
 
     span: int
@@ -312,31 +319,31 @@ _FORMS: Final = {
     FieldType.WINDOW: PartCodec(2, _read_window, _write_window),
 }
 PARTS: Final = {field.name: _FORMS[field.form] for field in PARAMETERS}
-"""What may stand behind the pose, in the order of table 4-2, by its name in a set-point.
+"""The converters of the parts after the pose, in the order of table 4-2, by name of the part in a set-point.
 
-Reading raises CallError: DISP_E_TYPEMISMATCH, no number; E_INVALIDARG, a fraction, user I/O beyond its bounds. Writing
-raises InvalidValue.
+Reading raises CallError: DISP_E_TYPEMISMATCH if a number is expected; E_INVALIDARG for a fraction or user I/O out of
+bounds. Writing raises InvalidValue.
 """
 
 
-# --- what others read with --------------------------------------------------------------------------------------------
+# --- shared with slave_feedback and slave_formats ---------------------------------------------------------------------
 
 
 def called(part: str) -> str:
-    """Return what a message calls a part of slvMove."""
+    """Return the name of a part of slvMove in messages."""
     return tr(_NAMES[part])
 
 
 def called_in_answer(field: SlaveField) -> str:
-    """Return what a message about an answer calls a field."""
+    """Return the name of a field in messages about a result."""
     return tr(field.answer_label or field.label)
 
 
 def whole(given: Variant, part: str) -> int:
-    """Return a whole number of VT_I4's range from any number or text, also ``"0x11"``.
+    """Return a whole number in the range of VT_I4 from any number or string, including ``"0x11"``.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH, it is no number; E_INVALIDARG, it is a fraction or out of range.
+        CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG if it is a fraction or out of range.
     """
     given = coerce.single(given)
     if given.type == VarType.BSTR and (found := _HEXADECIMAL.fullmatch(given.value.strip())):
@@ -352,22 +359,22 @@ _HEXADECIMAL: Final = re.compile(r"0[xX]([0-9A-Fa-f]{1,8})")
 
 
 def as_i4(bits: int) -> int:
-    """Return the lowest 32 bits as the number that VT_I4 makes of them."""
+    """Return the lowest 32 bits as a signed number, as in VT_I4."""
     return (bits + 2**31) % 2**32 - 2**31
 
 
 def elements(given: Variant, most: int) -> list[Variant]:
-    """Return the elements of an array, no more than ``most`` of them."""
+    """Return the elements of an array, at most the first ``most`` of them."""
     if given.type == VARIANT_ARRAY:
         return list(given.value[:most])
     return [trusted(given.type & ~ARRAY, value) for value in given.value[:most]]
 
 
 def invalid(text: str) -> CallError:
-    """Return the exception for a value that cannot be meant; ``text`` says why."""
+    """Return an E_INVALIDARG exception with a detail."""
     return error_for(hresult.E_INVALIDARG, text)
 
 
 def hexadecimal(number: int) -> str:
-    """Return a number as the document writes formats and flags, ``0x0120``."""
+    """Return a number in the notation of the specification for formats and flags, ``0x0120``."""
     return f"0x{number:04X}" if 0 <= number < 2**32 else brief(number)

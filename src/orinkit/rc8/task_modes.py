@@ -1,4 +1,4 @@
-"""How tasks are started and stopped, and what they tell about themselves (RC8 3.2; reference: task modes and status)."""
+"""Start modes, stop modes and status of tasks (RC8 3.2; reference: task modes and status)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ StopName: TypeAlias = Literal["default", "instant", "step", "cycle", "initialize
 
 
 class _Named(IntEnum):
-    """A number whose text is its name, in small letters."""
+    """A number whose string is its name in lower case."""
 
     def __str__(self) -> str:
         return self.name.lower()
 
 
 class TaskMode(_Named):
-    """How a program is started (Task_Start)."""
+    """The start modes of a program (Task_Start)."""
 
     CYCLE = 1
     CONTINUOUS = 2
@@ -27,7 +27,7 @@ class TaskMode(_Named):
 
 
 class StopMode(_Named):
-    """How a program is stopped (Task_Stop)."""
+    """The stop modes of a program (Task_Stop)."""
 
     DEFAULT = 0
     INSTANT = 1
@@ -37,7 +37,7 @@ class StopMode(_Named):
 
 
 class TaskStatus(_Named):
-    """What a task is doing (GetStatus)."""
+    """The status of a task (GetStatus)."""
 
     NON_EXISTENT = 0
     SUSPENDED = 1
