@@ -172,8 +172,8 @@ def test_cao_clients_are_let_in_too(serve):
     [
         (("--address", "254"), "address"),
         (("--address", "1", "--address", "1"), "two devices have the address 1"),
-        (("--address", "x"), "'x' is no value for --address"),
-        (("--address", "1.5"), "'1.5' is no value for --address"),
+        (("--address", "x"), "'x' is not a valid value for --address"),
+        (("--address", "1.5"), "'1.5' is not a valid value for --address"),
         (("--host", "1"), "host"),
         (("--group", "32"), "group"),
         (("--dialect", "v3"), "dialect"),
@@ -188,18 +188,18 @@ def test_cao_clients_are_let_in_too(serve):
         (("--command-timeout", "-1"), "command_timeout"),
         (("--time-scale", "0"), "time scale"),
         (("--time-scale", "1e308"), "time scale must be positive, from 0.000001 to 1000000"),
-        (("--frob",), "there is no option --frob"),
-        (("can://virtual/x", "--channel", "y"), "--channel cannot be given beside it"),
+        (("--frob",), "unknown option --frob"),
+        (("can://virtual/x", "--channel", "y"), "--channel cannot be combined with a bus URL"),
         (("can://nothing/x",), "nothing"),
-        (("tcp://127.0.0.1:5007",), "is no CAN bus"),
-        (("can0",), "can0 is no URL of a CAN bus. Try: can://socketcan/can0"),
+        (("tcp://127.0.0.1:5007",), "is not a CAN bus"),
+        (("can0",), "can0 is not a URL of a CAN bus. Try: can://socketcan/can0"),
         (("vcan12",), "can://socketcan/vcan12"),
         (("/dev/ttyACM0",), "can://slcan//dev/ttyACM0?bitrate=500000"),
         (("COM3",), "can://slcan/COM3?bitrate=500000"),
         (("PCAN_USBBUS1",), "can://pcan/PCAN_USBBUS1?bitrate=500000"),
         (("239.74.163.2",), "can://udp_multicast/239.74.163.2"),
-        (("192.168.0.1",), "is no CAN bus"),
-        (("--interface", "socketcan"), "needs a --channel"),
+        (("192.168.0.1",), "is not a CAN bus"),
+        (("--interface", "socketcan"), "requires --channel"),
         (("--interface", "virtual", "--channel", "x", "--bitrate", "fast"), "--bitrate"),
     ],
 )
@@ -255,7 +255,7 @@ def test_monitor_as_json(run, traffic):
 
 def test_monitor_ends_by_time_and_sends_nothing(run, bus):
     done = run("abh3", "monitor", URL, "--seconds", "0.3", "--plain")
-    assert (done.code, done.out, done.err) == (0, "", f"orinkit: no frames on {URL}\n")
+    assert (done.code, done.out, done.err) == (0, "", f"orinkit: no frames received on {URL}\n")
     assert bus.recv(0) is None
 
 
@@ -319,7 +319,7 @@ def test_rows_of_the_table():
         (("--host", "300"), "host"),
         (("--group", "32"), "group"),
         (("--load-unit", "2"), "load"),
-        (("--interface", "virtual"), "says all about the bus"),
+        (("--interface", "virtual"), "--interface cannot be combined with a bus URL"),
     ],
 )
 def test_monitor_with_a_wrong_option(refused, options, said):

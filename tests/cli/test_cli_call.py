@@ -90,7 +90,7 @@ def test_a_variable_of_a_robot(call, recorder):
 
 
 def test_no_message_waits(refused, url):
-    assert refused("call", url, "Message_GetNumber") == "no message waits on the controller"
+    assert refused("call", url, "Message_GetNumber") == "the controller has no message"
 
 
 def test_services_and_connecting(run, url):
@@ -115,16 +115,16 @@ def test_a_handle_of_ones_own_choice(refused, url):
     [
         (["Robot_Moove"], "no function 'Robot_Moove'; did you mean Robot_Move"),
         (["138"], "no function '138'"),
-        (["Variable_GetValue"], "Variable_GetValue needs to know which variable: name it with --variable NAME"),
-        (["Task_Start"], "0 given, 1-2 wanted for Task_Start(handle, mode: VT_I4, option"),
-        (["Task_Start", "1"], "Task_Start needs to know which task: name it with --task NAME"),
-        (["Extension_GetName"], "name it with --extension NAME"),
-        (["File_GetName"], "name it with --file NAME"),
-        (["Command_GetName"], "name it with --command NAME"),
-        (["Controller_GetName", "1"], "1 given, 0 wanted for Controller_GetName(handle)"),
-        (["Robot_Move", "fast", "P1"], "'fast' is no number for the argument interpolation (VT_I4)"),
-        (["Robot_Move", "1.5", "P1"], "'1.5' is no number for the argument interpolation (VT_I4)"),
-        (["Robot_Speed", "1", "true"], "'true' is no number for the argument speed (VT_R4)"),
+        (["Variable_GetValue"], "Variable_GetValue requires a variable. Try: --variable NAME"),
+        (["Task_Start"], "0 arguments given, 1-2 expected for Task_Start(handle, mode: VT_I4, option"),
+        (["Task_Start", "1"], "Task_Start requires a task. Try: --task NAME"),
+        (["Extension_GetName"], "Try: --extension NAME"),
+        (["File_GetName"], "Try: --file NAME"),
+        (["Command_GetName"], "Try: --command NAME"),
+        (["Controller_GetName", "1"], "1 arguments given, 0 expected for Controller_GetName(handle)"),
+        (["Robot_Move", "fast", "P1"], "'fast' is not a valid number for the argument interpolation (VT_I4)"),
+        (["Robot_Move", "1.5", "P1"], "'1.5' is not a valid number for the argument interpolation (VT_I4)"),
+        (["Robot_Speed", "1", "true"], "'true' is not a valid number for the argument speed (VT_R4)"),
         (["Robot_Move", "1", "8197,x"], "column 6: expected a number"),
     ],
 )

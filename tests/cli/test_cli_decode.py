@@ -100,7 +100,7 @@ def test_a_wrong_packet_is_explained_and_fails(run):
     done = run("decode", START.replace("10", "11", 1))
     assert done.code == 1
     assert "   1 ! length" in done.out
-    assert done.err == "orinkit: 1 of 1 packets wrong; at offset 1: 17 bytes, but 16 are present\n"
+    assert done.err == "orinkit: 1 of 1 packets malformed; first error at offset 1: 17 bytes, but 16 are present\n"
     assert run("decode", "ff", "--json").json["packets"][0]["fields"] == [
         {
             "offset": 0,
@@ -117,8 +117,8 @@ def test_a_wrong_packet_is_explained_and_fails(run):
     ("words", "said"),
     [
         (["0x01", "zz"], "'zz' is not hex"),
-        (["011"], "'011' has 3 hex digits, half a byte is left over"),
-        ([""], "give the bytes of a packet in hex, or - for stdin"),
+        (["011"], "'011' has an odd number of hex digits (3)"),
+        ([""], "no packet given. Try: the bytes of a packet in hex, or - for stdin"),
         ([], "HEX is missing (see orinkit decode --help)"),
         (["g" * 100], f"'{'g' * 20}...' is not hex"),
     ],

@@ -99,7 +99,7 @@ def test_the_transcript_shows_every_packet_and_says_that_all_is_well(shown):
         assert line in lines
     requests, executing = shown.count("→"), shown.count("← S_EXECUTING\n")
     assert shown.count("←") - executing == requests > len(CALLS)
-    assert f"All {ANSWERS} answers are as the document says." in lines
+    assert f"All {ANSWERS} replies match the document." in lines
 
 
 def test_the_sine_is_shown_while_it_is_streamed(shown):
@@ -182,12 +182,12 @@ def with_sample(number: int, **changed: object) -> StreamResult:
         (streamed(underflows=1), "1 underflows"),
         (streamed(missed=2), "2 answers missed"),
         (streamed(sent=303), "303 of 304"),
-        (with_sample(7, command=(0.0,) * 6), "is not what was given"),
+        (with_sample(7, command=(0.0,) * 6), "differ from those given"),
         (with_sample(7, code=hresult.E_BUF_FULL), "set-point 7"),
         (with_sample(7, joints=None), "set-point 7"),
         (with_sample(7, time=9.0), "backwards"),
         (with_sample(7, time=None), "backwards"),
-        (with_sample(-1, joints=J(50, 30, 120, 0, -60, 0)), "the arm ends at"),
+        (with_sample(-1, joints=J(50, 30, 120, 0, -60, 0)), "the final joint position is wrong"),
     ],
 )
 def test_the_answers_of_slave_mode_are_compared(result, words):
@@ -240,7 +240,7 @@ def test_an_answer_that_differs_ends_the_demo():
     with pytest.raises(CommandError) as caught:
         run_program("List", with_check(4, exactly(VarType.BOOL, True)), [], said.append, fields=False)
     assert str(caught.value) == (
-        "List, 4. Read it: the point is off: answered with [Variant(VT_BOOL, False)], "
+        "List, 4. Read it: the point is off: the reply is [Variant(VT_BOOL, False)]; "
         "the document has Variant(VT_BOOL, True)"
     )
     assert caught.value.code == 1
@@ -256,10 +256,10 @@ def test_an_error_ends_the_demo():
 @pytest.mark.parametrize(
     ("reply", "said"),
     [
-        (packet.pack(8, 0, 0, b""), "(8, 0, 0), (7, 0, 0) was expected"),
-        (packet.pack(7, 0, 0, b"", 7), "(7, 7, 0), (7, 0, 0) was expected"),
-        (packet.pack(7, 1, 0, b""), "(7, 0, 1), (7, 0, 0) was expected"),
-        (None, "one request and one reply were expected"),
+        (packet.pack(8, 0, 0, b""), "(8, 0, 0); the document has (7, 0, 0)"),
+        (packet.pack(7, 0, 0, b"", 7), "(7, 7, 0); the document has (7, 0, 0)"),
+        (packet.pack(7, 1, 0, b""), "(7, 0, 1); the document has (7, 0, 0)"),
+        (None, "expected one request and one reply"),
     ],
 )
 def test_the_head_of_a_reply_is_compared_too(reply, said):

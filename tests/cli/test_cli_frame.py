@@ -85,7 +85,7 @@ def test_help_of_abh3(run, monkeypatch, lang):
 
 def test_help_of_abh3_tells_what_it_does(run):
     page = run("abh3", "--help").out
-    for word in ("listen", "decode", "turn", "DBC"):
+    for word in ("monitor", "decode", "run", "DBC"):
         assert word in page.split("Commands")[0]
 
 
@@ -135,17 +135,17 @@ def test_help_loads_nothing_that_only_commands_need(program):
     [
         (
             ["frob"],
-            "there is no command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot, gateway, abh3? (see orinkit --help)",
+            "unknown command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot, gateway, abh3? (see orinkit --help)",
         ),
         (
             ["serve", "frob"],
-            "there is no command frob; did you mean rc8, ve026a, abh3, device? (see orinkit serve --help)",
+            "unknown command frob; did you mean rc8, ve026a, abh3, device? (see orinkit serve --help)",
         ),
         (["get"], "URL is missing (see orinkit get --help)"),
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),
-        (["get", "a", "b", "--zip"], "there is no option --zip (see orinkit get --help)"),
-        (["get", "a", "b", "--timeout", "x"], "'x' is no value for --timeout (see orinkit get --help)"),
+        (["get", "a", "b", "--zip"], "unknown option --zip (see orinkit get --help)"),
+        (["get", "a", "b", "--timeout", "x"], "'x' is not a valid value for --timeout (see orinkit get --help)"),
         (["get", "a", "b", "--timeout"], "--timeout is missing (see orinkit get --help)"),
         (["get", "a", "b", "--timeout", "3", "--timeout", "4"], "--timeout is given twice (see orinkit get --help)"),
     ],

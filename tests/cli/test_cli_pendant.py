@@ -175,20 +175,20 @@ def test_in_japanese(press):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["jump"], "there is no action 'jump'; there are mode, token, estop, "),
-        (["mode"], "the form is: mode manual|teach|auto"),
-        (["mode", "asleep"], "'asleep' is no mode; manual, teach or auto"),
-        (["mode", "manual", "auto"], "the form is: mode "),
-        (["estop"], "the form is: estop on|off"),
-        (["estop", "1"], "the form is: estop on|off"),
-        (["jog", "1"], "the form is: jog AXIS DISTANCE [--wait]"),
-        (["jog", "one", "5"], "the form is: jog "),
-        (["jog", "1.5", "5"], "the form is: jog "),
-        (["jog", "inf", "5"], "the form is: jog "),
-        (["error"], "the form is: error NAME|0xCODE [MESSAGE]"),
-        (["clear", "all"], "the form is: clear"),
-        (["status", "--wait"], "--wait is of no use with status"),
-        (["workpiece", "wide"], "the form is: workpiece WIDTH|none"),
+        (["jump"], "unknown action 'jump'. Try: mode, token, estop, "),
+        (["mode"], "usage: mode manual|teach|auto"),
+        (["mode", "asleep"], "'asleep' is not a mode. Try: manual, teach or auto"),
+        (["mode", "manual", "auto"], "usage: mode "),
+        (["estop"], "usage: estop on|off"),
+        (["estop", "1"], "usage: estop on|off"),
+        (["jog", "1"], "usage: jog AXIS DISTANCE [--wait]"),
+        (["jog", "one", "5"], "usage: jog "),
+        (["jog", "1.5", "5"], "usage: jog "),
+        (["jog", "inf", "5"], "usage: jog "),
+        (["error"], "usage: error NAME|0xCODE [MESSAGE]"),
+        (["clear", "all"], "usage: clear"),
+        (["status", "--wait"], "--wait does not apply to status"),
+        (["workpiece", "wide"], "usage: workpiece WIDTH|none"),
         ([], "ACTION is missing"),
     ],
 )
@@ -214,12 +214,12 @@ def test_what_the_controller_refuses(refused, control):
 def test_arguments_that_the_controller_refuses(words, form, refused, control):
     said = refused("pendant", control, *words)
     assert "0x80070057 E_INVALIDARG: " in said
-    assert said.endswith(f"the form is: {form}")
+    assert said.endswith(f"usage: {form}")
 
 
 def test_a_port_that_is_none(refused, url):
     said = refused("pendant", url, "status")
-    assert said == f"{url} is no control port; orinkit serve rc8 --control 127.0.0.1:5008 opens one"
+    assert said == f"{url} is not a control port. Try: orinkit serve rc8 --control 127.0.0.1:5008"
     assert refused("pendant", "tcp://127.0.0.1:1", "status").startswith("cannot connect to tcp://127.0.0.1:1")
 
 
@@ -240,7 +240,7 @@ class _Parrot(orinkit.Provider):
 @pytest.mark.parametrize("answer", [None, 5, "{", "[]", "[" * 100_000])
 def test_a_status_that_is_none(refused, answer):
     with orinkit.serve(_Parrot(answer), "tcp://127.0.0.1:0") as server:
-        assert refused("pendant", server.url, "status").startswith("Status was answered with ")
+        assert refused("pendant", server.url, "status").startswith("unexpected reply to Status: ")
 
 
 # --- serve rc8 --------------------------------------------------------------------------------------------------------
@@ -300,7 +300,7 @@ def test_a_file_for_the_secret(serve, run, refused, runtime, tmp_path):
     assert file.read_text() == f"{lines[2].removeprefix('control secret ')}\n"
     assert not runtime.exists()
     assert run("pendant", control, "status", "--control-secret-file", str(file)).code == 0
-    assert "and no server of this account has left one for this port" in refused("pendant", control, "status")
+    assert "and no server of this account has stored one for this port" in refused("pendant", control, "status")
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=60)
     assert not file.exists()
@@ -330,9 +330,11 @@ def test_files_that_cannot_be_used(refused, tmp_path, control):
     file.chmod(0o644)
     for command in (("pendant", control, "status"), ("serve", "rc8", "--control", "127.0.0.1:0")):
         said = refused(*command, "--control-secret-file", str(file), code=2)
-        assert said == f"--control-secret-file {file}: others can read or change the file. Try: chmod 600 {file}"
+        assert (
+            said == f"--control-secret-file {file}: other accounts can read or change the file. Try: chmod 600 {file}"
+        )
     said = refused("serve", "rc8", "--control-secret-file", str(file), code=2)
-    assert said == "--control-secret-file needs --control HOST:PORT"
+    assert said == "--control-secret-file requires --control HOST:PORT"
 
 
 def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monkeypatch):
@@ -341,19 +343,25 @@ def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monke
     elsewhere.mkdir(mode=0o700)
     runtime.symlink_to(elsewhere)
     said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0")
-    assert said.startswith(f"the secret of the control port cannot be kept in {runtime}: ")
+    assert said.startswith(f"cannot store the secret of the control port in {runtime}: ")
     runtime.unlink()
     runtime.mkdir(mode=0o755)
     runtime.chmod(0o755)
     (runtime / "control-5008").write_text("0123456789abcdef")
     (runtime / "control-5008").chmod(0o600)
     assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
-    with pytest.raises(CommandError, match="not a directory of this account alone"), left_for("0" * 16, 5008):
+    with (
+        pytest.raises(CommandError, match="not a directory that only this account can access"),
+        left_for("0" * 16, 5008),
+    ):
         pass
     if os.getuid() == 0:
         runtime.chmod(0o700)
         os.chown(runtime, 65534, 65534)
-        with pytest.raises(CommandError, match="not a directory of this account alone"), left_for("0" * 16, 5008):
+        with (
+            pytest.raises(CommandError, match="not a directory that only this account can access"),
+            left_for("0" * 16, 5008),
+        ):
             pass
 
 
@@ -432,7 +440,7 @@ def test_joints_as_numbers(joints, serve):
 @pytest.mark.parametrize("address", ["0.0.0.0:5008", "192.0.2.1:5008", "[::]:5008", "robot:5008", "tcp://10.0.0.1:0"])
 def test_a_control_port_that_others_could_reach(address, refused):
     said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", address, code=2)
-    assert said.startswith(f"--control {address}: only an address of this machine itself is allowed")
+    assert said.startswith(f"--control {address}: only loopback addresses are allowed")
 
 
 def test_a_control_port_that_is_taken(refused):
@@ -445,21 +453,21 @@ def test_a_control_port_that_is_taken(refused):
     ("options", "said"),
     [
         (["--control", "127.0.0.1:99999"], "is not 0 to 65535"),
-        (["--mode", "asleep"], "'asleep' is no mode; manual, teach or auto"),
+        (["--mode", "asleep"], "'asleep' is not a mode. Try: manual, teach or auto"),
         (["--token", "me"], "unknown token 'me'"),
         (["--model", "VS-999"], "VS-999: no such robot model or file"),
         (["--joints", "J(0, 0"], "--joints J(0, 0: "),
         (["--joints", "P(1, 2, 3, 4, 5, 6)"], "--joints P(1, 2, 3, 4, 5, 6): "),
         (["--joints", "J5"], "--joints J5: "),
-        (["--joints", "@E J(0, 30, 90, 0, 60, 0)"], "is the form"),
-        (["--joints", "0 30 ninety"], "is the form"),
-        (["--joints", "0 nan 90"], "is the form"),
-        (["--joints", ""], "is the form"),
+        (["--joints", "@E J(0, 30, 90, 0, 60, 0)"], "not of the form"),
+        (["--joints", "0 30 ninety"], "not of the form"),
+        (["--joints", "0 nan 90"], "not of the form"),
+        (["--joints", ""], "not of the form"),
         (["--joints", "0,0,0,0,0,0,0"], "is not valid for VS-050"),
         (["--joints", "1e300,0,0,0,0,0"], "is not valid for VS-050"),
         (["--time-scale", "0"], "the time scale must be positive"),
         (["--time-scale", "nan"], "the time scale must be positive"),
-        (["--time-scale", "fast"], "'fast' is no value for --time-scale"),
+        (["--time-scale", "fast"], "'fast' is not a valid value for --time-scale"),
     ],
 )
 def test_options_that_cannot_be(options, said, refused):

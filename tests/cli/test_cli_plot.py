@@ -109,10 +109,10 @@ def test_extra_joints_are_there_if_they_are_used():
         (b"time_s\n1\n", "line 1"),
         (b"J1_command\n1\n", "line 1"),
         (b"time_s,J1_command,J1_command\n1,2,3\n", "line 1"),
-        (b"time_s,J1_command,J9_command,J2_encoder\n1,2,3,4\n", "not of the same joints"),
+        (b"time_s,J1_command,J9_command,J2_encoder\n1,2,3,4\n", "have different joints"),
         (f"{HEADER}0,1,2\n".encode(), "the arm did not move"),
         (HEADER.encode(), "the arm did not move"),
-        (f"{HEADER}0,1,2\n0,2,3\n".encode(), "rising times"),
+        (f"{HEADER}0,1,2\n0,2,3\n".encode(), "must be increasing"),
         (f"{HEADER}0,1,2\n1,2\n".encode(), "line 3: 2 values, 3 are wanted"),
         (f"{HEADER}0,1,2\n1,2,x\n".encode(), "line 3: column"),
         (f"{HEADER}0,1,2\n1,2,nan\n".encode(), "line 3: column"),
@@ -182,5 +182,5 @@ def test_labels_in_japanese_where_a_font_has_it(run, motion, tmp_path, monkeypat
 
 @pytest.mark.parametrize("answer", [None, [], [1.0] * 31, ["x"] * 39, "text"])
 def test_records_that_are_none(answer):
-    with pytest.raises(Exception, match="GetLogRecord was answered with"):
+    with pytest.raises(Exception, match="unexpected reply to GetLogRecord"):
         joints_of(answer)

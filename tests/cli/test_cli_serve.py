@@ -150,7 +150,7 @@ def test_a_warning_where_other_machines_can_come_in(run):
     done = run("serve", "rc8", "--tcp", "192.0.2.1:5007")  # an address that no machine has
     assert done.code == 1
     warning, error = done.err.splitlines()
-    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 can be reached from other machines")
+    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 is reachable from other machines")
     assert error.startswith("orinkit: cannot listen on tcp://192.0.2.1:5007")
 
 
@@ -158,7 +158,7 @@ def test_the_warning_is_for_udp_too(run):
     done = run("serve", "rc8", "--udp", "192.0.2.1:5007")
     assert done.code == 1
     warning, error = done.err.splitlines()
-    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 can be reached from other machines")
+    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 is reachable from other machines")
     assert error.startswith("orinkit: cannot listen on udp://192.0.2.1:5007")
 
 
@@ -181,15 +181,15 @@ def test_whatis_loopback(host, expected):
     [
         (["--tcp", "ftp://127.0.0.1:0"], "unknown transport 'ftp'"),
         (["--tcp", "127.0.0.1:99999"], "is not 0 to 65535"),
-        (["--tcp", "udp://127.0.0.1:0"], "--tcp udp://127.0.0.1:0: that is an address of udp"),
-        (["--udp", "127.0.0.1:0", "--udp", "pty://"], "--udp pty://: that is an address of pty"),
-        (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: that is an address of tcp"),
+        (["--tcp", "udp://127.0.0.1:0"], "--tcp udp://127.0.0.1:0: this address belongs to udp"),
+        (["--udp", "127.0.0.1:0", "--udp", "pty://"], "--udp pty://: this address belongs to pty"),
+        (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: this address belongs to tcp"),
         (["--serial", "/dev/ttyS0?speed=9600"], "unknown setting 'speed'"),
         (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
         (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only an address of this machine itself"),
         (["--permission", "me=rw"], "'me' is not an IP address or network"),
-        (["--count", "I"], "--count I: CLASS=NUMBER is needed, as I=200"),
-        (["--count", "I=-1"], "--count I=-1: CLASS=NUMBER is needed"),
+        (["--count", "I"], "--count I: not CLASS=NUMBER. Try: I=200"),
+        (["--count", "I=-1"], "--count I=-1: not CLASS=NUMBER"),
         (["--count", "Q=1"], "unknown variable class Q"),
         (["--io-points", "-1"], "IO"),
         (["--clients", "0"], "--clients must be 1 or more, not 0"),

@@ -46,10 +46,10 @@ def test_a_controller_behind_a_gateway_is_chosen(run, refused, url):
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (["--token-file", str(CERTIFICATE)], "--token-file needs --http"),
-        (["--cert", str(CERTIFICATE), "--key", str(KEY)], "--cert needs --http"),
-        (["--http-host", "cell7", "--http-idle", "5"], "--http-host, --http-idle needs --http"),
-        (["--key", str(KEY)], "--key needs --cert"),
+        (["--token-file", str(CERTIFICATE)], "--token-file: requires --http"),
+        (["--cert", str(CERTIFICATE), "--key", str(KEY)], "--cert: requires --http"),
+        (["--http-host", "cell7", "--http-idle", "5"], "--http-host, --http-idle: requires --http"),
+        (["--key", str(KEY)], "--key requires --cert"),
     ],
 )
 def test_options_of_http_without_http(refused, options, named):
@@ -67,7 +67,7 @@ def test_a_token_file_that_others_can_read(tmp_path):
     for mode in (0o644, 0o640, 0o602):
         file.chmod(mode)
         (warning,) = _warnings(listening)
-        assert f"--token-file {file} can be read or changed by other accounts. Try: chmod 600" in warning
+        assert f"--token-file {file}: other accounts can read or change the file. Try: chmod 600" in warning
     i18n.use("ja")
     (warning,) = _warnings(listening)
     assert "他のアカウントからも読み書きできます" in warning
@@ -77,7 +77,7 @@ def test_a_token_is_none_of_b_cap():
     web = HttpServerOptions(token_file="token.txt")
     assert list(_warnings(ServerOptions(PlacesHere(http=("8080",)), web))) == []
     (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), tcp=("5007",), pty=True), web))
-    assert warning.startswith("orinkit: warning: --token-file is for --http only")
+    assert warning.startswith("orinkit: warning: --token-file protects --http only")
     assert "--tcp, --pty" in warning
     i18n.use("ja")
     (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), udp=("5007",)), web))

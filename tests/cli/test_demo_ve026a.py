@@ -22,10 +22,10 @@ from support.waiting import until
 def test_the_procedure(run):
     done = run("demo", "ve026a")
     assert done.code == 0, done.err
-    assert "A virtual VE026A is at serial:///" in done.out
+    assert "A virtual VE026A listens at serial:///" in done.out
     assert "[VE026A 6.2 (5)]" in done.out
     assert "slvMove" in done.out
-    assert "answers are as the document says" in done.out
+    assert "replies match the document" in done.out
     assert "more ..." in done.out
 
 
@@ -38,7 +38,7 @@ def test_the_procedure_for_programs(run):
 
 
 def test_no_picture(refused):
-    assert "--picture is for rc8" in refused("demo", "ve026a", "--picture", "x.png", code=2)
+    assert "--picture is available for rc8 only" in refused("demo", "ve026a", "--picture", "x.png", code=2)
 
 
 @pytest.mark.parametrize("reply", [Packet(1, 0x80004005, [], 1), Packet(2, 0, [], 1), Packet(1, 0, [], 0)])
@@ -93,7 +93,7 @@ def test_late_set_points_are_told(monkeypatch, count, told):
     monkeypatch.setattr(VirtualVE026A, "lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
     monkeypatch.setattr(ve026a.VE026ADemo, "_procedure", lambda *_: None)
     ve026a.run(said.append, fields=False)
-    words = "3 late set-points, by up to 48 ms: this computer was busy. A real VE026A would have stopped."
+    words = "3 late set-points, by up to 48 ms: this computer was too busy. A real VE026A would have stopped."
     assert any(words in line for line in said) is told
 
 

@@ -239,7 +239,7 @@ def test_the_command_line_has_the_setting(word, number):
 
 @pytest.mark.parametrize("words", [(), ("1", "2"), ("servo",), ("1.5",), ("nan",), ("inf",)])
 def test_words_that_are_no_setting(words):
-    with pytest.raises(CommandError, match="the form is: slave-limit"):
+    with pytest.raises(CommandError, match="usage: slave-limit"):
         ACTIONS["slave-limit"].read(PendantArguments(words, False, "slave-limit 0|1|2|3"))
 
 

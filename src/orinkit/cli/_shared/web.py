@@ -88,7 +88,7 @@ class HttpServerOptions:
         if options and not served:
             raise unusable(
                 tr(
-                    "{options} requires --http HOST:PORT: it applies to e-CAP over HTTP only, not to b-CAP",
+                    "{options}: requires --http HOST:PORT; applies to e-CAP over HTTP only, not to b-CAP",
                     options=options,
                 ),
             )
