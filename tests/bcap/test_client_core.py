@@ -213,14 +213,14 @@ def test_success_codes_come_with_the_result(conversation, code):
 @pytest.mark.parametrize(
     ("function", "arguments", "answered", "match"),
     [
-        (f.controller_connect, ("", "x", "", ""), [], "Controller_Connect was answered with None, VT_I4 was expected"),
+        (f.controller_connect, ("", "x", "", ""), [], "Controller_Connect returned None, expected VT_I4"),
         (f.controller_connect, ("", "x", "", ""), [None], "answered with None, VT_I4"),
         (f.controller_connect, ("", "x", "", ""), ["2"], "answered with '2', VT_I4"),
         (f.controller_connect, ("", "x", "", ""), [2.0], "answered with 2.0, VT_I4"),
         (f.controller_connect, ("", "x", "", ""), [True], "answered with True, VT_I4"),
         (f.controller_connect, ("", "x", "", ""), [[2]], r"answered with \[2\], VT_I4"),
-        (f.robot_get_attribute, (3,), [], "Robot_GetAttribute was answered with None, VT_I4"),
-        (f.robot_get_name, (3,), [5], "Robot_GetName was answered with 5, VT_BSTR"),
+        (f.robot_get_attribute, (3,), [], "Robot_GetAttribute returned None, expected VT_I4"),
+        (f.robot_get_name, (3,), [5], "Robot_GetName returned 5, expected VT_BSTR"),
         (f.robot_get_name, (3,), [["a" * 1000]], "VT_BSTR was expected"),
     ],
 )
@@ -265,7 +265,7 @@ def test_a_time_out(conversation):
 
 def test_the_other_side_closes(conversation):
     call = Call(conversation, f.robot_move, 3, 1, "P1", "")
-    call.error(ConnectionLost, b"", "Robot_Move: the other side closed the connection before it answered")
+    call.error(ConnectionLost, b"", "Robot_Move: the peer closed the connection before a reply was received")
     i18n.use("ja")
     call = Call(conversation, f.robot_move, 3, 1, "P1", "")
     call.feed(reply(call.serial)[:7])

@@ -136,7 +136,7 @@ def test_a_flood_ends_the_call_and_the_connection(told: Told, what: str) -> None
         return  # HTTP has none
     operation, _ = told.call(deadline=None)
     flood(told, operation, getattr(told, what), AT_ONCE)
-    with pytest.raises(ProtocolError, match="sends without end") as error:
+    with pytest.raises(ProtocolError, match="floods the connection") as error:
         operation.send(getattr(told, what))
     assert error.value.fatal
     i18n.use("ja")
@@ -159,7 +159,7 @@ def test_junk_on_udp_is_counted_and_bytes_of_a_serial_line_are_not() -> None:
         told = Told(wire)
         operation, _ = told.call(deadline=None)
         if floods:
-            with pytest.raises(ProtocolError, match="sends without end"):
+            with pytest.raises(ProtocolError, match="floods the connection"):
                 flood(told, operation, b"junk", AT_ONCE + 1)
         else:
             flood(told, operation, b"j", 2 * AT_ONCE)

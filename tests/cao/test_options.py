@@ -87,7 +87,7 @@ def test_the_longest_text():
     assert Options(longest).flag(longest)
     assert Options("a=" + "(" * 4094).text_of("a") == "(" * 4094
     for text in (longest + "x", "a," * 4_000_000):
-        with pytest.raises(CallError, match=f"an option string of {len(text)} characters, at most 4096") as caught:
+        with pytest.raises(CallError, match=f"option string of {len(text)} characters exceeds the limit of 4096") as caught:
             Options(text)
         assert caught.value.code == hresult.E_INVALIDARG
     i18n.use("ja")

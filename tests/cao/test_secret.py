@@ -58,7 +58,7 @@ def test_secrets(secret):
     "secret", ["", "0123456789abcde", "a" * 257, "0123456789abcdef,", "0123456789 abcdef", "０" * 16]
 )
 def test_secrets_that_cannot_be_used(secret):
-    with pytest.raises(InvalidValue, match="a secret has 16 to 256"):
+    with pytest.raises(InvalidValue, match="a secret must have 16 to 256"):
         check_secret(secret)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="16～256 文字"):

@@ -237,7 +237,7 @@ def test_a_handle_that_is_not_in_use(session):
     controller = connect(session)
     for handle in (0, 1, 3, -1, 2**31 - 1, -(2**31)):
         reply = call(session, "Variable_GetValue", handle)
-        assert (reply.code, reply.detail) == (hresult.E_HANDLE, f"handle {handle} is not in use")
+        assert (reply.code, reply.detail) == (hresult.E_HANDLE, f"handle {handle} does not exist")
         assert code(session, "Variable_Release", handle) == hresult.E_HANDLE
     assert value(session, "Controller_Disconnect", controller) is None
     assert code(session, "Controller_Disconnect", controller) == hresult.E_HANDLE
@@ -250,7 +250,7 @@ def test_a_handle_of_another_kind(session):
     variable = value(session, "Controller_GetVariable", controller, "I1", "")
     reply = call(session, "Robot_Execute", variable, "CurPos")
     assert reply.code == hresult.E_HANDLE
-    assert reply.detail == f"handle {variable} is a Variable, Robot_Execute needs a Robot"
+    assert reply.detail == f"handle {variable} is a Variable, Robot_Execute requires a Robot"
     assert code(session, "Robot_Release", variable) == hresult.E_HANDLE
     assert code(session, "Variable_Release", controller) == hresult.E_HANDLE
     assert value(session, "Variable_GetValue", variable) == 0
@@ -340,7 +340,7 @@ def test_if_not_member_of_objects_below(session):
 def test_an_unknown_provider_is_named_with_those_there_are(session):
     reply = call(session, "Controller_Connect", "", "CaoProv.DENSO.RC8", "", "")
     assert reply.code == hresult.E_CAO_PROV_INVALID
-    assert reply.detail == "'CaoProv.DENSO.RC8'; served here: CaoProv.Test, CaoProv.Second"
+    assert reply.detail == "unknown provider 'CaoProv.DENSO.RC8'; available: CaoProv.Test, CaoProv.Second"
     i18n.use("ja")
     assert "提供中" in call(session, "Controller_Connect", "", "x", "", "").detail
 
@@ -395,8 +395,8 @@ def test_what_was_made_too_late_is_let_go(session):
 @pytest.mark.parametrize(
     ("wrong", "error", "said"),
     [
-        ([], ValueError, "nothing to serve"),
-        (Device, TypeError, "brackets"),
+        ([], ValueError, "no provider to serve"),
+        (Device, TypeError, "pass an instance"),
         ("Foo", TypeError, "'F'"),
         (5, TypeError, "5"),
         ([Device(), None], TypeError, "None"),
@@ -415,7 +415,7 @@ def test_provider_names_are_a_tuple_of_names(caplog):
             ProviderRegistry(device)
     device.provider_names = ()
     ProviderRegistry(device)
-    assert "nobody can connect" in caplog.text
+    assert "clients cannot connect" in caplog.text
 
 
 # --- limits -----------------------------------------------------------------------------------------------------------
@@ -427,7 +427,7 @@ def test_the_object_limit(device):
     variable = value(session, "Controller_GetVariable", controller, "I1", "")
     value(session, "Controller_GetVariable", controller, "I2", "")
     reply = call(session, "Controller_GetVariable", controller, "I3", "")
-    assert (reply.code, reply.detail) == (hresult.E_MAX_OBJECT, "3 objects per client")
+    assert (reply.code, reply.detail) == (hresult.E_MAX_OBJECT, "the limit is 3 objects per client")
     assert code(session, "Controller_GetMessage", controller) == hresult.E_MAX_OBJECT
     assert code(session, "Controller_Connect", "two", PROVIDER, "", "") == hresult.E_MAX_OBJECT
     assert code(session, "Controller_Connect", "", PROVIDER, "", "") == hresult.E_MAX_OBJECT
@@ -675,7 +675,7 @@ def test_every_function_reaches_its_object(session, entry):
 @pytest.mark.parametrize("number", [0, 138, 255, 256, 2**32 - 1, -1])
 def test_an_unknown_function(session, number):
     reply = session.invoke(number, [])
-    assert (reply.code, reply.detail) == (hresult.E_NOTIMPL, f"no function {number}")
+    assert (reply.code, reply.detail) == (hresult.E_NOTIMPL, f"unknown function {number}")
     i18n.use("ja")
     assert session.invoke(number, [variant(1)]).detail == f"関数 {number} はありません"
 
@@ -708,7 +708,7 @@ def test_the_number_of_arguments(session, entry):
         else:
             reply = session.invoke(entry.id, given)
             assert reply.code == hresult.E_INVALIDARG
-            assert reply.detail == f"{count} arguments were given, {entry.name} has {wanted}"
+            assert reply.detail == f"got {count} arguments, {entry.name} has {wanted}"
 
 
 def test_missing_optional_arguments_are_filled_in():

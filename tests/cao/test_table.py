@@ -236,13 +236,13 @@ def test_bind(entry, arguments, named, bound):
 @pytest.mark.parametrize(
     ("entry", "arguments", "named", "english", "japanese"),
     [
-        (functions.robot_move, (3, 1), {}, "Robot_Move needs the argument 'pose'", "引数 'pose' が必要です"),
-        (functions.robot_move, (), {}, "Robot_Move needs the argument 'handle'", "引数 'handle' が必要です"),
-        (functions.robot_move, (1, 2, 3, 4, 5), {}, "Robot_Move takes 4 arguments, 5 were given", "4 個ですが 5 個"),
-        (functions.service_stop, (1,), {}, "Service_Stop takes 0 arguments, 1 were given", "0 個ですが 1 個"),
-        (functions.robot_halt, (3,), {"speed": 1}, "Robot_Halt has no argument 'speed'", "引数 'speed' はない"),
+        (functions.robot_move, (3, 1), {}, "Robot_Move requires the argument 'pose'", "引数 'pose' が必要です"),
+        (functions.robot_move, (), {}, "Robot_Move requires the argument 'handle'", "引数 'handle' が必要です"),
+        (functions.robot_move, (1, 2, 3, 4, 5), {}, "Robot_Move takes 4 arguments, got 5", "4 個ですが 5 個"),
+        (functions.service_stop, (1,), {}, "Service_Stop takes 0 arguments, got 1", "0 個ですが 1 個"),
+        (functions.robot_halt, (3,), {"speed": 1}, "Robot_Halt got an unknown or repeated argument 'speed'", "引数 'speed' はない"),
         (functions.robot_halt, (3, ""), {"option": ""}, "no argument 'option', or it was given twice", "二重に指定"),
-        (functions.service_start, (), {"option": None, "x": 1}, "Service_Start has no argument 'x'", "引数 'x' はない"),
+        (functions.service_start, (), {"option": None, "x": 1}, "Service_Start got an unknown or repeated argument 'x'", "引数 'x' はない"),
     ],
 )
 def test_bind_refuses(entry, arguments, named, english, japanese):
@@ -285,7 +285,7 @@ def test_find_by_id_and_by_either_spelling(entry):
 
 
 def test_find_names_the_nearest():
-    with pytest.raises(KeyError, match=r"no function 'Robot_Mov'; did you mean Robot_Move"):
+    with pytest.raises(KeyError, match=r"unknown function 'Robot_Mov'; did you mean Robot_Move"):
         find("Robot_Mov")
     for nothing in (0, 138, "138", "", "xyzzyqqq", -1):
         with pytest.raises(KeyError, match="ids are 1 to 137"):
@@ -324,7 +324,7 @@ def test_an_annotation_without_a_type_is_refused_at_once(hint):
     def thing(handle) -> None: ...
 
     thing.__annotations__ = {"handle": hint, "return": None}
-    with pytest.raises(TypeError, match="is no argument type of the table"):
+    with pytest.raises(TypeError, match="is not an argument type of the table"):
         table.function(201, "Thing_X", "", "here", en="", ja="")(thing)
     assert 201 not in FUNCTIONS
 

@@ -113,8 +113,8 @@ def test_a_handle_of_ones_own_choice(refused, url):
 @pytest.mark.parametrize(
     ("argv", "said"),
     [
-        (["Robot_Moove"], "no function 'Robot_Moove'; did you mean Robot_Move"),
-        (["138"], "no function '138'"),
+        (["Robot_Moove"], "unknown function 'Robot_Moove'; did you mean Robot_Move"),
+        (["138"], "unknown function '138'"),
         (["Variable_GetValue"], "Variable_GetValue requires a variable. Try: --variable NAME"),
         (["Task_Start"], "0 arguments given, 1-2 expected for Task_Start(handle, mode: VT_I4, option"),
         (["Task_Start", "1"], "Task_Start requires a task. Try: --task NAME"),

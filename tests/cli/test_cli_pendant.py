@@ -324,7 +324,7 @@ def test_files_that_cannot_be_used(refused, tmp_path, control):
     file.write_text("too short")
     file.chmod(0o600)
     said = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
-    assert said.startswith(f"--control-secret-file {file}: a secret has 16 to 256")
+    assert said.startswith(f"--control-secret-file {file}: a secret must have 16 to 256")
     file.write_text("0123456789abcdef")
     assert "refuses the secret. Try: " in refused("pendant", control, "status", "--control-secret-file", str(file))
     file.chmod(0o644)

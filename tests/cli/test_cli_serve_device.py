@@ -135,7 +135,7 @@ def test_one_that_is_named_and_cannot_be_served_ends_the_command(refused, tmp_pa
     said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--provider", str(tmp_path / "none.py"), code=2)
     assert said.endswith("none.py: there is no such file")
     said = refused("serve", "rc8", "--provider", "orinkit.virtual.ve026a:VirtualVE026A", code=2)
-    assert "VirtualRC8 and VirtualVE026A speak b-CAP differently" in said
+    assert "VirtualRC8 and VirtualVE026A use different dialects of b-CAP" in said
 
 
 def test_two_entries_by_name_have_their_own_names(serve, site):

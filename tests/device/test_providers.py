@@ -115,7 +115,7 @@ def test_those_that_cannot_be_loaded_are_left_out(site, caplog):
     assert "there is no module pkg_gone" in text
     assert "Test.Odd = !" in text
     assert "Test.Exit = pkg_exit: SystemExit: 3" in text
-    assert "VirtualRC8 and VirtualVE026A speak b-CAP differently" in text
+    assert "VirtualRC8 and VirtualVE026A use different dialects of b-CAP" in text
     with (
         orinkit.serve([rc8, *found], "tcp://127.0.0.1:0") as server,
         orinkit.connect(server.url) as controller,

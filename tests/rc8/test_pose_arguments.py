@@ -1,4 +1,4 @@
-"""Pose arguments: the forms of the documents, of real clients, and everything that is none."""
+"""Pose arguments: the forms of the documents, of real clients, and invalid ones."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ def r4(*numbers):
 @pytest.mark.parametrize(
     ("argument", "targets"),
     [
-        # text
+        # string
         ("P1", [Target("P", 1)]),
         ("@E P1", [Target("P", 1, AT_ENCODER)]),
         ("P1,@E P2", [Target("P", 1), Target("P", 2, AT_ENCODER)]),
         (["P1", "@E P2"], [Target("P", 1), Target("P", 2, AT_ENCODER)]),
         (form("P1", "J2,J3"), [Target("P", 1), Target("J", 2), Target("J", 3)]),
-        # as real clients write it in Python
+        # as written in Python by real clients
         ([list(POSE), "P", "@E"], [Target("P", POSE, AT_ENCODER)]),
         ([[190, -40.0, 230.0, 168, 0, 0], "P", "@E"], [Target("P", (190, -40, 230, 168, 0, 0), AT_ENCODER)]),
         ([2, "P", "@0"], [Target("P", 2, AT_COMMAND)]),
         ([1, 0, -1], [Target("P", 1, PASSING)]),
         ([P(*POSE), "P", "@P"], [Target("P", POSE, PASSING)]),
         ([J(*JOINTS), "j", " @p "], [Target("J", JOINTS, PASSING)]),
-        # as DENSO's ROS driver does
+        # as sent by DENSO's ROS driver
         (form(r4(*JOINTS), Variant(I4, 2), Variant(I4, -2)), [Target("J", JOINTS, AT_ENCODER)]),
         (
             form(r4(*POSE), 0, -1, form(1, form(7, Variant(R4, 30.5)), form(8, Variant(R4, -1)))),
@@ -79,7 +79,7 @@ def r4(*numbers):
         (form(3, "P", "@E", form("EX", [7, 1])), [Target("P", 3, AT_ENCODER, Extra(absolute=False, joints=((7, 1),)))]),
         (form(3, "P", "@E", form(0, [7, 1])), [Target("P", 3, AT_ENCODER)]),
         (form(3, "P", "@E", [0]), [Target("P", 3, AT_ENCODER)]),
-        # without a type: by how many they are
+        # without a type: by count
         (form(r4(*POSE), None, "@E"), [Target("P", POSE, AT_ENCODER)]),
         (form(r4(*JOINTS), "", "@E"), [Target("J", JOINTS, AT_ENCODER)]),
         (form(r4(*TRANS)), [Target("T", TRANS)]),
@@ -93,7 +93,7 @@ def r4(*numbers):
         ([1, 2, 3, 4, 5, 6], [Target("", (1, 2, 3, 4, 5, 6))]),
         ([1.5, 2, 3], [Target("V", (1.5, 2, 3))]),
         ([190, -40.0, 230.0, 168, 0, 0], [Target("", (190, -40, 230, 168, 0, 0))]),
-        # several
+        # several targets
         ([list(POSE), list(JOINTS)], [Target("P", POSE), Target("J", JOINTS)]),
         ([list(POSE), "@E P2"], [Target("P", POSE), Target("P", 2, AT_ENCODER)]),
         ([[1, "P", "@P"], [2, "P", "@E"]], [Target("P", 1, PASSING), Target("P", 2, AT_ENCODER)]),
@@ -155,18 +155,18 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
         (form([math.nan] * 6, "P"), BAD, "P: x must be a finite number, not nan"),
         (Variant(R8 | ARRAY, [0, math.inf, 0, 0, 0, 0, 0]), BAD, "P: y must be a finite number, not inf"),
         (form(-1, "P"), BAD, "variable number -1"),
-        (form(1.5, "P"), BAD, "1.5 is no whole number"),
-        (form(math.nan, "P"), BAD, "nan is no whole number"),
+        (form(1.5, "P"), BAD, "1.5 is not a whole number"),
+        (form(math.nan, "P"), BAD, "nan is not a whole number"),
         (form(Variant(VarType.UI8, 2**64 - 1), "P"), BAD, "18446744073709551615 is out of range"),
         (form(1, -1), BAD, "invalid variable of kind '' and number 1"),
         (form(1, 4), BAD, "4 is not a pose type"),
         (form(1, "X"), BAD, "'X' is not a pose type"),
         (form(1, "P2"), BAD, "'P2' is not a pose type"),
         (form(1, "x" * 1000), BAD, "'XXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXXX…' is not a pose type"),
-        (form(1, 0.5), BAD, "0.5 is no whole number"),
+        (form(1, 0.5), BAD, "0.5 is not a whole number"),
         (form(1, "P", -3), BAD, "-3 is not a pass mark. Try: -1 (@P)"),
         (form(1, "P", -1.5), BAD, "-1.5 is not a pass mark"),
-        (form(1, "P", math.inf), BAD, "inf is no usable number"),
+        (form(1, "P", math.inf), BAD, "inf is not a finite number"),
         (form(1, "P", "E"), BAD, 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found \'E\''),
         (form(1, "P", "@E", []), BAD, "mode '' with 0 extended joints is not valid"),
         (form(1, "P", "@E", [3, 3]), BAD, "mode 3 with 1 extended joints is not valid"),

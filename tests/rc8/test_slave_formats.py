@@ -1,4 +1,4 @@
-"""Slave mode's tables: each number, each layout, each form that clients send, and everything that is none."""
+"""The tables of slave mode: each number, each layout, each form that clients send, and invalid ones."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def mismatch(match: str, function, *arguments) -> CallError:
 
 
 def label(value) -> str | None:
-    """An id for values of which some are giant."""
+    """Return an id for values of which some are huge."""
     return f"{type(value).__name__}-{len(value)}" if hasattr(value, "__len__") else None
 
 
 def on_the_wire(value) -> Variant:
-    """A value as the other side reads it."""
+    """Return a value as received by the peer."""
     return decode(encode(value), exact=True)[0]
 
 
@@ -221,7 +221,7 @@ def test_too_few_and_too_many_numbers_for_slv_recv_format(parameter):
 @pytest.mark.parametrize(
     ("parameter", "match"),
     [
-        ("P1", "receive format: VT_BSTR was given, a number, not 'P1'"),
+        ("P1", "receive format: got VT_BSTR, expected a number, not 'P1'"),
         ("0x", "receive format: .*'0x'"),
         ("0x123456789", "receive format: .*'0x123456789'"),
         ("17,", "unit of timestamps: .*not ''"),
@@ -242,8 +242,8 @@ def test_what_is_no_number_for_slv_recv_format(parameter, match):
 @pytest.mark.parametrize(
     ("parameter", "match"),
     [
-        (17.5, "receive format: 17.5 is no whole number"),
-        ([17.0, math.nan], "unit of timestamps: nan is no whole number"),
+        (17.5, "receive format: 17.5 is not a whole number"),
+        ([17.0, math.nan], "unit of timestamps: nan is not a whole number"),
         (2.0**31, "receive format: 2147483648.0 is out of range"),
         (7, "receive format 0x0007 is not valid; expected 0 to 5"),
         ("0xFFFFFFFF", "receive format -1 is not valid; expected 0 to 5"),
@@ -266,7 +266,7 @@ def test_a_pose_alone_is_a_bare_array(kind):
 
 
 def test_the_set_point_that_the_document_shows():
-    """RC8 4.6.3: the parameter of the request and the result of the reply, as they are printed."""
+    """RC8 4.6.3: the parameter of the request and the result of the reply, as printed."""
     sent = bytes.fromhex(
         "3E000000052007000000C3F5285C8FC276400000000000000000"
         "21B07268916871400000000000806640808A864ADCA50C3D00000000008066400000000000001440"
@@ -287,12 +287,12 @@ def test_the_set_point_that_the_document_shows():
 @pytest.mark.parametrize(
     ("kind", "parameter", "pose"),
     [
-        # what is left out
+        # omitted values
         ("J", r8(*J[:6]), (*J[:6], 0.0, 0.0)),
         ("J", r8(*J[:7]), (*J[:7], 0.0)),
         ("P", r8(*P[:6]), (*P[:6], -1.0)),
         ("T", r8(*T[:9]), (*T[:9], -1.0)),
-        # zeros behind the pose: as ROS sends it, and arrays of a fixed length
+        # zeros after the pose: as sent by ROS, and arrays of a fixed length
         ("J", r8(*J, 0), J),
         ("P", r8(*P, 0), P),
         ("P", r8(*P, 0, 0), P),
@@ -320,7 +320,7 @@ def test_the_set_point_that_the_document_shows():
         # the figure may be any whole number
         ("P", r8(1, 2, 3, 4, 5, 6, -3), (1, 2, 3, 4, 5, 6, -3)),
         ("P", r8(1, 2, 3, 4, 5, 6, 261), (1, 2, 3, 4, 5, 6, 261)),
-        # to the bounds
+        # up to the bounds
         ("J", r8(1e6, -1e6, 0, 0, 0, 0, 0, 0), (1e6, -1e6, 0, 0, 0, 0, 0, 0)),
     ],
 )  # fmt: skip
@@ -493,7 +493,7 @@ ELEMENTS = {
     "user": [Variant(I4, 128), Variant(I4, 2), ui1(1, 255)],
     "window": [Variant(I4, 24), Variant(I4, 4)],
 }
-LAYOUTS = {  # table 4-2: send format, receive format -> what follows the pose
+LAYOUTS = {  # table 4-2: send format, receive format -> the parts after the pose
     (0x000, 0x002): (),
     (0x000, 0x202): ("window",),
     (0x020, 0x002): ("hand",),
@@ -558,8 +558,8 @@ def test_states_and_poses_of_other_types(parameter):
         (form(r8(*J), 1), "slvMove has 2 elements"),
         (form(r8(*J), 1, 2, 3), "slvMove has 4 elements"),
         (Variant(VARIANT_ARRAY, [r8(*J)] * HUGE), f"slvMove has {HUGE} elements"),
-        (form(r8(*J), 1.5, 2), "mini I/O: 1.5 is no whole number"),
-        (form(r8(*J), 1, math.nan), "hand I/O: nan is no whole number"),
+        (form(r8(*J), 1.5, 2), "mini I/O: 1.5 is not a whole number"),
+        (form(r8(*J), 1, math.nan), "hand I/O: nan is not a whole number"),
         (form(r8(*J), 1, Variant(VarType.UI4, 2**31)), "hand I/O: 2147483648 is out of range"),
         (form(r8(1, 2), 1, 2), "2 numbers for a J"),
     ],
@@ -640,8 +640,8 @@ def test_forms_of_user_io(offset, size, states, user):
         (8, -1, "size of user I/O to {} is -1, expected 1 to 64 bytes"),
         (8, 65, "size of user I/O to {} is 65, expected 1 to 64 bytes"),
         (8, 2**31 - 1, "size of user I/O to {} is 2147483647, expected 1 to 64 bytes"),
-        (0.5, 1, "offset of user I/O to {}: 0.5 is no whole number"),
-        (8, 1.5, "size of user I/O to {}: 1.5 is no whole number"),
+        (0.5, 1, "offset of user I/O to {}: 0.5 is not a whole number"),
+        (8, 1.5, "size of user I/O to {}: 1.5 is not a whole number"),
     ],
 )
 def test_user_io_beyond_its_bounds(offset, size, match):
@@ -661,7 +661,7 @@ def test_user_io_beyond_its_bounds(offset, size, match):
         (5, "user I/O to send: got 1 bytes"),
         ([1, 256], "user I/O to send: byte 2 is 256, expected 0 to 255"),
         ([-1, 0], "user I/O to send: byte 1 is -1"),
-        ([0.5, 1.0], "user I/O to send: 0.5 is no whole number"),
+        ([0.5, 1.0], "user I/O to send: 0.5 is not a whole number"),
     ],
 )
 def test_states_of_user_io_that_cannot_be_sent(states, match):
@@ -776,7 +776,7 @@ def test_a_part_that_is_missing(part):
 
 @pytest.mark.parametrize("part", list(PARTS))
 def test_a_part_that_the_formats_have_no_place_for(part):
-    """Nothing is dropped unsaid: an output that was never set would be worse."""
+    """Nothing is dropped silently: an output that was never set would be worse."""
     for formats in (POSE_ONLY, *(WANTING[other] for other in PARTS if other != part)):
         given = {other: PARTS[other] for other in PARTS if WANTING[other] == formats}
         point = SetPoint(J, **given, **{part: PARTS[part]})
@@ -994,7 +994,7 @@ def test_answers_that_are_not_what_the_format_says(number, value, match):
 
 @pytest.fixture
 def temperature(monkeypatch) -> SlaveField:
-    """A row more; tests/streaming/test_slave_field.py has one in the table itself."""
+    """An additional row; tests/streaming/test_slave_field.py has one in the table itself."""
     row = SlaveField(name="temperature", label="temperature", form=FieldType.REAL, place=7, receive=0x400)
     plan = (0, ((1, row, "", slave_feedback._READERS[row.form], slave_feedback._WRITERS[row.form]),))
     monkeypatch.setattr(slave_feedback, "_plan_of_answer", lambda _: plan)

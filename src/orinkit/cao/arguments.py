@@ -1,4 +1,4 @@
-"""Reading a call's arguments as the function table types them."""
+"""Conversion of a call's arguments to the types of the function table."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from orinkit.values.variant import Variant, VarType
 
 
 def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> list[Any]:
-    """Return a call's arguments as the table types them, missing optional ones filled in.
+    """Return a call's arguments with the types of the table, and with defaults for omitted optional ones.
 
     Raises:
-        CallError: E_INVALIDARG for a wrong number of arguments, E_INVALIDARGTYPE for a wrong type.
+        CallError: E_INVALIDARG if the number of arguments is wrong, E_INVALIDARGTYPE if a type is wrong.
     """
     expected = function.arguments
     if not function.required <= len(given) <= len(expected):
         raise error_for(
             hresult.E_INVALIDARG,
             tr(
-                "{count} arguments were given, {name} has {wanted}",
+                "got {count} arguments, {name} has {wanted}",
                 count=len(given),
                 name=function.name,
                 wanted=len(expected),
@@ -49,7 +49,7 @@ def _too_long(function: Function[..., Any], argument: Argument, length: int) -> 
     return error_for(
         hresult.E_INVALIDARG,
         tr(
-            "{where} of {length} characters, at most {most} are allowed",
+            "{where} of {length} characters exceeds the limit of {most} characters",
             where=where,
             length=length,
             most=argument.longest,

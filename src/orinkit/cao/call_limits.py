@@ -1,4 +1,4 @@
-"""How long a client has patience with a call: in all, and with what comes meanwhile that is no answer."""
+"""Limits of a call: its total duration, and the rate of packets that are not its reply."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from orinkit.core.errors import CallTimeout, ProtocolError
 from orinkit.core.i18n import tr
 
 Clock: TypeAlias = Callable[[], float]
-"""Gives seconds, from any beginning."""
+"""Returns the time in seconds, from an arbitrary origin."""
 
 PER_SECOND: Final = 1000
-"""Packets that are no answer, such as S_EXECUTING, that may come each second."""
+"""Limit on packets per second that are not the reply, such as S_EXECUTING."""
 AT_ONCE: Final = 10_000
-"""How many of them may come beyond that, as when the client's program stood still."""
+"""Number of such packets allowed in a burst, for example after the client's program was suspended."""
 
 
 def standing() -> float:
-    """Return a time that stands still, for conversations without a clock."""
+    """Return a constant time, for conversations without a clock."""
     return 0.0
 
 
 class CallTimer:
-    """Of one call.
+    """Limits of one call.
 
     Args:
-        function: the document's name of the function.
-        seconds: that the call may take in all, ``None`` without such a limit.
-        clock: tells the time.
+        function: name of the function in the documents.
+        seconds: limit on the duration of the call, s; ``None`` for no limit.
+        clock: returns the time, s.
     """
 
     __slots__ = ("_begun", "_bounded", "_clock", "_executing", "_function", "_level", "_seconds", "_seen")
@@ -43,7 +43,7 @@ class CallTimer:
         self._bounded = False
 
     def bound(self, seconds: float | None) -> float | None:
-        """Return how long to wait, where the call could wait so many seconds; ``None`` if the wait in force goes on."""
+        """Return a waiting time reduced to the rest of the call's limit, s; ``None`` continues the current wait."""
         if seconds is None or self._seconds is None:
             return seconds
         left = max(0.0, self._begun + self._seconds - self._clock())
@@ -51,14 +51,14 @@ class CallTimer:
         return min(left, seconds)
 
     def heard(self, count: int, *, executing: bool) -> None:
-        """Note what has come that is no answer.
+        """Count received packets that are not the reply.
 
         Args:
-            count: packets, or other signs.
-            executing: whether one of them says that the controller is at work.
+            count: number of packets or other signals.
+            executing: whether one of them reports that the call is executing.
 
         Raises:
-            ProtocolError: there are too many. It is fatal: they would go on.
+            ProtocolError: If there are too many. The error is fatal, because the flood would continue.
         """
         now = self._clock()
         self._executing = self._executing or executing
@@ -67,9 +67,9 @@ class CallTimer:
         if self._level > AT_ONCE:
             raise ProtocolError(
                 tr(
-                    "{function}: the other side sends without end, but no answer: more than {per_second:,} "
-                    "packets per second. The connection was closed. Try: is that a controller, and is "
-                    "nothing else sending to this port?",
+                    "{function}: the peer floods the connection without a reply: more than {per_second:,} "
+                    "packets per second. The connection was closed. Try: check that the peer is a controller and "
+                    "that nothing else sends to this port",
                     function=self._function,
                     per_second=PER_SECOND,
                 ),
@@ -77,10 +77,10 @@ class CallTimer:
             )
 
     def end(self, tries: int = 1) -> CallTimeout | None:
-        """Return the error of a wait that has ended, if it was the limit of the call that has ended it.
+        """Return the exception if the last wait ended because of the call's limit, otherwise ``None``.
 
         Args:
-            tries: how often the request was sent.
+            tries: number of attempts made.
         """
         if not self._bounded or self._seconds is None:
             return None

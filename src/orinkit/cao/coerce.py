@@ -1,7 +1,7 @@
-"""Arguments as real clients send them, read as what the function wants (rulings on argument forms, docs/protocol.md).
+"""Conversion of arguments, as real clients send them, to the required types (argument forms: docs/protocol.md).
 
 Clients send whole numbers as VT_I2, VT_I4, VT_R4, VT_R8 or text, one-element arrays for scalars, VT_EMPTY for an empty
-string, single-precision poses. All of these are read here, and nowhere else.
+string, and single-precision poses. All of these are converted in this module only.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, SIZES, TABLE, VarType
 from orinkit.values.variant import Variant
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
-_NUMBERS: Final = frozenset(int(row.code) for row in TABLE if row.number)  # VT_ERROR too: a code is sent as a number
+_NUMBERS: Final = frozenset(
+    int(row.code) for row in TABLE if row.number
+)  # includes VT_ERROR: a code is sent as a number
 _HANDLES: Final = frozenset(vt for vt in INTEGERS if SIZES[vt] in (2, 4))
 _LONGEST: Final = 4400  # characters of a number: Python reads no more than 4,300 digits
 
@@ -27,12 +29,12 @@ def wrong_type(given: Variant, wanted: str) -> CallError:
     """Return the exception for an argument of the wrong type."""
     return error_for(
         hresult.E_INVALIDARGTYPE,
-        tr("{type} was given, {wanted} is wanted", type=type_name(given.type), wanted=wanted),
+        tr("got {type}, expected {wanted}", type=type_name(given.type), wanted=wanted),
     )
 
 
 def single(given: Variant) -> Variant:
-    """Return the only element of a one-element array, anything else as it is."""
+    """Return the element of a one-element array, or any other value unchanged."""
     if given.type & ARRAY and len(given.value) == 1:
         element = given.value[0]
         return element if isinstance(element, Variant) else Variant(given.type & ~ARRAY, element)
@@ -49,7 +51,7 @@ def to_number(given: Variant) -> float | int:
         try:
             return _number_in(value)
         except ValueError:
-            raise wrong_type(given, tr("a number, not {value},", value=quoted(value))) from None
+            raise wrong_type(given, tr("a number, not {value}", value=quoted(value))) from None
     if isinstance(value, Decimal):
         return int(value) if value == value.to_integral_value(context=CY_CONTEXT) else float(value)
     if given.type in _NUMBERS:
@@ -62,7 +64,7 @@ def _number_in(text: str) -> float | int:
     if len(text) > _LONGEST:
         raise ValueError(text[:_LONGEST])
     text = text.strip()
-    if _NUMBER.fullmatch(text) is None:  # float() takes more than controllers do: 1_0, full-width digits
+    if _NUMBER.fullmatch(text) is None:  # float() accepts more than controllers do: 1_0, full-width digits
         raise ValueError(text)
     try:
         return int(text, 10)
@@ -73,21 +75,21 @@ def _number_in(text: str) -> float | int:
 
 
 def to_integer(given: Variant) -> int:
-    """Return a whole number of VT_I4's range.
+    """Return a whole number in the range of VT_I4.
 
     Raises:
-        CallError: E_INVALIDARGTYPE for another type, E_INVALIDARG for a fraction or one out of range.
+        CallError: E_INVALIDARGTYPE if the value is not a number, E_INVALIDARG if it is a fraction or out of range.
     """
     number = to_number(given)
     if number != number or number in (float("inf"), float("-inf")) or number != int(number):
-        raise error_for(hresult.E_INVALIDARG, tr("{number} is no whole number", number=number))
+        raise error_for(hresult.E_INVALIDARG, tr("{number} is not a whole number", number=number))
     if not -(2**31) <= number < 2**31:
         raise error_for(hresult.E_INVALIDARG, tr("{number!s:.40} is out of range", number=number))
     return int(number)
 
 
 def to_handle(given: Variant) -> int:
-    """Return a handle: a whole number of 4 or 2 bytes, as clients differ."""
+    """Return a handle: a whole number of 4 or 2 bytes, because clients differ."""
     if given.type in _HANDLES:
         return int(given.value)
     raise wrong_type(given, "VT_I4")
@@ -97,15 +99,15 @@ def to_real(given: Variant) -> float:
     """Return a number as ``float``; NaN and infinity are refused (E_INVALIDARG)."""
     try:
         number = float(to_number(given))
-    except OverflowError:  # a text of hundreds of digits
+    except OverflowError:  # text with hundreds of digits
         number = float("inf")
     if number != number or number in (float("inf"), float("-inf")):
-        raise error_for(hresult.E_INVALIDARG, tr("{number} is no usable number", number=number))
+        raise error_for(hresult.E_INVALIDARG, tr("{number} is not a finite number", number=number))
     return number
 
 
 def to_text(given: Variant) -> str:
-    """Return a text; VT_EMPTY and VT_NULL are the empty one."""
+    """Return text; for VT_EMPTY and VT_NULL the empty string."""
     given = single(given)
     if given.type == VarType.BSTR:
         return str(given.value)
@@ -115,7 +117,7 @@ def to_text(given: Variant) -> str:
 
 
 def to_values(given: Variant) -> list[Any]:
-    """Return a parameter as a list of plain values: an array's elements, nothing for VT_EMPTY, else the one value."""
+    """Return a parameter as a list of plain values: the elements of an array, none for VT_EMPTY, otherwise one value."""
     if given.type in EMPTIES:
         return []
     plain = given.plain

@@ -1,4 +1,4 @@
-"""What controllers do differently with the same packets: the b-CAP of an RC8 and that of a VE026A."""
+"""Dialects of b-CAP: the differences between RC8 and VE026A."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from orinkit.core import hresult
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """How a controller answers.
+    """A dialect of b-CAP.
 
     Attributes:
-        name: of the dialect, ``"rc8"``.
-        echoes_reserved: an answer has the reserved field of its request; otherwise 0.
-        empty_result: an Execute that returns nothing is answered with one argument, VT_EMPTY; otherwise with none.
-        error_size: bytes of a VT_ERROR.
-        drops_client: a packet that is malformed ends the client's connection, after E_INVALIDRCVPACKET.
-        takes_options: Service_Start may have an argument.
-        codes: return codes that the dialect does not have, and what it answers instead.
-        takes_arm: there are TakeArm, GiveArm and Halt; otherwise slave mode is all that moves the arm.
-        short_numbers: the states of Motor and ClearError's code are a VT_I2 alone.
-        slave_formats: there are slvSendFormat and slvRecvFormat; otherwise slvMove takes and answers the joints only.
-        slave_mode: of slave mode by default: 0, 1 or 2.
-        busy: code that may answer a repeated request while its first try is at work (VE026A table 3-5: "wait for a
-            while"); 0 where there is none, as S_EXECUTING says so.
-        patience: seconds that commands may take which take longer than others, by their names in lower case.
-        variables: commands that it does not have, and the robot's variable that tells the same.
+        name: name of the dialect, ``"rc8"``.
+        echoes_reserved: whether a reply has the reserved field of its request; otherwise 0.
+        empty_result: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise none.
+        error_size: size of a VT_ERROR, bytes.
+        drops_client: whether a malformed packet closes the client's connection, after E_INVALIDRCVPACKET.
+        takes_options: whether Service_Start may have an argument.
+        codes: return codes that the dialect does not have, and their replacements.
+        takes_arm: whether TakeArm, GiveArm and Halt exist; otherwise only slave mode moves the arm.
+        short_numbers: whether the state of Motor and the code of ClearError are a single VT_I2.
+        slave_formats: whether slvSendFormat and slvRecvFormat exist; otherwise slvMove accepts and returns joints only.
+        slave_mode: default mode of slave mode: 0, 1 or 2.
+        busy: return code for a repeated request whose first attempt is still executing (VE026A table 3-5: "wait for a
+            while"); 0 if there is none, because the controller sends S_EXECUTING.
+        patience: time-outs of long-running commands, s, by their names in lower case.
+        variables: missing commands, and the robot's variable that replaces each.
     """
 
     name: str
@@ -69,7 +69,7 @@ VE026A: Final = Dialect(
     takes_arm=False,
     short_numbers=True,
     slave_formats=False,
-    slave_mode=1,  # a line of 38,400 bit/s is too slow for the other one, a set-point in every cycle of 8 ms
+    slave_mode=1,  # 38,400 bit/s is too slow for mode 2, a set-point in every cycle of 8 ms
     busy=hresult.E_ROBOTISBUSY,
     patience={
         "motor": 6.0,
@@ -81,4 +81,4 @@ VE026A: Final = Dialect(
 """The arm VE026A (b-CAP document for VE026A: figures of 3.1, tables 3-1 and 3-5)."""
 
 DIALECTS: Final = {dialect.name: dialect for dialect in (RC8, VE026A)}
-"""All of them, by name."""
+"""All dialects, by name."""

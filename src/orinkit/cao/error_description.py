@@ -1,4 +1,4 @@
-"""The command GetErrorDescription, which devices answer by themselves."""
+"""The command GetErrorDescription, which devices implement themselves."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant
 
 DESCRIBE: Final = "geterrordescription"
-"""The command that asks for it, in lower case."""
-_DESCRIBED: Final = 1000  # characters of an error's description
+"""Name of the command, in lower case."""
+_MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 
 
 def describe_error(reason: Callable[[int], str], parameter: Variant) -> str:
-    """Return what the command GetErrorDescription answers: what went wrong in words, else the text of the code.
+    """Return the result of GetErrorDescription: the client's last error with this code, otherwise the text of the code.
 
     Args:
-        reason: of the client, as :attr:`ClientInfo.reason`.
-        parameter: of the command, a return code.
+        reason: the client's :attr:`ClientInfo.reason`.
+        parameter: parameter of the command, a return code.
 
     Raises:
-        CallError: E_INVALIDARG, E_INVALIDARGTYPE; it is none.
+        CallError: E_INVALIDARG or E_INVALIDARGTYPE if the parameter is not a return code.
     """
     code = _code_in(parameter)
-    return reason(code)[:_DESCRIBED] or hresult.lookup(code).text
+    return reason(code)[:_MAX_DESCRIPTION] or hresult.lookup(code).text
 
 
 def _code_in(parameter: Variant) -> int:
     """Return a return code, signed or unsigned.
 
     Raises:
-        CallError: E_INVALIDARG, E_INVALIDARGTYPE; it is none.
+        CallError: E_INVALIDARG or E_INVALIDARGTYPE if the parameter is not a return code.
     """
     number = coerce.to_real(parameter)
     if not number.is_integer() or not -(2**31) <= number < 2**32:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("{number:.15g} is no 32-bit code", number=number),
+            tr("{number:.15g} is not a 32-bit code", number=number),
         )
     return int(number)

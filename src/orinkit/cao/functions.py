@@ -1,10 +1,10 @@
-"""THE TABLE: the 137 functions of CAO, which b-CAP and e-CAP both speak (RC8 appendix A, e-CAP 3.3).
+"""The function table: the 137 functions of CAO, common to b-CAP and e-CAP (RC8 appendix A, e-CAP 3.3).
 
-An entry is a typed signature under :func:`function`: the id, the documents' spelling, the CAO interface name, the
-document section, what a returned handle is and what releases it, and one line of text in both languages. Arguments
-with a default may be left out on the wire; one with the default ``None`` is not sent unless it is given. Encoders,
-client methods, server dispatch, the ``orinkit functions`` listing and the tests come from here; a new function is one
-entry.
+An entry is a typed signature decorated with :func:`function`: the id, the name in the documents, the CAO interface name, the
+section of the documents, the interface of a returned handle and the function that releases it, and a description in both
+languages. Arguments with a default may be omitted from the packet; one with the default ``None`` is not sent unless it is
+given. Encoders, client methods, server dispatch, the ``orinkit functions`` listing and the tests use this table; a new
+function requires only an entry.
 
     >>> robot_move.id, robot_move.name, [str(a.vt) for a in robot_move.arguments]
     (72, 'Robot_Move', ['3', '3', '12', '8'])
@@ -323,7 +323,7 @@ def robot_speed(handle: Handle, axis: I4, speed: R4) -> None: ...
 def robot_unchuck(handle: Handle, option: Bstr = "") -> None: ...
 
 @function(76, "Robot_Unhold", "CCaoRobot::Unhold", "RC8 A",
-          en="Go on with a paused motion.", ja="一時停止した動作を再開する。")
+          en="Resume a paused motion.", ja="一時停止した動作を再開する。")
 def robot_unhold(handle: Handle, option: Bstr = "") -> None: ...
 
 @function(77, "Robot_GetAttribute", "CCaoRobot::get_Attribute", "RC8 A",
@@ -419,7 +419,7 @@ def task_put_id(handle: Handle, id: Value) -> None: ...
 def task_release(handle: Handle) -> None: ...
 
 @function(100, "Variable_GetDateTime", "CCaoVariable::get_DateTime", "RC8 A",
-          en="When the value was taken.", ja="値の日時を得る。")
+          en="Date and time of the value.", ja="値の日時を得る。")
 def variable_get_date_time(handle: Handle) -> AnyValue: ...
 
 @function(101, "Variable_GetValue", "CCaoVariable::get_Value", "RC8 3.1.3",
@@ -459,7 +459,7 @@ def variable_get_id(handle: Handle) -> AnyValue: ...
 def variable_put_id(handle: Handle, id: Value) -> None: ...
 
 @function(110, "Variable_GetMicrosecond", "CCaoVariable::get_Microsecond", "RC8 A",
-          en="Microseconds of the time when the value was taken.", ja="値の日時のマイクロ秒を得る。")
+          en="Microseconds of the date and time of the value.", ja="値の日時のマイクロ秒を得る。")
 def variable_get_microsecond(handle: Handle) -> I4: ...
 
 @function(111, "Variable_Release", "CCaoVariable::Release", "RC8 3.1.4", releases=True,
@@ -531,7 +531,7 @@ def command_put_id(handle: Handle, id: Value) -> None: ...
 def command_release(handle: Handle) -> None: ...
 
 @function(128, "Message_Reply", "CCaoMessage::Reply", "RC8 A",
-          en="Answer the event message.", ja="イベントメッセージに応答する。")
+          en="Reply to the event message.", ja="イベントメッセージに応答する。")
 def message_reply(handle: Handle, value: Value) -> None: ...
 
 @function(129, "Message_Clear", "CCaoMessage::Clear", "RC8 A",
@@ -539,19 +539,19 @@ def message_reply(handle: Handle, value: Value) -> None: ...
 def message_clear(handle: Handle) -> None: ...
 
 @function(130, "Message_GetDateTime", "CCaoMessage::get_DateTime", "RC8 A",
-          en="When the event happened.", ja="イベントの日時を得る。")
+          en="Date and time of the event.", ja="イベントの日時を得る。")
 def message_get_date_time(handle: Handle) -> AnyValue: ...
 
 @function(131, "Message_GetDescription", "CCaoMessage::get_Description", "RC8 A",
-          en="What happened, in words.", ja="イベントの説明文を得る。")
+          en="Description of the event.", ja="イベントの説明文を得る。")
 def message_get_description(handle: Handle) -> Bstr: ...
 
 @function(132, "Message_GetDestination", "CCaoMessage::get_Destination", "RC8 A",
-          en="Whom the message is for.", ja="メッセージの送信先を得る。")
+          en="Destination of the message.", ja="メッセージの送信先を得る。")
 def message_get_destination(handle: Handle) -> Bstr: ...
 
 @function(133, "Message_GetNumber", "CCaoMessage::get_Number", "RC8 A",
-          en="Number that tells the kind of event.", ja="イベントの種類を表す番号を得る。")
+          en="Number of the kind of event.", ja="イベントの種類を表す番号を得る。")
 def message_get_number(handle: Handle) -> I4: ...
 
 @function(134, "Message_GetSerialNumber", "CCaoMessage::get_SerialNumber", "RC8 A",
@@ -559,7 +559,7 @@ def message_get_number(handle: Handle) -> I4: ...
 def message_get_serial_number(handle: Handle) -> I4: ...
 
 @function(135, "Message_GetSource", "CCaoMessage::get_Source", "RC8 A",
-          en="Where the message came from.", ja="メッセージの送信元を得る。")
+          en="Source of the message.", ja="メッセージの送信元を得る。")
 def message_get_source(handle: Handle) -> Bstr: ...
 
 @function(136, "Message_GetValue", "CCaoMessage::get_Value", "RC8 A",
@@ -577,14 +577,14 @@ FUNCTIONS: Final[Mapping[int, Function[..., Any]]] = MappingProxyType(ENTRIES)
 """Every function by id."""
 
 BY_NAME: Final[Mapping[str, Function[..., Any]]] = MappingProxyType({entry.name: entry for entry in ENTRIES.values()})
-"""Every function by the documents' spelling."""
+"""Every function by its name in the documents."""
 
 
 def find(name: str | int) -> Function[..., Any]:
-    """Return a function by id, the documents' spelling or Python's, upper or lower case.
+    """Return a function by its id, or by its name in the documents or in Python, in upper or lower case.
 
     Raises:
-        KeyError: there is none; the message names the nearest.
+        KeyError: If there is no such function; the message contains similar names.
     """
     if isinstance(name, int) or name.isdecimal():
         found = ENTRIES.get(int(name))
@@ -592,10 +592,10 @@ def find(name: str | int) -> Function[..., Any]:
         wanted = name.replace("_", "").lower()
         found = next((entry for entry in ENTRIES.values() if entry.name.replace("_", "").lower() == wanted), None)
     if found is None:
-        from difflib import get_close_matches  # only when something is wrong already
+        from difflib import get_close_matches  # imported only in case of an error
 
         near = ", ".join(get_close_matches(str(name), BY_NAME, n=3, cutoff=0.4))
         if near:
-            raise KeyError(tr("no function {name!r}; did you mean {near}?", name=name, near=near))
-        raise KeyError(tr("no function {name!r}; ids are 1 to 137", name=name))
+            raise KeyError(tr("unknown function {name!r}; did you mean {near}?", name=name, near=near))
+        raise KeyError(tr("unknown function {name!r}; ids are 1 to 137", name=name))
     return found

@@ -1,7 +1,7 @@
 """Option strings: ``"WDT=400,InvokeTimeout=180000"``, ``"@IfNotMember"`` (RC8 table 3-1 and 5-1).
 
-Pairs are separated by commas; a value may hold commas inside brackets or quotes; names are case-insensitive; empty
-parts, as in the leading comma that some clients send, are passed over. A name without a value means ``True``.
+Pairs are separated by commas. A value may contain commas inside brackets or quotes. Names are case-insensitive. Empty
+parts, such as before the leading comma that some clients send, are ignored. A name without a value means ``True``.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _QUOTES: Final = "\"'"
 
 
 class Options:
-    """The parsed options of one call; of those that are given twice the last one counts.
+    """The parsed options of one call; if an option is repeated, its last value applies.
 
     Attributes:
-        text: as it was given.
-        repeated: names that are given more than once, in lower case.
+        text: the option string.
+        repeated: names of repeated options, in lower case.
 
     Raises:
-        CallError: E_INVALIDARG, the text has more than 4,096 characters.
+        CallError: E_INVALIDARG if the text has more than 4,096 characters.
     """
 
     def __init__(self, text: str) -> None:
@@ -36,7 +36,7 @@ class Options:
             raise error_for(
                 hresult.E_INVALIDARG,
                 tr(
-                    "an option string of {count} characters, at most {most} are read",
+                    "option string of {count} characters exceeds the limit of {most} characters",
                     count=len(text),
                     most=LONGEST_OPTION,
                 ),
@@ -58,7 +58,7 @@ class Options:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the options that are given, in lower case."""
+        """The names of the options, in lower case."""
         return tuple(self._values)
 
     def text_of(self, name: str, default: str = "") -> str:
@@ -66,19 +66,19 @@ class Options:
         return self._values.get(name.lower(), default)
 
     def flag(self, name: str) -> bool:
-        """Return whether an option is on: given without a value, or as true, 1, on, yes."""
+        """Return True if an option is on: present without a value, or with the value true, 1, -1, on or yes."""
         return self._values.get(name.lower(), "").lower() in ("true", "1", "-1", "on", "yes")
 
     def number(self, name: str) -> int | None:
-        """Return the value of an option as a whole number, ``None`` when it is not given.
+        """Return the value of an option as a whole number, or ``None`` if it is absent.
 
         Raises:
-            ValueError: it is given and is no whole number.
+            ValueError: If the value is not a whole number.
         """
         text = self._values.get(name.lower())
         if text is None:
             return None
-        if _DECIMAL.fullmatch(text):  # int() takes more: 4_00, full-width digits
+        if _DECIMAL.fullmatch(text):  # int() accepts more: 4_00, full-width digits
             return int(text)
         if _HEX.fullmatch(text):
             return int(text, 16)

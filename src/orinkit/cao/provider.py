@@ -1,16 +1,16 @@
-"""What a served device implements: one class per CAO interface, one method per function of the table.
+"""Base classes for providers: one class per CAO interface, one method per function of the table.
 
-A method's name is the function's in Python's spelling (``Variable_GetValue`` is :meth:`VariableObject.get_value`). It
-gets the arguments as Python values, one of type VARIANT as :class:`~orinkit.values.variant.Variant` with its exact type, and
+The name of a method is the Python name of the function (``Variable_GetValue`` is :meth:`VariableObject.get_value`). A method
+receives the arguments as Python values (a VARIANT as :class:`~orinkit.values.variant.Variant` with its exact type) and
 returns the result. It may
 
-* return at once: it then runs on the server's own thread and must not wait for anything;
-* be ``async def``: it may ``await``, and is cancelled when its client goes away;
-* return :class:`Blocking` with a function to run in a worker thread;
-* return :class:`Later`, and finish it when the result has come, from whatever thread.
+* return the result directly: it then runs on the server's thread and must not block;
+* be ``async def``: it may ``await``, and is cancelled when its client disconnects;
+* return :class:`BlockingCall` with a function to run in a worker thread;
+* return :class:`Deferred`, and set its result later, from any thread.
 
-To answer with an error code, raise it: ``raise error_for(0x80020005)``. Any other exception is logged and answered
-with E_FAIL. For a device of your own, :class:`orinkit.Device` is the comfortable way; this is what lies beneath.
+To return an error code, raise it: ``raise error_for(0x80020005)``. Any other exception is logged and returns E_FAIL. For
+your own device, :class:`orinkit.Device` is more convenient; it is built on these classes.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ WRITABLE: Final = 2
 
 
 class ClientInfo(NamedTuple):
-    """Who is calling.
+    """Information on a client.
 
     Attributes:
-        address: host address of the client, ``"127.0.0.1"``; the port's path on a serial line.
+        address: host address of the client, ``"127.0.0.1"``; on a serial line the path of the port.
         transport: ``"tcp"``, ``"udp"``, ``"serial"``, ``"http"`` or ``"memory"``.
-        port: the client's port number, 0 where there is none.
-        drain_input: calls a function back, from any thread, once everything that has arrived from this client by now has been
-            handled; it waits for nothing itself. ``None`` where that is always so. For a device whose time goes on while
-            the server may be late to read.
-        provider: the provider's name that it has asked for, as it wrote it.
-        reason: tells what its last call that ended with a code failed of, in words; ``""`` where that is not known.
+        port: the client's port number, 0 if there is none.
+        drain_input: invokes a callback after all data received from this client so far has been processed; returns
+            immediately and may be called from any thread. ``None`` if received data is always processed at once. For
+            real-time devices, because the server may read late.
+        provider: the provider name that the client has requested, as sent.
+        reason: returns the description of the client's last error with a given return code; ``""`` if unknown.
     """
 
     address: str = ""
@@ -72,9 +72,9 @@ def not_found(name: str) -> CallError:
 
 
 class CaoObject:
-    """What every served object has: a name, and a tag and an ID that its client may set.
+    """Base class of all objects: a name, and a tag and an ID that the client can set.
 
-    One instance serves one handle of one client, so tag and ID are that client's own.
+    One instance belongs to one handle of one client, so the tag and the ID belong to that client.
     """
 
     def __init__(self, name: str = "", *, attribute: int = 0, help: str = "") -> None:  # noqa: A002 - the documents' word
@@ -85,19 +85,19 @@ class CaoObject:
         self.id = Variant(VarType.EMPTY)
 
     def get_attribute(self) -> Result[int]:
-        """Attribute bits; 0 where there is nothing to say."""
+        """Return the attribute bits; 0 by default."""
         return self.attribute
 
     def get_help(self) -> Result[str]:
-        """Help text."""
+        """Return the help text."""
         return self.help
 
     def get_name(self) -> Result[str]:
-        """Name of the object."""
+        """Return the name of the object."""
         return self.name
 
     def get_tag(self) -> Result[Value]:
-        """Tag that the client has set."""
+        """Return the tag that the client has set."""
         return self.tag
 
     def put_tag(self, tag: Variant) -> Result[None]:
@@ -106,7 +106,7 @@ class CaoObject:
         return None
 
     def get_id(self) -> Result[Value]:
-        """ID that the client has set."""
+        """Return the ID that the client has set."""
         return self.id
 
     def put_id(self, id: Variant) -> Result[None]:  # noqa: A002 - the documents' word
@@ -115,18 +115,18 @@ class CaoObject:
         return None
 
     def release(self) -> None:
-        """Let go, at once: the client has released the object or has gone away."""
+        """Release resources immediately: the client has released the object or has disconnected."""
 
 
 class VariableObject(CaoObject):
     """A variable."""
 
     def get_date_time(self) -> Result[Value]:
-        """When the value was taken, a local ``datetime``."""
+        """Return the date and time of the value, a local ``datetime``."""
         raise not_implemented()
 
     def get_value(self) -> Result[Value]:
-        """The value."""
+        """Return the value."""
         raise not_implemented()
 
     def put_value(self, value: Variant) -> Result[None]:
@@ -134,28 +134,28 @@ class VariableObject(CaoObject):
         raise error_for(hresult.E_CAO_NOT_WRITABLE, self.name)
 
     def get_microsecond(self) -> Result[int]:
-        """Microseconds of the time when the value was taken."""
+        """Return the microseconds of the date and time of the value."""
         raise not_implemented()
 
 
 class OwnerObject(CaoObject):
-    """An object with variables and extended commands: everything but variables, commands and messages."""
+    """An object with variables and extended commands: all interfaces but variables, commands and messages."""
 
     def get_variable(self, name: str, option: str) -> Result[VariableObject]:
         """Connect to a variable below this object."""
         raise not_implemented()
 
     def get_variable_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the variables below this object."""
+        """Return the names of the variables below this object."""
         return []
 
     def execute(self, command: str, parameter: Variant) -> Result[Value]:
-        """Execute an extended command; its name comes as the client wrote it."""
+        """Execute an extended command; its name is passed as sent by the client."""
         raise not_implemented()
 
 
 class ExtensionObject(OwnerObject):
-    """An extension board, a hand."""
+    """An extension board, for example a hand."""
 
 
 class FileObject(OwnerObject):
@@ -166,7 +166,7 @@ class FileObject(OwnerObject):
         raise not_implemented()
 
     def get_file_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the files below this one."""
+        """Return the names of the files below this one."""
         return []
 
     def copy(self, name: str, option: str) -> Result[None]:
@@ -182,35 +182,35 @@ class FileObject(OwnerObject):
         raise not_implemented()
 
     def run(self, option: str) -> Result[str]:
-        """Run the file; returns the name of the task."""
+        """Run the file; return the name of the task."""
         raise not_implemented()
 
     def get_date_created(self) -> Result[Value]:
-        """When the file was created."""
+        """Return the date and time of the file's creation."""
         raise not_implemented()
 
     def get_date_last_accessed(self) -> Result[Value]:
-        """When the file was last read."""
+        """Return the date and time of the last read access to the file."""
         raise not_implemented()
 
     def get_date_last_modified(self) -> Result[Value]:
-        """When the file was last changed."""
+        """Return the date and time of the last change of the file."""
         raise not_implemented()
 
     def get_path(self) -> Result[str]:
-        """Path in the controller."""
+        """Return the path in the controller."""
         raise not_implemented()
 
     def get_size(self) -> Result[int]:
-        """Size in bytes."""
+        """Return the size in bytes."""
         raise not_implemented()
 
     def get_type(self) -> Result[str]:
-        """Type of the file."""
+        """Return the type of the file."""
         raise not_implemented()
 
     def get_value(self) -> Result[Value]:
-        """Content."""
+        """Return the content."""
         raise not_implemented()
 
     def put_value(self, value: Variant) -> Result[None]:
@@ -266,7 +266,7 @@ class RobotObject(OwnerObject):
         raise not_implemented()
 
     def unhold(self, option: str) -> Result[None]:
-        """Go on with a paused motion."""
+        """Resume a paused motion."""
         raise not_implemented()
 
 
@@ -274,11 +274,11 @@ class TaskObject(OwnerObject):
     """A program task."""
 
     def start(self, mode: int, option: str) -> Result[None]:
-        """Start: 1 one cycle, 2 continuous, 3 step."""
+        """Start the task: 1 one cycle, 2 continuous, 3 step."""
         raise not_implemented()
 
     def stop(self, mode: int, option: str) -> Result[None]:
-        """Stop: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
+        """Stop the task: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
         raise not_implemented()
 
     def delete(self, option: str) -> Result[None]:
@@ -286,15 +286,15 @@ class TaskObject(OwnerObject):
         raise not_implemented()
 
     def get_file_name(self) -> Result[str]:
-        """File that the task came from."""
+        """Return the name of the task's file."""
         raise not_implemented()
 
 
 class CommandObject(CaoObject):
-    """A command that can be started, watched and cancelled."""
+    """A command that can be started, monitored and cancelled."""
 
     def execute(self, mode: int) -> Result[None]:
-        """Execute: 0 wait for the end, 1 return at once."""
+        """Execute the command: 0 wait for the end, 1 return immediately."""
         raise not_implemented()
 
     def cancel(self) -> Result[None]:
@@ -302,7 +302,7 @@ class CommandObject(CaoObject):
         raise not_implemented()
 
     def get_timeout(self) -> Result[int]:
-        """Time-out in ms."""
+        """Return the time-out in ms."""
         raise not_implemented()
 
     def put_timeout(self, timeout: int) -> Result[None]:
@@ -310,11 +310,11 @@ class CommandObject(CaoObject):
         raise not_implemented()
 
     def get_state(self) -> Result[int]:
-        """State of the command."""
+        """Return the state of the command."""
         raise not_implemented()
 
     def get_parameters(self) -> Result[Value]:
-        """Parameters."""
+        """Return the parameters."""
         raise not_implemented()
 
     def put_parameters(self, parameters: Variant) -> Result[None]:
@@ -322,7 +322,7 @@ class CommandObject(CaoObject):
         raise not_implemented()
 
     def get_result(self) -> Result[Value]:
-        """Result of the last execution."""
+        """Return the result of the last execution."""
         raise not_implemented()
 
 
@@ -330,7 +330,7 @@ class MessageObject(CaoObject):
     """An event that the client has fetched."""
 
     def reply(self, value: Variant) -> Result[None]:
-        """Answer the event."""
+        """Reply to the event."""
         raise not_implemented()
 
     def clear(self) -> Result[None]:
@@ -338,43 +338,43 @@ class MessageObject(CaoObject):
         raise not_implemented()
 
     def get_date_time(self) -> Result[Value]:
-        """When it happened, a local ``datetime``."""
+        """Return the date and time of the event, a local ``datetime``."""
         raise not_implemented()
 
     def get_description(self) -> Result[str]:
-        """What happened, in words."""
+        """Return the description of the event."""
         raise not_implemented()
 
     def get_destination(self) -> Result[str]:
-        """Whom it is for."""
+        """Return the destination of the message."""
         raise not_implemented()
 
     def get_number(self) -> Result[int]:
-        """Number that tells the kind of event."""
+        """Return the number of the kind of event."""
         raise not_implemented()
 
     def get_serial_number(self) -> Result[int]:
-        """Serial number of the message."""
+        """Return the serial number of the message."""
         raise not_implemented()
 
     def get_source(self) -> Result[str]:
-        """Where it came from."""
+        """Return the source of the message."""
         raise not_implemented()
 
     def get_value(self) -> Result[Value]:
-        """Value that came with it."""
+        """Return the value of the event."""
         raise not_implemented()
 
 
 class ControllerObject(OwnerObject):
-    """A controller: where a client's objects begin."""
+    """A controller: the root of a client's objects."""
 
     def is_moving(self) -> bool:
-        """Whether an arm moves, or may begin to, because of what this client has told it; asked while the client is silent."""
+        """Return True if an arm executes, or may start, a motion of this client; called while the client is silent."""
         return False
 
     def stop_moving(self) -> None:
-        """The client has fallen silent: bring to rest what it moves. What it holds it keeps until it has gone."""
+        """Stop the motions of this client, which is silent; keep its objects and semaphores until it disconnects."""
 
     def get_extension(self, name: str, option: str) -> Result[ExtensionObject]:
         """Connect to an extension board."""
@@ -397,41 +397,42 @@ class ControllerObject(OwnerObject):
         raise not_implemented()
 
     def get_extension_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the extension boards."""
+        """Return the names of the extension boards."""
         return []
 
     def get_file_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the files."""
+        """Return the names of the files."""
         return []
 
     def get_robot_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the robots."""
+        """Return the names of the robots."""
         return []
 
     def get_task_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the tasks."""
+        """Return the names of the tasks."""
         return []
 
     def get_command_names(self, option: str) -> Result[Sequence[str]]:
-        """Names of the commands."""
+        """Return the names of the commands."""
         return []
 
     def get_message(self) -> Result[MessageObject]:
-        """Fetch the oldest waiting event; E_CAO_OBJECT_NOTFOUND when none waits."""
+        """Fetch the oldest waiting event; E_CAO_OBJECT_NOTFOUND if there is none."""
         raise not_found("Message")
 
 
 class Provider:
-    """A device that clients reach with Controller_Connect under one of its provider names.
+    """A controller or device that clients connect to with Controller_Connect and one of its provider names.
 
     Attributes:
-        provider_names: for example ``("CaoProv.DENSO.VRC",)``; upper and lower case do not matter.
-        guard: is entered around every method that a client's call runs on the server's own thread, and around every
-            release; a lock, for a device that changes in other threads too. Nothing by default.
-        dialect: of b-CAP that it speaks.
-        functions: ids of those that it has; any other is E_NOTIMPL, whatever its arguments are. ``None`` for all.
-        fixed_handles: it gives every object a handle of its own by :meth:`handle_of`, each kind for itself; otherwise
-            handles are counted from 2 on.
+        provider_names: for example ``("CaoProv.DENSO.VRC",)``; case-insensitive.
+        guard: context manager entered for every method call on the server's thread, and for every release; for example a
+            lock, if other threads modify the device. By default it does nothing.
+        dialect: dialect of b-CAP.
+        functions: ids of the implemented functions, ``None`` for all; any other returns E_NOTIMPL, regardless of its
+            arguments.
+        fixed_handles: whether :meth:`handle_of` determines the handles, separately for each interface; otherwise handles
+            are allocated from 2 upwards.
     """
 
     provider_names: Sequence[str] = ()
@@ -441,28 +442,28 @@ class Provider:
     fixed_handles: bool = False
 
     def handle_of(self, interface: str, name: str) -> int:
-        """Return the handle of an object, where these are fixed; 1 by default.
+        """Return the handle of an object if ``fixed_handles`` is set; 1 by default.
 
         Args:
             interface: ``"Robot"``, ``"Variable"``.
-            name: of the object, as the client wrote it.
+            name: name of the object, as sent by the client.
         """
         return 1
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Result[ControllerObject]:
-        """Return the controller object for one client, at once or as any other method may.
+        """Return the controller object for one client, in any of the forms of :data:`Result`.
 
         Args:
-            name: the name that the client gives to the controller, or one made up where it gave none.
-            machine: the machine name of the call; the documents say the controller's address or ``localhost``.
+            name: the name that the client gives to the controller, or a generated one if it is empty.
+            machine: the machine name of the call; according to the documents the controller's address or ``localhost``.
             option: the option string of the call.
-            client: who calls.
+            client: information on the client.
 
         Raises:
-            CallError: the client is refused.
+            CallError: If the client is refused.
         """
         raise not_implemented()
 
     def close(self) -> Awaitable[None] | None:
-        """The server has stopped; write down what has to be kept. May be ``async``, and then take a moment."""
+        """Save persistent data after the server has stopped; may be ``async``."""
         return None

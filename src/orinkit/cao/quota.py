@@ -1,4 +1,4 @@
-"""What clients have servers keep for them, tags, IDs and parameters of commands: how much that may be."""
+"""Limits on the data that clients store on a server: tags, IDs, and parameters of commands."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from orinkit.values.types import ARRAY, SIZES, VarType
 from orinkit.values.variant import Variant
 
 KEPT: Final = ("put_tag", "put_id", "put_parameters")
-"""Methods whose value stays with the object."""
+"""Methods whose value is stored with the object."""
 
 MOST: Final = 64 * 1024
-"""Bytes of one value, as it is in a packet."""
+"""Limit on one value, bytes in a packet."""
 MOST_OF_A_CLIENT: Final = 1024 * 1024
 MOST_OF_ALL: Final = 16 * 1024 * 1024
-"""Bytes of the values of one client, of all clients of a server. In memory a value takes up to about twelve times as much."""
+"""Limit on the values of one client and of all clients of a server, bytes in packets; up to twelve times that in memory."""
 
 
 class ByteQuota:
-    """Counts the bytes that are kept for one client, or for all.
+    """Counts the bytes stored for one client, or for all clients.
 
     Args:
-        most: how many there may be.
-        of_all: counts those of all clients too.
+        most: the limit, bytes.
+        of_all: the quota of all clients, which is counted too.
 
     Attributes:
-        bytes: that are kept.
+        bytes: number of stored bytes.
     """
 
     def __init__(self, most: int = MOST_OF_ALL, of_all: ByteQuota | None = None) -> None:
@@ -37,16 +37,19 @@ class ByteQuota:
         self._of_all = of_all
 
     def change(self, more: int) -> None:
-        """Count so many more bytes, or fewer.
+        """Add to the count.
+
+        Args:
+            more: number of bytes, negative to subtract.
 
         Raises:
-            CallError: E_OUTOFMEMORY, they would be too many; nothing has been counted.
+            CallError: E_OUTOFMEMORY if the limit would be exceeded; then nothing is counted.
         """
         if more > 0 and self.bytes + more > self._most:
             raise error_for(
                 hresult.E_OUTOFMEMORY,
                 tr(
-                    "tags and parameters of {bytes} bytes, at most {most} are kept. Try: store less in tags, "
+                    "tags and parameters of {bytes} bytes exceed the limit of {most} bytes. Try: store less in tags, "
                     "or clear those no longer needed",
                     bytes=self.bytes + more,
                     most=self._most,
@@ -58,10 +61,10 @@ class ByteQuota:
 
 
 def size_to_keep(value: Variant) -> int:
-    """Return how many bytes a value has in a packet.
+    """Return the size of a value in a packet, bytes.
 
     Raises:
-        CallError: E_TOO_MUCH_DATA, more than :data:`MOST`; they are not counted to the end.
+        CallError: E_TOO_MUCH_DATA if the size exceeds :data:`MOST`; counting stops at that point.
     """
     size = 0
     rest = [value]
@@ -88,5 +91,5 @@ _LENGTH: Final = 4
 def _too_much() -> CallError:
     return error_for(
         hresult.E_TOO_MUCH_DATA,
-        tr("a tag, or the parameters of a command, of more than {most} bytes. Try: store less in one value", most=MOST),
+        tr("a tag or a command's parameters exceed the limit of {most} bytes. Try: store less in one value", most=MOST),
     )

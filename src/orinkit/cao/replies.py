@@ -1,4 +1,4 @@
-"""What a client makes of an answer, or of none, whatever the protocol is."""
+"""Replies on the client side, common to all protocols: results, and missing replies."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType
 
 Trace: TypeAlias = Callable[[str, bytes], None]
-"""Is told every packet, or body: ``">"`` and a request, ``"<"`` and what came back."""
+"""Callback invoked with every packet or HTTP body: ``">"`` and a request, ``"<"`` and a reply."""
 
 _RESULT_TYPES: Final[dict[VarType | None, type]] = {VarType.I4: int, VarType.BSTR: str}
 
 
 class Reply(NamedTuple):
-    """A successful answer.
+    """A successful reply.
 
     Attributes:
-        code: the return code; 0, or another success code such as S_BUF_FULL.
+        code: the return code: 0, or another success code such as S_BUF_FULL.
         value: the result, ``None`` for a function without one.
     """
 
@@ -29,28 +29,28 @@ class Reply(NamedTuple):
 
 
 def no_answer(function: Function[..., Any], received: bytes | None, seconds: float) -> CallTimeout | ConnectionLost:
-    """Return the exception for a call that was not answered.
+    """Return the exception for a call without a reply.
 
     Args:
-        function: that was called.
-        received: ``None`` where the time is up, ``b""`` where the other side has closed.
-        seconds: time-out of the call.
+        function: the function called.
+        received: ``None`` after a time-out, ``b""`` if the peer has closed the connection.
+        seconds: time-out of the call, s.
     """
     if received is None:
         return CallTimeout(function.name, seconds)
-    return ConnectionLost(tr("{name}: the other side closed the connection before it answered", name=function.name))
+    return ConnectionLost(tr("{name}: the peer closed the connection before a reply was received", name=function.name))
 
 
 def checked(function: Function[..., Any], value: Any, *, exact: bool) -> Any:
-    """Return the result of a function that has one.
+    """Return the result of a function after checking its type.
 
     Args:
-        function: that was called.
-        value: what came: plain, or a :class:`~orinkit.values.variant.Variant` where it is to be exact.
-        exact: give it as it came.
+        function: the function called; it has a result.
+        value: the received value: plain, or a :class:`~orinkit.values.variant.Variant` if ``exact``.
+        exact: whether the value is a :class:`~orinkit.values.variant.Variant`.
 
     Raises:
-        ProtocolError: it is not what the function returns.
+        ProtocolError: If the type is not that of the function's result.
     """
     if function.result is VarType.VARIANT:
         return value
@@ -66,5 +66,5 @@ def checked(function: Function[..., Any], value: Any, *, exact: bool) -> Any:
 def _wrong_result(function: Function[..., Any], got: str) -> ProtocolError:
     wanted = function.result.name if function.result else ""
     return ProtocolError(
-        tr("{name} was answered with {got:.80}, VT_{wanted} was expected", name=function.name, got=got, wanted=wanted)
+        tr("{name} returned {got:.80}, expected VT_{wanted}", name=function.name, got=got, wanted=wanted)
     )

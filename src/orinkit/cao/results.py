@@ -1,4 +1,4 @@
-"""What a provider's method may return beside the result itself: work for a thread, a promise, a success code."""
+"""Return types of a provider's methods besides the result itself: a blocking call, a deferred result, a success code."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ T = TypeVar("T")
 
 
 class BlockingCall(NamedTuple):
-    """The rest of a call, to be run in a worker thread because it may wait."""
+    """The rest of a call, to be run in a worker thread because it may block."""
 
     run: Callable[[], Any]
 
 
 class ResultWithCode(NamedTuple):
-    """A result together with a success code that is not S_OK, such as S_BUF_FULL."""
+    """A result with a success code other than S_OK, such as S_BUF_FULL."""
 
     code: int
     value: Any = None
@@ -25,8 +25,8 @@ class ResultWithCode(NamedTuple):
 class Deferred(Generic[T]):
     """A result that is set later, for example at the end of a motion; the methods are those of a Future.
 
-    The device calls :meth:`set_result` or :meth:`set_exception` once. Every method may be called from any thread: each
-    of their steps is atomic in Python.
+    The device calls :meth:`set_result` or :meth:`set_exception` once. All methods are thread-safe: each of their steps is
+    atomic in Python.
     """
 
     __slots__ = ("_callbacks", "_done", "_error", "_value")
@@ -38,11 +38,11 @@ class Deferred(Generic[T]):
         self._callbacks: list[Callable[[], None]] = []
 
     def set_result(self, value: T | None = None) -> None:
-        """Set the result; nothing happens if the result or an exception is set."""
+        """Set the result; do nothing if a result or an exception has been set."""
         self._settle(value, None)
 
     def set_exception(self, error: BaseException) -> None:
-        """Set an exception instead of a result; nothing happens if the result or an exception is set."""
+        """Set an exception instead of a result; do nothing if a result or an exception has been set."""
         self._settle(None, error)
 
     def done(self) -> bool:
@@ -56,7 +56,7 @@ class Deferred(Generic[T]):
         return self._value
 
     def add_done_callback(self, callback: Callable[[], None]) -> None:
-        """Call a function once when the result is set, immediately if it is; in the thread that sets the result."""
+        """Invoke a callback once when the result is set, in the thread that sets it; immediately if it has been set."""
         self._callbacks.append(callback)
         if self._done:
             self._call_back()
@@ -65,7 +65,7 @@ class Deferred(Generic[T]):
         if self._done:
             return
         self._value, self._error = value, error
-        self._done = True  # before the callbacks are taken: one that is added meanwhile is called by add_done_callback
+        self._done = True  # before the callbacks: add_done_callback invokes a callback added meanwhile
         self._call_back()
 
     def _call_back(self) -> None:
@@ -78,7 +78,7 @@ class Deferred(Generic[T]):
 
 
 Result: TypeAlias = T | ResultWithCode | Awaitable[T] | BlockingCall | Deferred[T]
-"""What a method returns: the result, alone or with a success code, something to await, work for a thread, a promise."""
+"""Return type of a method: the result, alone or with a success code, an awaitable, a blocking call, a deferred result."""
 
 
 def _still_waits() -> bool:
@@ -89,13 +89,13 @@ _WAITS_NO_MORE: Final[ContextVar[Callable[[], bool]]] = ContextVar("waits_no_mor
 
 
 def client_gave_up() -> bool:
-    """Whether the client waits no more for the call being carried out: it was told that it took too long, or has gone.
+    """Return True if the client no longer waits for the current call, after E_TIMEOUT or a disconnection.
 
-    For an ``async`` method that has waited for something, before it does what its client would not expect any more.
+    An ``async`` method that has awaited something should check this before it does anything the client no longer expects.
     """
     return _WAITS_NO_MORE.get()()
 
 
 def begin_call(waits_no_more: Callable[[], bool]) -> None:
-    """Say, in the task that carries out a call, how :func:`client_gave_up` finds out; for servers."""
+    """Set the function behind :func:`client_gave_up` for the current task; called by servers."""
     _WAITS_NO_MORE.set(waits_no_more)

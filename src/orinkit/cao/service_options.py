@@ -1,4 +1,4 @@
-"""What a client asks for with Service_Start (RC8 table 3-1)."""
+"""The options of Service_Start (RC8 table 3-1)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant
 
-_LEAST_MS: Final = 80
+_MIN_MS: Final = 80
 LEAST_ALIVE_MS: Final = 200
-_MOST_MS: Final = 0x7FFF_FFFF
+_MAX_MS: Final = 0x7FFF_FFFF
 
 
 class ServiceOptions(NamedTuple):
     """The options of Service_Start.
 
     Attributes:
-        wdt: seconds between S_EXECUTING packets while a call is at work (``WDT=<ms>``); ``None`` for none.
-        invoke_timeout: seconds that a call may take (``InvokeTimeout=<ms>``); ``None`` for the server's own.
-        alive: seconds within which the client wants to be heard while its arm moves (``Alive=<ms>``, orinkit's own
-            option); ``None`` for no such limit.
+        wdt: seconds between S_EXECUTING packets during a call (``WDT=<ms>``); ``None`` for none.
+        invoke_timeout: limit on the duration of a call, s (``InvokeTimeout=<ms>``); ``None`` for the server's default.
+        alive: limit on the client's silence while its arm moves, s (``Alive=<ms>``, an option of orinkit); ``None`` for no
+            limit.
     """
 
     wdt: float | None = None
@@ -33,10 +33,10 @@ class ServiceOptions(NamedTuple):
 
 
 def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
-    """Read the argument of Service_Start; one that is no text, or one of several, is for the session to refuse.
+    """Return the options of Service_Start; a wrong type or number of arguments is left to the session to refuse.
 
     Raises:
-        CallError: E_INVALIDARG, a value is not one.
+        CallError: E_INVALIDARG if the value of an option is invalid.
     """
     if len(arguments) != 1:
         return ServiceOptions()
@@ -47,8 +47,8 @@ def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
             return ServiceOptions()
         raise
     return ServiceOptions(
-        _seconds(options, "WDT", _LEAST_MS + 1),
-        _seconds(options, "InvokeTimeout", _LEAST_MS),
+        _seconds(options, "WDT", _MIN_MS + 1),
+        _seconds(options, "InvokeTimeout", _MIN_MS),
         _seconds(options, "Alive", LEAST_ALIVE_MS),
     )
 
@@ -60,16 +60,16 @@ def _seconds(options: Options, name: str, least: int) -> float | None:
         number = -1
     if number is None:
         return None
-    if not least <= number <= _MOST_MS:
+    if not least <= number <= _MAX_MS:
         given = options.text_of(name)
         raise error_for(
             hresult.E_INVALIDARG,
             tr(
-                "{name}={given:.40} is no number of ms from {least} to {most}",
+                "{name} must be {least} to {most} ms, not {given:.40}",
                 name=name,
                 given=given,
                 least=least,
-                most=_MOST_MS,
+                most=_MAX_MS,
             ),
         )
     return number / 1000

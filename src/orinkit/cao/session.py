@@ -1,8 +1,8 @@
-"""One client's session: its handles, and the way from a function call to the provider's method and back.
+"""Sessions: the handles of one client, and the dispatch of function calls to the provider's methods.
 
-:meth:`Session.invoke` finds the object behind the handle, reads the arguments as the table types them, calls the
-method and gives a :class:`CallReply`. Where the method wants to wait, it gives a :class:`Pending`: the caller awaits or
-runs ``pending.work`` and hands what came of it to :meth:`Session.complete` or :meth:`Session.fail`.
+:meth:`Session.invoke` finds the object of the handle, converts the arguments to the types of the table, calls the method and
+returns a :class:`CallReply`. If the result is not available yet, it returns a :class:`Pending`: the caller awaits or runs
+``pending.work`` and passes the result to :meth:`Session.complete` or the exception to :meth:`Session.fail`.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ logger = logging.getLogger("orinkit.session")
 
 _FIRST_HANDLE: Final = 2  # as in the documents' samples (RC8 3.1.2): the service itself is 1
 _LAST_HANDLE: Final = 0x7FFF_FFFF
-_REASONS: Final = 32  # codes of which a client is told why
-_MOST_TOLD: Final = 1000  # characters of a reason
+_MAX_DESCRIPTIONS: Final = 32  # limit on the return codes with a stored description
+_MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 
 
 @dataclass(frozen=True, slots=True)
 class CallReply:
-    """The answer to one call.
+    """The reply to one call.
 
     Attributes:
         code: return code.
-        result: the result, ``None`` for a function that has none.
-        detail: for the log and for people: what went wrong, in words.
+        result: the result, ``None`` for a function without one.
+        detail: description of the error, for the log and for people.
     """
 
     code: int = hresult.S_OK
@@ -61,7 +61,7 @@ class CallReply:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """A call whose method waits for something; ``work`` is an awaitable, :class:`BlockingCall` or :class:`Deferred`."""
+    """A call without a result yet; ``work`` is an awaitable, a :class:`BlockingCall` or a :class:`Deferred`."""
 
     function: Function[..., Any]
     handle: int
@@ -74,11 +74,11 @@ Outcome: TypeAlias = CallReply | Pending
 
 
 class ProviderRegistry:
-    """The providers that one server offers, by name.
+    """The providers of one server, by name.
 
     Args:
-        providers: what is served; the first also answers to an unknown name if it lists ``"*"``.
-        objects: how many objects one client may hold at a time; more is E_MAX_OBJECT.
+        providers: the providers; one with the name ``"*"`` also serves unknown names.
+        objects: limit on the objects of one client; beyond it, E_MAX_OBJECT is returned.
     """
 
     def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
@@ -94,17 +94,17 @@ class ProviderRegistry:
         self.fixed_handles = first.fixed_handles
 
     def find(self, name: str) -> Provider:
-        """Return the provider of that name.
+        """Return a provider by its name.
 
         Raises:
-            CallError: E_CAO_PROV_INVALID, there is none.
+            CallError: E_CAO_PROV_INVALID if there is no such provider.
         """
         found = self._by_name.get(name.strip().lower()) or self._by_name.get("*")
         if found is None:
             offered = ", ".join(dict.fromkeys(name for p in self.providers for name in p.provider_names))
             raise error_for(
                 hresult.E_CAO_PROV_INVALID,
-                tr("{name}; served here: {offered}", name=quoted(name), offered=offered),
+                tr("unknown provider {name}; available: {offered}", name=quoted(name), offered=offered),
             )
         return found
 
@@ -115,12 +115,12 @@ def _checked(given: object) -> list[Provider]:
     if wrong:
         raise TypeError(
             tr(
-                "a Provider or Device object is needed, not {wrong!r:.100}; a class wants brackets: MyDevice()",
+                "expected a Provider or Device object, got {wrong!r:.100}. Try: pass an instance: MyDevice()",
                 wrong=wrong[0],
             )
         )
     if not listed:
-        raise ValueError(tr("there is nothing to serve"))
+        raise ValueError(tr("no provider to serve"))
     return [each for each in listed if isinstance(each, Provider)]
 
 
@@ -130,7 +130,7 @@ def _check_together(one: Provider, other: Provider) -> None:
         names = type(one).__name__, type(other).__name__
         raise ValueError(
             tr(
-                "{first} and {second} speak b-CAP differently and cannot be served together",
+                "{first} and {second} use different dialects of b-CAP and cannot be served together",
                 first=names[0],
                 second=names[1],
             )
@@ -140,11 +140,11 @@ def _check_together(one: Provider, other: Provider) -> None:
 def _names(provider: Provider) -> list[str]:
     names = provider.provider_names
     if not names:
-        logger.warning("%s has no provider_names: nobody can connect to it", type(provider).__name__)
+        logger.warning("%s has no provider_names: clients cannot connect to it", type(provider).__name__)
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
         raise TypeError(
             tr(
-                '{name}.provider_names must be a tuple of names, as ("CaoProv.Example.Gripper",), not {names!r}',
+                '{name}.provider_names must be a tuple of names, such as ("CaoProv.Example.Gripper",), not {names!r}',
                 name=type(provider).__name__,
                 names=names,
             )
@@ -153,13 +153,13 @@ def _names(provider: Provider) -> list[str]:
 
 
 class HandleAllocator:
-    """Counts handles up, from 2 to 2,147,483,647 and round again; several sessions may share it."""
+    """Allocates handles from 2 to 2,147,483,647, then from 2 again; several sessions may share it."""
 
     def __init__(self) -> None:
         self._next = _FIRST_HANDLE
 
     def take(self, used: Container[int]) -> int:
-        """Return the next one that is not used."""
+        """Return the next unused handle."""
         while self._next in used:
             self._next = _following(self._next)
         number = self._next
@@ -175,16 +175,16 @@ class _Entry:
     parent: int
     label: str
     guard: AbstractContextManager[object]
-    kept: dict[str, int] = field(default_factory=dict)  # bytes of what each method has had it keep
+    kept: dict[str, int] = field(default_factory=dict)  # stored bytes by method
 
 
 class Session:
-    """One client's objects, by handle. Handles of one session mean nothing in another.
+    """The objects of one client, by handle. Handles are valid only in their own session.
 
     Args:
         host: the providers.
-        client: who it is.
-        numbers: where handles come from; by default they begin at 2.
+        client: information on the client.
+        numbers: allocator of the handles; by default they begin at 2.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class Session:
     ) -> None:
         self.host = host
         self._reasons: dict[int, str] = {}
-        # not a method of this session: a device that keeps the one must not keep the other
+        # not a method of this session: a device that stores ClientInfo must not keep the session alive
         self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
         self._entries: dict[int, _Entry] = {}  # insertion order is age
         self._handles = numbers or HandleAllocator()
@@ -200,42 +200,42 @@ class Session:
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
-        # where each kind of object counts for itself, its handles are kept apart by what the wire's 32 bits do not have
+        # fixed handles are unique only per interface: the interface is added above the 32 bits of the handle
         self._spaces = _SPACES if host.fixed_handles else {}
 
     def __len__(self) -> int:
-        """Return how many objects the client holds."""
+        """Return the number of the client's objects."""
         return len(self._entries)
 
     # --- a call -------------------------------------------------------------------------------------------------
 
     def invoke(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
-        """Execute a call; nothing that a client sends makes this raise.
+        """Execute a call; never raises, regardless of the request.
 
         Args:
-            function_id: 1 to 137; any other is answered with E_NOTIMPL.
-            arguments: with their exact types, as :func:`orinkit.bcap.packet.decode` gives them.
+            function_id: 1 to 137; any other returns E_NOTIMPL.
+            arguments: the arguments with their exact types, as returned by :func:`orinkit.bcap.packet.decode`.
         """
         function = FUNCTIONS.get(function_id)
         if function is None or (self._functions is not None and function_id not in self._functions):
-            return CallReply(hresult.E_NOTIMPL, detail=tr("no function {function_id}", function_id=function_id))
+            return CallReply(hresult.E_NOTIMPL, detail=tr("unknown function {function_id}", function_id=function_id))
         try:
             values = read_arguments(function, arguments)
             special = _SPECIAL.get(function.id)
             if special is not None:
                 return special(self, function, values)
             return self._call_method(function, values)
-        except BaseException as error:  # noqa: BLE001 - whatever a device raises is answered, SystemExit too
+        except BaseException as error:  # noqa: BLE001 - any exception of a device becomes a reply, SystemExit too
             return self._failed(function, error)
 
     def complete(self, pending: Pending, result: Any, *, told: bool = True) -> CallReply:
-        """Return the reply for a pending call whose work has given ``result``.
+        """Return the reply to a pending call whose work has returned ``result``.
 
         Args:
             pending: the call.
-            result: what its work has given.
-            told: False where the client was told meanwhile that it failed: an object that it made is let go, for the
-                client would never learn its handle.
+            result: the result of its work.
+            told: whether the client receives the reply. If False (after a time-out or a disconnection), an object that the
+                call has created is released, because the client would never receive its handle.
         """
         try:
             made = result.value if type(result) is ResultWithCode else result
@@ -247,7 +247,7 @@ class Session:
             return self._failed(pending.function, error)
 
     def fail(self, pending: Pending, error: BaseException) -> CallReply:
-        """Return the reply for a pending call whose work has raised ``error``."""
+        """Return the reply to a pending call whose work has raised ``error``."""
         return self._failed(pending.function, error)
 
     def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
@@ -260,16 +260,16 @@ class Session:
             if existing is not None:
                 return existing
         if function.method in KEPT:
-            self._keep(entry, function.method, values[1])
+            self._count_stored(entry, function.method, values[1])
         with entry.guard:
             result = getattr(entry.served, function.method)(*values[1:])
         return self._outcome(function, handle, label, result)
 
-    def _keep(self, entry: _Entry, method: str, value: Variant) -> None:
-        """Count what an object is to keep, instead of what it has kept until now.
+    def _count_stored(self, entry: _Entry, method: str, value: Variant) -> None:
+        """Count a value to be stored with an object, instead of the previous one.
 
         Raises:
-            CallError: E_TOO_MUCH_DATA, E_OUTOFMEMORY.
+            CallError: E_TOO_MUCH_DATA if the value is too large, E_OUTOFMEMORY if the client's limit would be exceeded.
         """
         size = size_to_keep(value)
         self._kept.change(size - entry.kept.get(method, 0))
@@ -288,19 +288,19 @@ class Session:
         """Return the object that a function is called on.
 
         Raises:
-            CallError: E_HANDLE, there is none.
+            CallError: E_HANDLE if there is no such object.
         """
         entry = self._entries.get(handle + self._spaces[function.interface] if self._spaces else handle)
         if entry is None or entry.interface != function.interface:
-            raise error_for(hresult.E_HANDLE, self._which(handle, entry, function))
+            raise error_for(hresult.E_HANDLE, self._handle_error(handle, entry, function))
         return entry
 
-    def _says_nothing(self, function: Function[..., Any]) -> bool:
-        """Whether a function without a result is answered without an argument, where others have VT_EMPTY."""
+    def _omits_result(self, function: Function[..., Any]) -> bool:
+        """Return True if the reply of a function without a result has no argument, instead of VT_EMPTY."""
         return function.method == "execute" and not self.host.dialect.empty_result
 
     def _existing(self, interface: str, parent: int, label: str, option: str) -> CallReply | None:
-        """The object of that name if the client has it and says @IfNotMember; else there must be room for one more."""
+        """Return the existing object of that name if @IfNotMember is given; otherwise check the limit on objects."""
         if label and Options(option).flag("@IfNotMember"):
             found = self._named(interface, parent, label)
             if found is not None:
@@ -323,13 +323,13 @@ class Session:
             code, result = hresult.unsigned(result.code), result.value
         if function.creates:
             result = self._add(function.creates, result, parent, label, provider) & _ON_WIRE
-        if function.result is None or (result is None and self._says_nothing(function)):
+        if function.result is None or (result is None and self._omits_result(function)):
             return CallReply(code)
         try:
             return CallReply(
                 code, variant(result) if function.result is VarType.VARIANT else Variant(function.result, result)
             )
-        except InvalidValue as error:  # the device's fault, not the client's
+        except InvalidValue as error:  # an error of the device, not of the client
             kind = type(result).__name__
             raise TypeError(
                 tr("{name} cannot return {kind}: {error}", name=function.name, kind=kind, error=error)
@@ -337,29 +337,29 @@ class Session:
 
     def _failed(self, function: Function[..., Any], error: BaseException) -> CallReply:
         if isinstance(error, CallError) and hresult.failed(error.code):
-            # only the code goes over the wire: what the device has to say beside it is told here
+            # b-CAP transmits only the code; the detail is logged here
             level = logging.INFO if error.detail else logging.DEBUG
             if logger.isEnabledFor(level):
-                told = printable(str(error), _MOST_TOLD)
-                logger.log(level, "%s: %s", function.name, told, extra={"kind": function.name})
+                message = printable(str(error), _MAX_DESCRIPTION)
+                logger.log(level, "%s: %s", function.name, message, extra={"kind": function.name})
             return self._failure(error.code, error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error, extra={"kind": function.name})
-        return self._failure(hresult.E_FAIL, cut("".join(format_exception_only(error)).strip(), _MOST_TOLD))
+        return self._failure(hresult.E_FAIL, cut("".join(format_exception_only(error)).strip(), _MAX_DESCRIPTION))
 
     def _failure(self, code: int, detail: str) -> CallReply:
-        """Return the reply for a call that failed, and remember of what."""
+        """Return the reply to a failed call, and store its description."""
         self._reasons.pop(code, None)
         self._reasons[code] = detail
-        if len(self._reasons) > _REASONS:
+        if len(self._reasons) > _MAX_DESCRIPTIONS:
             del self._reasons[next(iter(self._reasons))]
         return CallReply(code, detail=detail)
 
     @staticmethod
-    def _which(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
+    def _handle_error(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
         if entry is None:
-            return tr("handle {handle} is not in use", handle=handle)
+            return tr("handle {handle} does not exist", handle=handle)
         return tr(
-            "handle {handle} is a {interface}, {name} needs a {wanted}",
+            "handle {handle} is a {interface}, {name} requires a {wanted}",
             handle=handle,
             interface=entry.interface,
             name=function.name,
@@ -369,17 +369,17 @@ class Session:
     # --- motion -------------------------------------------------------------------------------------------------
 
     def is_moving(self) -> bool:
-        """Whether something moves because of what the client has told it; yes where the device cannot tell."""
+        """Return True if a motion of the client is in progress, or if that is unknown because of an exception."""
         return any(self._moves(entry) for entry in self._controllers())
 
     def stop_moving(self) -> None:
-        """Bring to rest what the client moves; it keeps its objects."""
+        """Stop the motions of the client; its objects are kept."""
         for entry in self._controllers():
             try:
                 with entry.guard:
                     cast("ControllerObject", entry.served).stop_moving()
             except Exception:
-                logger.exception("%s: stopping what a silent client moves", entry.label)
+                logger.exception("%s: error while stopping the motions of a silent client", entry.label)
 
     def _controllers(self) -> list[_Entry]:
         return [entry for entry in self._entries.values() if entry.interface == "Controller"]
@@ -390,7 +390,7 @@ class Session:
             with entry.guard:
                 return bool(cast("ControllerObject", entry.served).is_moving())
         except Exception:
-            logger.exception("%s: asking whether anything moves", entry.label)
+            logger.exception("%s: error while querying motions", entry.label)
             return True
 
     # --- objects ------------------------------------------------------------------------------------------------
@@ -399,19 +399,19 @@ class Session:
         if len(self._entries) >= self.host.objects:
             raise error_for(
                 hresult.E_MAX_OBJECT,
-                tr("{most} objects per client", most=self.host.objects),
+                tr("the limit is {most} objects per client", most=self.host.objects),
             )
 
     def _add(self, interface: str, served: object, parent: int, label: str, provider: Provider | None) -> int:
         if not isinstance(served, CaoObject):
             kind = type(served).__name__
-            raise TypeError(tr("the device gave {kind} for a {interface}", kind=kind, interface=interface))
-        if self._closed or (parent and parent not in self._entries):  # the client left while the device was at work
+            raise TypeError(tr("the device returned {kind} instead of a {interface}", kind=kind, interface=interface))
+        if self._closed or (parent and parent not in self._entries):  # the client disconnected during the call
             served.release()
             raise error_for(hresult.E_ABORT, label)
         if self._spaces:
             handle = self._spaces[interface] + self.host.providers[0].handle_of(interface, label)
-            if handle in self._entries:  # it has it already
+            if handle in self._entries:  # the client already has this object
                 served.release()
                 return handle
         else:
@@ -421,31 +421,31 @@ class Session:
         return handle
 
     def _remove(self, handle: int) -> None:
-        """Release an object and all below it, newest first; what is below an object is always newer."""
+        """Release an object and all objects below it, newest first; objects below another are always newer."""
         doomed = {handle}
         doomed.update(entry.handle for entry in self._entries.values() if entry.parent in doomed)
         for each in [each for each in reversed(self._entries) if each in doomed]:
-            self._let_go(each)
+            self._release_one(each)
 
-    def _let_go(self, handle: int) -> None:
+    def _release_one(self, handle: int) -> None:
         entry = self._entries.pop(handle)
         self._kept.change(-sum(entry.kept.values()))
         try:
             with entry.guard:
                 entry.served.release()
         except BaseException:
-            logger.exception("release of %s %s", entry.interface, quoted(entry.label))
+            logger.exception("error while releasing %s %s", entry.interface, quoted(entry.label))
 
     def close(self) -> None:
-        """Release everything, newest first, for good: the client has gone."""
+        """Release all objects, newest first, and create no more: the client has disconnected."""
         self._closed = True
         self._release_all()
 
     def _release_all(self) -> None:
         while self._entries:
-            self._let_go(next(reversed(self._entries)))
+            self._release_one(next(reversed(self._entries)))
 
-    # --- functions that are about the session itself ------------------------------------------------------------
+    # --- functions of the session itself ------------------------------------------------------------
 
     def _service_start(self, _function: Function[..., Any], _values: list[Any]) -> CallReply:
         return CallReply()

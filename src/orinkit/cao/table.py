@@ -1,4 +1,4 @@
-"""What an entry of THE TABLE is made of: functions, their arguments, and the types that they are written with."""
+"""Elements of the function table: functions, arguments, and the annotations for their types."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 Handle = Annotated[int, VarType.I4, "handle"]
-"""The number of an object in one connection; VT_I4, positive."""
+"""Handle of an object on one connection; VT_I4, positive."""
 I4 = Annotated[int, VarType.I4]
 R4 = Annotated[float, VarType.R4]
 Bstr = Annotated[str, VarType.BSTR]
@@ -22,9 +22,9 @@ INTERFACES: Final = ("Service", "Controller", "Extension", "File", "Robot", "Tas
 
 
 LONGEST_NAME: Final = 1024
-"""Characters that a name, or any other text that is an argument by itself, may have."""
+"""Limit on the characters of a name, or of any other text argument."""
 LONGEST_OPTION: Final = 4096
-"""Characters that an option string may have."""
+"""Limit on the characters of an option string."""
 
 
 class Argument(NamedTuple):
@@ -32,10 +32,10 @@ class Argument(NamedTuple):
 
     Attributes:
         name: Python name.
-        vt: VARIANT type on the wire; ``VarType.VARIANT`` where any type may be sent.
-        is_handle: True for the number of an object.
-        optional: True where the other side may leave it out.
-        default: what it is then; ``None`` for one that is not sent at all.
+        vt: VARIANT type in the packet; ``VarType.VARIANT`` if any type may be sent.
+        is_handle: True for a handle.
+        optional: True if the client may omit it.
+        default: value of an omitted argument; ``None`` if it is not sent at all.
     """
 
     name: str
@@ -46,33 +46,33 @@ class Argument(NamedTuple):
 
     @property
     def longest(self) -> int:
-        """Characters that a text may have: of a name 1,024, of an option string 4,096."""
+        """Limit on the characters of a text: 1,024 for a name, 4,096 for an option string."""
         return LONGEST_OPTION if self.name == "option" else LONGEST_NAME
 
     @property
     def unsent(self) -> bool:
-        """True for an argument that is left out of the packet when it is not given."""
+        """True for an argument that is omitted from the packet if it is not given."""
         return self.optional and self.default is None and self.vt is not VarType.VARIANT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Function(Generic[P, R]):
-    """One entry of the table; ``P`` are the types of its arguments, ``R`` is that of its result.
+    """An entry of the table; ``P`` are the types of the arguments, ``R`` is the type of the result.
 
     Attributes:
         id: function id, 1 to 137.
-        name: the documents' spelling, ``Robot_Move``.
-        cao: CAO interface name (RC8 appendix A), ``""`` where the appendix has none.
-        section: where the documents describe it.
-        arguments: in order.
+        name: name in the documents, ``Robot_Move``.
+        cao: CAO interface name (RC8 appendix A), ``""`` if the appendix has none.
+        section: section of the documents.
+        arguments: the arguments, in order.
         result: VARIANT type of the result, ``VarType.VARIANT`` for any, ``None`` for no result.
-        creates: interface of the object whose handle is returned, else ``""``.
-        released_by: name of the function that releases that handle, else ``""``.
-        releases: True where the function releases its own handle.
-        en, ja: one line of text.
+        creates: interface of the object whose handle is returned, otherwise ``""``.
+        released_by: name of the function that releases that handle, otherwise ``""``.
+        releases: True if the function releases the object that it is called on.
+        en, ja: description in one line.
         interface: ``Robot`` for ``Robot_Move``.
-        method: name of the provider's method that serves the function: ``move`` for ``Robot_Move``.
-        required: how many arguments must be present.
+        method: name of the provider's method that implements the function: ``move`` for ``Robot_Move``.
+        required: number of required arguments.
     """
 
     id: int
@@ -92,14 +92,14 @@ class Function(Generic[P, R]):
 
     @property
     def text(self) -> str:
-        """The line of text in the language in force."""
+        """The description in the current language."""
         return choose(self.en, self.ja)
 
     def bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, ...]:
-        """Return the arguments to send, in order, defaults filled in.
+        """Return the arguments to send, in order, with defaults filled in.
 
         Raises:
-            TypeError: too many, too few, or one that the function does not have.
+            TypeError: If there are too many or too few arguments, or an unknown one.
         """
         if not named and len(arguments) == len(self.arguments):
             left_out = bool(arguments) and arguments[-1] is None and self.arguments[-1].unsent
@@ -107,7 +107,7 @@ class Function(Generic[P, R]):
         if len(arguments) > len(self.arguments):
             raise TypeError(
                 tr(
-                    "{name} takes {count} arguments, {given} were given",
+                    "{name} takes {count} arguments, got {given}",
                     name=self.name,
                     count=len(self.arguments),
                     given=len(arguments),
@@ -117,7 +117,7 @@ class Function(Generic[P, R]):
         left = dict(named)
         for argument in self.arguments[len(arguments) :]:
             if argument.name not in left and not argument.optional:
-                raise TypeError(tr("{name} needs the argument {argument!r}", name=self.name, argument=argument.name))
+                raise TypeError(tr("{name} requires the argument {argument!r}", name=self.name, argument=argument.name))
             value = left.pop(argument.name, argument.default)
             if value is None and argument.unsent:
                 break
@@ -125,7 +125,7 @@ class Function(Generic[P, R]):
         if left:
             raise TypeError(
                 tr(
-                    "{name} has no argument {argument!r}, or it was given twice",
+                    "{name} got an unknown or repeated argument {argument!r}",
                     name=self.name,
                     argument=next(iter(left)),
                 )
@@ -133,22 +133,22 @@ class Function(Generic[P, R]):
         return tuple(bound)
 
     def where(self, number: int) -> str:
-        """Return how an error about an argument begins: function, number and name, then a colon and a blank.
+        """Return the beginning of an error message about an argument: function, number and name, then ``": "``.
 
         Args:
-            number: of the argument, the first one is 1.
+            number: number of the argument; the first one is 1.
         """
         name = self.arguments[number - 1].name
         return tr("{name}, argument {number} ({argument}): ", name=self.name, number=number, argument=name)
 
 
 def snake_case(name: str) -> str:
-    """Return a document name in Python's spelling: ``GetDateCreated`` -> ``get_date_created``, ``GetID`` -> ``get_id``."""
+    """Return the Python name for a name of the documents: ``GetDateCreated`` -> ``get_date_created``, ``GetID`` -> ``get_id``."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
 
 
 ENTRIES: Final[dict[int, Function[..., Any]]] = {}
-"""What has been entered so far, by id; read it as :data:`orinkit.cao.functions.FUNCTIONS`."""
+"""The entries so far, by id; use :data:`orinkit.cao.functions.FUNCTIONS` to read them."""
 
 
 def function(
@@ -163,7 +163,7 @@ def function(
     released_by: str = "",
     releases: bool = False,
 ) -> Callable[[Callable[P, R]], Function[P, R]]:
-    """Enter a signature into the table."""
+    """Return a decorator that adds a signature to the table."""
 
     def enter(signature: Callable[P, R]) -> Function[P, R]:
         arguments, result = _read_signature(signature)
@@ -196,8 +196,8 @@ def _read_signature(signature: Callable[..., Any]) -> tuple[tuple[Argument, ...]
 def _type_of(hint: Any) -> VarType:
     if hint is Value:
         return VarType.VARIANT
-    for part in (hint, *getattr(hint, "__args__", ())):  # "Bstr | None" has its parts in __args__
+    for part in (hint, *getattr(hint, "__args__", ())):  # the parts of "Bstr | None" are in __args__
         for mark in getattr(part, "__metadata__", ()):
             if isinstance(mark, VarType):
                 return mark
-    raise TypeError(f"{hint!r} is no argument type of the table")
+    raise TypeError(f"{hint!r} is not an argument type of the table")

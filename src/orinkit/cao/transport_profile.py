@@ -1,4 +1,4 @@
-"""How calls travel, as far as it matters to the objects of a client, whatever the protocol is."""
+"""Transport profiles: the properties of a transport that matter to clients, independent of the protocol."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from orinkit.values.codec import DEFAULT_LIMITS
 
 @dataclass(frozen=True, slots=True)
 class TransportProfile:
-    """One way for calls to travel.
+    """Properties of a transport.
 
     Attributes:
         name: ``"tcp"``, ``"udp"``, ``"serial"`` or ``"http"``.
-        lossy: packets may be lost.
-        shared: one client follows the other on the same line, and the end of one can only be told by the other's beginning.
-        memory: seconds of silence after which a controller forgets a client; 0 where a connection tells of its end.
-        watched: a client asks for S_EXECUTING (``WDT=``) to know that the controller is at work; elsewhere the answer to a
-            repeated request, or the connection itself, tells.
-        packet: longest packet in bytes. UDP: 488 bytes and what is around them (RC8 table 5-1).
-        timeout: seconds that a client waits for the answer, to each try where there are several.
+        lossy: whether packets may be lost.
+        shared: whether clients succeed one another on the same line; only the beginning of the next shows the end of one.
+        memory: seconds of silence after which a controller ends a session; 0 if it detects the end of the connection.
+        watched: whether a client requests S_EXECUTING (``WDT=``) to monitor a long-running call; otherwise the reply to a
+            repeated request, or the connection itself, shows that the call is executing.
+        packet: limit on a packet, bytes. UDP: 488 bytes plus header and EOT (RC8 table 5-1).
+        timeout: seconds that a client waits for a reply to each attempt.
     """
 
     name: str
