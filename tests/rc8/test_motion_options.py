@@ -1,4 +1,4 @@
-"""Options of motions: as documents and clients write them, and what is refused with which code."""
+"""Motion options: as written in documents and by clients, and the codes of invalid ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether something moves because of a client: which calls begin that, and what a session asks its devices."""
+"""Motions begun by a client: classification of calls, and the query of a session to its devices."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_which_calls_leave_an_arm_moving(function: Any, arguments: Any, answer: 
 
 
 class Axis(ControllerObject):
-    """Something that moves, or fails."""
+    """A device that moves, or fails."""
 
     moves = True
     fails = False
@@ -89,7 +89,7 @@ def test_a_session_asks_its_controllers(caplog: pytest.LogCaptureFixture) -> Non
     assert not session.is_moving()
     axis.fails = True
     with caplog.at_level(logging.CRITICAL, "orinkit"):
-        assert session.is_moving()  # who does not know is to be stopped
+        assert session.is_moving()  # unknown counts as moving, so that it is stopped
         session.stop_moving()
     assert axis.stopped == 2
 

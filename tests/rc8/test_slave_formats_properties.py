@@ -1,4 +1,4 @@
-"""Slave mode's parameters and answers: what one side builds the other reads, and nothing that comes instead is a crash."""
+"""Parameters and results of slave mode: both sides agree, and invalid input never crashes."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_an_answer_arrives_as_it_was_given(given_answer):
 
 
 def pose_like(element):
-    """Arrays of about the length of a pose, of one type or of VARIANTs."""
+    """Return arrays of about the length of a pose, of one type or of VARIANTs."""
     typed = st.sampled_from([VarType.R8, VarType.R4]).flatmap(
         lambda vt: st.lists(st.floats(width=32), max_size=14).map(lambda numbers: Variant(vt | 0x2000, numbers))
     )
@@ -103,7 +103,7 @@ def pose_like(element):
 
 
 def outcome(kind, function, *arguments):
-    """What a function returns, or the exception of a kind that it raises."""
+    """Return the result of a function, or the expected exception that it raises."""
     try:
         return function(*arguments)
     except kind as error:

@@ -1,4 +1,4 @@
-"""slvGetLateness: how virtual controllers tell of late set-points."""
+"""slvGetLateness: how virtual controllers report late set-points."""
 
 from __future__ import annotations
 

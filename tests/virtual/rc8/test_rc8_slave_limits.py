@@ -1,4 +1,4 @@
-"""Slave mode of the virtual RC8: limits of velocity and acceleration, and poses at which the arm cannot be."""
+"""Slave mode of the virtual RC8: limits of velocity and acceleration, and poses that the arm cannot reach."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def along(axis: int, value: float) -> tuple[float, ...]:
 
 # --- what is compared -------------------------------------------------------------------------------------------------
 
-# setting: parts of the model's velocity and acceleration at external speed 40 %, acceleration 30 %
+# setting: fractions of the model's velocity and acceleration at external speed 40 %, acceleration 30 %
 PARTS = {0: (SERVO_LIMIT, SERVO_LIMIT), 1: (SERVO_LIMIT * 0.4, SERVO_LIMIT * 0.3), 2: (1.0, 1.0), 3: (0.4, 0.3)}
 
 
 def limits(setting: int) -> SlaveLimits:
     speeds = Speeds()
     made = SlaveLimits(VS050, Switches(slave_limit=SlaveLimit(setting)), speeds)
-    speeds.set_external(40.0, 30.0, 20.0)  # afterwards: they count at every moment
+    speeds.set_external(40.0, 30.0, 20.0)  # set afterwards: they apply at any time
     return made
 
 
@@ -96,7 +96,7 @@ def test_a_late_server_is_lenient():
 
 @pytest.mark.parametrize("bad", [float("nan"), 1e308, -1e308])
 def test_numbers_that_are_none_pass_no_limit_unseen(bad):
-    """They cannot come here: slvMove and the soft limits refuse them before; it must not raise all the same."""
+    """slvMove and the soft limits refuse these values before; nevertheless they must not raise here."""
     fault = limits(0).fault(ZERO, ZERO, along(3, bad), lenient=False)
     assert fault is None or fault.code == hresult.SENT_SPEED_OVER_AXIS1 + 3
 
@@ -136,7 +136,7 @@ def test_a_command_that_is_too_abrupt_is_not_carried_out(cell, mode):
     poses = list(straight(1.0, 25))
     cell.stream(poses)
     last = len(cell.commands) - 1
-    cell.send(poses[-1])  # to stand at once
+    cell.send(poses[-1])  # stop within one cycle
     cell.cycle()
     assert cell.error == hresult.COMMAND_ACCELERATION_OVER_AXIS1
     assert cell.commands[-1] != poses[-1]
@@ -207,7 +207,7 @@ def test_the_pendant_has_the_setting(cell):
 
 
 def test_the_setting_counts_at_once(cell):
-    """In slave mode, too."""
+    """Also in slave mode."""
     cell.on(J0)
     most = VS050.axes[0].acceleration * PERIOD**2
     cell.stream([(most * 1.1, *HOME[1:])])
@@ -315,14 +315,14 @@ def test_such_a_pose_brings_a_moving_arm_to_rest(cell, mode):
 
 
 def test_a_low_error_ends_it_and_leaves_the_motor_on(cell):
-    """FIGURE_INVALID is of level 1."""
+    """FIGURE_INVALID has level 1."""
     cell.on(P0)
     assert cell.code_of(lambda: cell.send(PLACES["figure not there"][1])) == hresult.FIGURE_INVALID
     assert (cell.mode, cell.arm.motor.on) == (0, True)
 
 
 def test_a_brake_may_run_over_a_soft_limit(cell):
-    """Stopping before it would need more acceleration than the axis has."""
+    """Stopping before it would require more acceleration than the axis has."""
     cell.stand(150, 45, 90, 0, 45, 0)
     cell.commands = [cell.arm.queue.joints]
     cell.on(J0)

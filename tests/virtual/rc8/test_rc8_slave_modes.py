@@ -1,4 +1,4 @@
-"""Slave mode of the virtual RC8: its modes and buffers, who may do what in it, what is sent and answered."""
+"""Slave mode of the virtual RC8: modes and buffers, access, sent and received fields."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cell() -> Iterator[SlaveCell]:
 
 
 def step(number: int) -> tuple[float, ...]:
-    """A set-point a bit farther than the one before; none of them needs much acceleration."""
+    """Return a set-point slightly farther than the previous one, with small accelerations."""
     return (0.001 * number, *HOME[1:])
 
 
@@ -44,7 +44,7 @@ def test_every_mode_is_turned_on_and_off(cell, number):
     assert cell.robot.execute("slvGetMode", variant(None)) == number
     assert cell.execute("slvChangeMode", 0) is None
     assert cell.mode == 0
-    assert cell.execute("slvChangeMode", 0) is None  # off already
+    assert cell.execute("slvChangeMode", 0) is None  # already off
 
 
 @pytest.mark.parametrize("parameter", ["514", " 2 ", [1], 1.0, Variant(VarType.I2, 258), Variant(VarType.UI4, 3)])
@@ -75,7 +75,7 @@ def test_without_the_licence_there_is_no_slave_mode():
 
 
 def test_the_arm_must_stand(cell):
-    """A motion that has been answered is over; one that runs is not."""
+    """A motion whose call has returned is complete; a running one is not."""
     running = cell.move(pose="@0 J(10, 45, 90, 0, 45, 0)")
     cell.cycle(5)
     assert cell.code_of(lambda: cell.on()) == hresult.ROBOT_MOVING
@@ -85,7 +85,7 @@ def test_the_arm_must_stand(cell):
 
 
 def test_the_arm_that_is_locked_comes_to_stand_too():
-    """Its encoders do not keep the cycle going."""
+    """Its encoders do not keep the cycle running."""
     cell = SlaveCell(motor=False)
     cell.rc8.pendant.machine_lock()
     cell.execute("Motor", [1, 0])
@@ -226,7 +226,7 @@ def test_mode_0_takes_three_and_says_when_it_is_full(cell):
     assert (cell.error, cell.mode) == (0, J0)
     cell.cycle()
     assert cell.arm.queue.joints == step(1)
-    assert code(cell.send(step(4))) == hresult.S_BUF_FULL  # the one that was refused was not queued
+    assert code(cell.send(step(4))) == hresult.S_BUF_FULL  # the refused one was not queued
     cell.cycle(3)
     assert cell.commands[-3:] == [step(2), step(3), step(4)]
 
@@ -271,7 +271,7 @@ def test_an_empty_buffer_while_moving_is_an_error(cell, mode, after):
     assert cell.mode == 0
     cell.rest()
     cell.check_brake(last)
-    assert not cell.arm.motor.on  # it is of level 4
+    assert not cell.arm.motor.on  # the error has level 4
     assert cell.code_of(lambda: cell.send(HOME)) == hresult.SLAVE_MODE_OFF
 
 
@@ -314,7 +314,7 @@ def test_mode_1_that_stays_may_exceed_the_acceleration(cell):
 def test_mode_2_answers_when_there_is_room(cell):
     cell.on(J2)
     for number in (1, 2, 3):
-        assert code(cell.send(step(number))) == 0  # at once, and no S_BUF_FULL
+        assert code(cell.send(step(number))) == 0  # at once, without S_BUF_FULL
     held = cell.send(step(4))
     assert isinstance(held, Deferred)
     assert not held.done()
@@ -469,7 +469,7 @@ EXTRA = 0x400000
 
 @pytest.fixture
 def eight() -> Iterator[SlaveCell]:
-    """An arm with two extra axes, the eighth a linear one."""
+    """An arm with two extended joints, the eighth a linear one."""
     base = load_model("VS-050")
     axes = (*base.axes, AxisModel(-90, 90, 200, 1000), AxisModel(0, 500, 300, 1500, linear=True))
     made = SlaveCell(model=type(base)("X", "X", base.origins, axes, (*base.home, 1.0, 100.0)))
@@ -480,7 +480,7 @@ def eight() -> Iterator[SlaveCell]:
 @pytest.mark.parametrize(
     ("pose", "ends"),
     [
-        ([*HOME, 1.05, 100.05], (1.0, 100.0)),  # without the option they stay (RC8 4.4)
+        ([*HOME, 1.05, 100.05], (1.0, 100.0)),  # without the option they do not move (RC8 4.4)
         ([*HOME, 1.05, 100.05, EXTRA | 0x40], (1.05, 100.0)),
         ([*HOME, 1.05, 100.05, EXTRA | 0x80], (1.0, 100.05)),
         ([*HOME, 1.05, 100.05, EXTRA | 0xC0], (1.05, 100.05)),
@@ -491,7 +491,7 @@ def test_extra_axes_beside_joints(eight, pose, ends):
     eight.send(pose)
     eight.cycle()
     assert eight.arm.queue.joints == (*HOME, *ends)
-    assert value(eight.send(pose))[6:] == [1.0, 100.0]  # the encoders come later
+    assert value(eight.send(pose))[6:] == [1.0, 100.0]  # the encoders lag behind
 
 
 @pytest.mark.parametrize(
@@ -513,7 +513,7 @@ def test_extra_axes_beside_positions(eight, mode, option, ends):
 
 
 def test_a_set_point_begins_where_the_one_before_ends(eight):
-    """Not where the arm is: both are in the buffer."""
+    """Not the present position of the arm: both are in the buffer."""
     eight.on(J0)
     eight.send([*HOME, 1.05, 100.0, EXTRA | 0x40])
     eight.send(HOME)
@@ -639,7 +639,7 @@ def test_poses_are_those_of_the_encoders(cell, number, size):
 
 
 def test_formats_belong_to_a_client(cell):
-    """And they stay from one slave mode to the next."""
+    """The formats are kept from one slave mode to the next."""
     other = cell.connect().get_robot("", "")
     other.execute("slvRecvFormat", variant(1))
     cell.execute("slvRecvFormat", 0x11)
@@ -672,7 +672,7 @@ def test_what_is_no_format(cell, command, parameter):
     ],
 )
 def test_a_controller_with_fewer_points(points, command, number):
-    """The I/O of a format must be there (denso_robot_ros 47)."""
+    """The I/O of a format must exist (denso_robot_ros 47)."""
     for count, wanted in ((points, hresult.E_INVALIDARG), (points + 1, 0)):
         cell = SlaveCell(io_points=count)
         assert cell.code_of(lambda cell=cell: cell.execute(command, number)) == wanted
@@ -742,7 +742,7 @@ def test_the_cycle_sleeps_while_nothing_is_sent(cell):
 
 
 def test_points_that_do_not_change_are_not_written(tmp_path):
-    """Set-points come 125 times in a second, and the disk is slow."""
+    """125 set-points per second and a slow disk."""
     device = VirtualRC8(state=tmp_path)
     variables: VariableTable = device.state.variables
     saved = []
@@ -769,7 +769,7 @@ def test_outputs_are_kept_in_the_state_directory(tmp_path):
 
 
 def test_several_held_answers_come_in_their_order(cell):
-    """Command objects may call several at a time."""
+    """Command objects may execute several calls at a time."""
     cell.on(J2)
     for number in range(1, 4):
         cell.send(step(number))

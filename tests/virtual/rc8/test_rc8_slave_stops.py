@@ -1,4 +1,4 @@
-"""What ends slave mode from outside: the arm brakes within its limits, who waits is told, the state is as documented."""
+"""Slave mode stopped from outside: the arm brakes within its limits, waiting calls fail, the state is documented."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _disconnect(cell: SlaveCell) -> None:
 
 
 def _disconnect_controller(cell: SlaveCell) -> None:
-    """Its robot object is not released, the client has gone without it."""
+    """The client disconnects without releasing its robot object."""
     cell.controller.release()
 
 
@@ -78,11 +78,11 @@ def _error(level: int) -> Callable[[SlaveCell], None]:
 
 
 def _program(cell: SlaveCell) -> None:
-    """A program of somebody else goes wrong."""
+    """A program of another operator fails."""
     cell.rc8.pendant.raise_error(0x83500002)
 
 
-# what ends it: (how, what a held call is answered with, whether the motor goes off)
+# the stop: (function, code of a waiting call, whether the motor goes off)
 ENDS: dict[str, tuple[Callable[[SlaveCell], None], int, bool]] = {
     "halt": (_halt, hresult.STOPPED_DURING_PC_MOTION, False),
     "robot released": (_release, hresult.STOPPED_DURING_PC_MOTION, False),
@@ -153,7 +153,7 @@ def test_what_is_held_is_answered_with_the_cause(cell, cause):
 def test_an_arm_that_stands_ends_it_too(cell, cause):
     end, _, motor_off = ENDS[cause]
     cell.on(J0)
-    cell.send(SINE[30])  # far away: it must not be carried out
+    cell.send(SINE[30])  # far away: it must not be executed
     end(cell)
     cell.cycle(10)
     assert set(cell.commands) == {HOME}
@@ -320,7 +320,7 @@ def test_closing_the_controller_breaks_every_promise(cell):
 
 
 def test_a_cancelled_command_object_ends_it(cell):
-    """Cancelling brings to rest what its client has begun."""
+    """Cancelling a call stops what its client has begun."""
     command = cell.controller.get_command("Robot.slvMove", "")
     cell.on(J2)
     cell.stream(SINE[:26])
@@ -341,7 +341,7 @@ def test_something_that_breaks_in_the_cycle_brings_the_arm_to_rest(cell, caplog)
     for pose in SINE[:26]:
         cell.send(pose, 0)
         cell.cycle()
-    cell.rc8.state.variables._save = None  # the disk is full, say
+    cell.rc8.state.variables._save = None  # for example, the disk is full
     cell.send(SINE[26], 1)
     with caplog.at_level("CRITICAL", "orinkit.rc8"):
         cell.cycle()
@@ -354,7 +354,7 @@ def test_something_that_breaks_in_the_cycle_brings_the_arm_to_rest(cell, caplog)
 
 
 def test_the_control_log_has_the_brake(cell):
-    """Commands, and encoders three cycles later, of the whole of it."""
+    """All commands, and the encoders three cycles later."""
     cell.execute("StartLog")
     cell.on(J0)
     cell.stream(SINE[:26])
@@ -406,7 +406,7 @@ def test_any_velocity_is_braked_straight_and_within_the_limits(parts):
     assert np.all(np.abs(bends) <= limits * (1 + 1e-6) + 1e-9)
     if any(abs(part) > 0.1 for part in parts):
         used = (np.abs(bends[:-2]) / limits).max(axis=1)
-        assert np.all(used > 0.999)  # no axis waits for nothing
+        assert np.all(used > 0.999)  # every axis uses its limit
         length = np.linalg.norm(np.array(commands[-1]))
         assert np.linalg.norm(np.cross(np.array(steps)[:3], np.array(commands[-1])[:3])) < 1e-9 * (1 + length) ** 2
 
@@ -447,7 +447,7 @@ def test_a_queue_does_not_mix_motions_and_commands():
     queue.follow((0.1, *HOME[1:]))
     with pytest.raises(ValueError, match="outside"):
         queue.add(MOTION)
-    queue.halt()  # before the step: it is not carried out
+    queue.halt()  # before the step: it is not executed
     queue.step()
     assert (queue.joints, queue.state) == (HOME, QueueState.IDLE)
     queue.add(MOTION)
@@ -471,7 +471,7 @@ def test_a_braking_queue_takes_no_motions():
 
 
 def test_outputs_that_cannot_be_kept_do_not_jolt_the_arm(cell, monkeypatch):
-    """The cycle goes on: that is an error of the controller, and the arm brakes from its velocity."""
+    """The cycle continues: the failure is an error of the controller, and the arm brakes from its velocity."""
     cell.execute("slvSendFormat", 0x200)
     cell.on(J2)
     poses = list(straight(1.0, 60))
@@ -496,7 +496,7 @@ def test_a_slow_clock_goes_on():
 
 
 def test_a_set_point_that_is_cancelled_is_not_carried_out(cell):
-    """Command objects may call several at a time; cancelling one of them is the end of slave mode."""
+    """Command objects may execute several calls at a time; cancelling one of them ends slave mode."""
     commands = []
     for angle in (0.0, 0.1, 0.3, 0.6, 0.9, 1.1):
         command = cell.controller.get_command("Robot.slvMove", "")

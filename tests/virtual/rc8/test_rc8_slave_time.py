@@ -1,6 +1,7 @@
-"""Slave mode of the virtual RC8 in a server that is late: nothing is held against the client that it could not help.
+"""Slave mode of the virtual RC8 in a server that is late: its delays are not blamed on the client.
 
-Time is strict here, so that each case shows: elastic time (``test_rc8_elastic_time.py``) would wait for the client anyway.
+Time is strict here, so that each case is visible; elastic time (``test_rc8_elastic_time.py``) would wait for the
+client.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def test_a_buffer_that_is_truly_empty_is_an_error(late):
     moving(late)
     pause = late.drive(PERIOD)
     assert (late.error, len(late.wire.asked)) == (0, 1)
-    assert pause == PERIOD  # the thread is not what it waits for
+    assert pause == PERIOD  # the wait is not for the thread
     late.hand.seconds += 0.0005
     late.read()
     assert (late.error, late.on) == (hresult.COMMAND_DELAY, False)
@@ -113,7 +114,7 @@ def test_it_is_asked_once_whoever_comes(late):
 
 
 def test_what_is_handled_during_the_look_is_taken(late):
-    """On time, but not yet read: the cycle goes on with it and the grid stays."""
+    """A set-point that arrived on time but was not read yet: the cycle continues with it and the grid stays."""
     moving(late)
     boundary = late.hand.seconds + late.due_in
     late.wire.arrived.append(lambda: late.call(NEXT))
@@ -133,12 +134,12 @@ def test_a_set_point_that_comes_before_the_look_is_over_is_taken_at_once(late):
     late.call(NEXT)
     late.drive()
     assert (late.arm.queue.joints, late.error) == (NEXT, 0)
-    late.read()  # an answer that nobody waits for any more
+    late.read()  # a reply to a call that has ended
     assert (late.arm.queue.joints, late.error) == (NEXT, 0)
 
 
 def test_a_client_that_could_not_be_answered_gets_a_period(late):
-    """50 ms after the last set-point nothing has arrived: its answer may have been late. But only once."""
+    """50 ms after the last set-point nothing has arrived: its reply may have been late. This is accepted only once."""
     moving(late)
     late.drive(STALL)
     late.read()
@@ -157,7 +158,7 @@ def test_a_client_that_could_not_be_answered_gets_a_period(late):
 
 
 def test_a_look_that_takes_long_is_the_servers_fault_too(late):
-    """The clock's thread was on time, the one that reads was not."""
+    """The clock's thread was on time, the reading thread was not."""
     moving(late)
     late.drive(PERIOD)
     late.drive(STALL)
@@ -177,7 +178,7 @@ def test_without_anybody_to_ask_it_is_decided_at_once():
 
 
 def test_a_look_may_be_over_at_once(late):
-    """Where nothing can be on its way: it calls back before it returns."""
+    """Without input in transit: it calls back before it returns."""
     moving(late)
     late.wire.look = None
     pace = late.cycles_.pace
@@ -200,7 +201,7 @@ def test_a_look_that_brings_it_at_once():
 
 
 def test_a_look_that_is_never_over_is_given_up(late):
-    """The loop was closed in the middle of it."""
+    """The loop was closed while the input was drained."""
     moving(late)
     late.hand.patience = 20.0
     late.drive(PERIOD)
@@ -289,7 +290,7 @@ def test_an_answer_to_a_question_that_is_no_more_is_none_to_the_next(late):
 
 
 def test_a_scaled_clock_is_the_same():
-    """Only how long a look may take is real time."""
+    """Only the duration of draining may depend on real time."""
     cell = moving(LateCell(scale=10.0))
     cell.hand.patience = 20.0
     cell.wire.arrived.append(lambda: cell.call(NEXT))
@@ -300,7 +301,7 @@ def test_a_scaled_clock_is_the_same():
     for _ in range(49):
         cell.drive(1.0)
     assert cell.error == 0
-    cell.drive(1.1)  # the look is given up, and the client gets a period
+    cell.drive(1.1)  # draining is given up, and the client gets a period
     cell.drive(2 * PERIOD)
     assert cell.error == hresult.COMMAND_DELAY
     cell.close()
@@ -310,7 +311,7 @@ def test_a_scaled_clock_is_the_same():
 
 
 def test_a_thousand_cycles_on_time_do_not_drift(late):
-    """Each is late by something less than a quarter of a period."""
+    """Each set-point is late by slightly less than a quarter of a period."""
     circle = sine(1001, (0,))
     late.call(circle[0])
     late.drive(PERIOD)
@@ -350,7 +351,7 @@ def test_time_never_goes_back(late):
 
 
 def test_a_clock_by_hand_leaves_nothing_out():
-    """Tests step it: several cycles at once are several cycles."""
+    """Steps by tests: several cycles at once count as several cycles."""
     cell = SlaveCell()
     cell.on(J0)
     for pose in POSES[:3]:
@@ -392,7 +393,7 @@ def bends(commands: Any) -> Any:
 
 @pytest.fixture
 def every_cycle(newest, monkeypatch) -> list[tuple[float, ...]]:
-    """The command of each cycle, also where several are run at once."""
+    """The command of each cycle, even if several are run at once."""
     seen: list[tuple[float, ...]] = []
     step = newest.arm.servo.step
     monkeypatch.setattr(newest.arm.servo, "step", lambda command: (seen.append(command), step(command))[1])
@@ -400,7 +401,7 @@ def every_cycle(newest, monkeypatch) -> list[tuple[float, ...]]:
 
 
 def test_set_points_that_were_overwritten_in_a_stall_are_bridged(newest, every_cycle):
-    """Six cycles late, and the client went on meanwhile: the newest set-point is six steps ahead."""
+    """Six cycles late while the client continued: the newest set-point is six steps ahead."""
     moving(newest)
     number, boundary = newest.cycles_.number, newest.hand.seconds + newest.due_in
     newest.wire.arrived.append(lambda: newest.call(POSES[MOVING + 5]))
@@ -427,7 +428,7 @@ def test_the_newest_set_point_is_waited_for_where_there_is_an_older_one(newest, 
 
 
 def test_a_client_that_could_not_send_meanwhile_goes_on_where_it_was(newest, every_cycle):
-    """It waited for its answer for 50 ms: the next set-point is one step ahead, and one cycle is run for it."""
+    """The client waited for its reply for 50 ms: the next set-point is one step ahead, and one cycle is run for it."""
     moving(newest)
     number = newest.cycles_.number
     newest.wire.arrived.append(lambda: newest.call(NEXT))
@@ -441,7 +442,7 @@ def test_a_client_that_could_not_send_meanwhile_goes_on_where_it_was(newest, eve
 
 
 def test_a_client_that_goes_by_the_clock_catches_up(newest, every_cycle):
-    """After the one that was late it sends where it should be by now; the cycles that were left out are made up for."""
+    """After a late set-point the client continues on schedule; the missed cycles are made up for."""
     moving(newest)
     number, began = newest.cycles_.number, newest.rc8.state.cycle_seconds
     newest.wire.arrived.append(lambda: newest.call(NEXT))
@@ -472,7 +473,7 @@ def test_time_that_is_owed_is_forgotten_after_a_second(newest):
 
 
 def test_nothing_new_is_holding_still(newest, every_cycle):
-    """As on time: it stays where it is, too abruptly for this speed."""
+    """As with set-points on time: it stays in place, too abruptly for this velocity."""
     moving(newest)
     newest.drive(STALL)
     newest.read()  # it gets a period
@@ -501,7 +502,7 @@ def test_a_slow_client_in_mode_1_is_looked_for_only_where_it_matters(newest):
 
 
 def test_the_limits_are_larger_for_a_while(newest):
-    """Twice as large for the cycles that were late and two more; then as ever."""
+    """Limits twice as large for the late cycles and two more; then as before."""
     moving(newest)
     newest.wire.arrived.append(lambda: newest.call(POSES[MOVING + 5]))
     newest.drive(6 * PERIOD)
@@ -520,7 +521,7 @@ def test_the_limits_are_larger_for_a_while(newest):
 @pytest.mark.parametrize("ahead", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize("most", [1, 2, 5, 8])
 def test_a_bridge_takes_the_cycles_that_it_needs(ahead, most):
-    """At even speed as many as the set-point is steps ahead."""
+    """At constant velocity, as many cycles as the set-point is steps ahead."""
     before, now = (0.0,) * 6, (1.0, -0.5, 0.0, 0.2, 0.0, 0.0)
     goal = tuple(q + ahead * q for q in now)
     way = gentlest(VS050, before, now, goal, most)
@@ -539,7 +540,7 @@ def test_a_bridge_from_rest_takes_all_the_time_there_is():
 
 
 class Heard(Provider):
-    """Keeps who is calling, and the names of variables that were asked for."""
+    """Records the callers and the requested variable names."""
 
     provider_names = ("*",)
 
@@ -561,7 +562,7 @@ class Heard(Provider):
 
 @pytest.mark.parametrize("ask_from_loop", [True, False])
 def test_a_look_over_tcp(ask_from_loop):
-    """What was in the socket when a look was asked for has been handled when it is over."""
+    """Input in the socket at the time of the request has been handled when draining ends."""
     provider = Heard()
 
     async def main() -> None:
@@ -576,7 +577,7 @@ def test_a_look_over_tcp(ask_from_loop):
                     seen.extend(provider.names)
                     over.set()
 
-                client.request(controller_get_variable_names.id, handle, str(turn))  # this thread is the loop's
+                client.request(controller_get_variable_names.id, handle, str(turn))  # this thread runs the loop
                 if ask_from_loop:
                     provider.client.drain_input(handled)
                 else:
@@ -603,7 +604,7 @@ def test_a_look_when_the_loop_is_closed():
 
 @pytest.mark.parametrize("mode", [J0, J2])
 def test_a_stream_over_tcp_survives_a_server_that_stands_still(mode):
-    """The controller is kept from doing anything for 50 ms, again and again, while set-points are streamed."""
+    """The controller is blocked for 50 ms repeatedly while set-points are streamed."""
     device = VirtualRC8(motor=True)
     stop = threading.Event()
 

@@ -1,6 +1,6 @@
 """The tables of section 4 of the RC8 document, row by row, against the virtual RC8 on a clock moved by hand.
 
-Written from the document; "reference" is what is known from real controllers. Where both are silent a test says so.
+Written from the document; "reference" is the known behaviour of real controllers. If both are silent, a test says so.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ S_OK, S_BUF_FULL, E_BUF_FULL = 0, 0x0F200501, 0x83201483
 E_INVALIDARG = 0x80070057
 COMMAND_DELAY, SLAVE_MODE_OFF, NOT_IN_SLAVE_MODE = 0x84201482, 0x83500121, 0x83501032
 ARM_NOT_TAKEN, MOTOR_NOT_ON, ROBOT_MOVING, ERROR_PRESENT = 0x83501024, 0x81501003, 0x8150100D, 0x81501025
-ACCELERATION_OVER, SPEED_OVER = 0x84204040, 0x84204050  # and the number of the axis
+ACCELERATION_OVER, SPEED_OVER = 0x84204040, 0x84204050  # plus the number of the axis
 
 I4, R8S, UI1S, VARIANTS = VarType.I4, VarType.R8 | ARRAY, VarType.UI1 | ARRAY, VarType.VARIANT | ARRAY
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
@@ -39,7 +39,7 @@ OFF = 0x000
 
 
 def j(turn: float = 0.0) -> list[float]:
-    """HOME with J1 somewhere else."""
+    """Return HOME with another J1."""
     return [turn, *HOME[1:], 0.0, 0.0]
 
 
@@ -59,10 +59,10 @@ POSES: dict[str, Callable[[float], list[float]]] = {"P": p, "J": j, "T": t}
 
 
 class SlaveCell(Cell):
-    """A cell whose client has the arm, and how slave mode is used from it."""
+    """A cell whose client has the arm, and its use of slave mode."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**{"strict_time": True, **options})  # as the document has it
+        super().__init__(**{"strict_time": True, **options})  # as in the document
         self.take()
 
     def on(self, mode: int = 0x002) -> SlaveCell:
@@ -78,7 +78,7 @@ class SlaveCell(Cell):
         return value
 
     def ask(self, parameter: Any) -> tuple[int, Any]:
-        """Send a set-point that is answered at once; returns the code, and the answer with its type."""
+        """Send a set-point that is replied to at once; return the code, and the result with its type."""
         try:
             result = self.robot.execute("slvMove", variant(parameter))
         except CallError as error:
@@ -90,7 +90,7 @@ class SlaveCell(Cell):
         return [self.ask(parameter)[0] for parameter in parameters]
 
     def feed(self, points: Sequence[Sequence[float]]) -> None:
-        """Send J set-points and let each be consumed; up to the first error."""
+        """Send J set-points and wait until each is consumed, up to the first error."""
         for point in points:
             if self.error:
                 return
@@ -103,16 +103,16 @@ class SlaveCell(Cell):
 
     @property
     def joints(self) -> tuple[float, ...]:
-        """Where the command is."""
+        """The command position."""
         return self.arm.queue.joints
 
     @property
     def error(self) -> int:
-        """The controller's error, 0 for none."""
+        """The controller's error, 0 if there is none."""
         return int(plain(self.controller.get_variable("@ERROR_CODE", "").get_value())) & 0xFFFF_FFFF
 
     def io(self, first: int, count: int = 8) -> int:
-        """I/O points as bits, the first one lowest."""
+        """Return I/O points as bits; the lowest bit is the first point."""
         points = [self.controller.get_variable(f"IO{first + bit}", "").get_value().plain for bit in range(count)]
         return sum(1 << bit for bit, point in enumerate(points) if point)
 
@@ -121,7 +121,7 @@ class SlaveCell(Cell):
             self.put(f"IO{first + bit}", bool(states >> bit & 1))
 
     def other(self) -> Any:
-        """A robot object of another client."""
+        """Return a robot object of another client."""
         return self.connect("192.168.0.8").get_robot("Arm", "")
 
 
@@ -134,7 +134,7 @@ def cell() -> Iterator[SlaveCell]:
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[SlaveCell]:
-    """One cell for many formats; slave mode is off before and after each."""
+    """One cell for many formats; slave mode is off before and after each test."""
     made = SlaveCell()
     yield made
     made.close()
@@ -214,7 +214,7 @@ FORMS: dict[str, Callable[[int], Variant]] = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_4_1_numbers_as_old_clients_send_them(cell: SlaveCell, form: str) -> None:
-    """Ruling: numbers of any type, as text, in an array of one; names in any case (reference 4.4)."""
+    """Ruling: numbers of any type, as a string, in an array of one; names in any case (reference 4.4)."""
     write = FORMS[form]
     cell.execute("SLVSENDFORMAT", write(0x0020))
     cell.execute("slvrecvformat", write(0x0011))
@@ -253,7 +253,7 @@ def test_4_1_send_format(cell: SlaveCell, number: int) -> None:
     "number", [0x0001, 0x0010, 0x0021, 0x0030, 0x0040, 0x0080, 0x0300, 0x0320, 0x0400, 0x0420, 0x10020, -1]
 )
 def test_4_1_there_is_no_other_send_format(cell: SlaveCell, number: int) -> None:
-    """MiniIO and general I/O exclude each other; the format in force stays."""
+    """MiniIO and general I/O exclude each other; the current format is kept."""
     cell.execute("slvSendFormat", 0x0020)
     assert cell.code_of(lambda: cell.robot.execute("slvSendFormat", variant(number))) == E_INVALIDARG
     cell.on()
@@ -264,20 +264,20 @@ def test_4_1_there_is_no_other_send_format(cell: SlaveCell, number: int) -> None
 
 POSE_PARTS = {0x0001: [p], 0x0002: [j], 0x0003: [t], 0x0004: [p, j], 0x0005: [t, j]}
 BESIDE = (0x0010, 0x0020, 0x0040, 0x0100, 0x0200)
-WINDOW = (160, 3)  # general I/O that is asked for: first point, bytes
+WINDOW = (160, 3)  # requested general I/O: first point, bytes
 WINDOW_STATES = bytes([0xA5, 0x00, 0x3C])
 SUBSETS = [sum(chosen) for count in range(6) for chosen in itertools.combinations(BESIDE, count)]
 
 
 def types_of(number: int) -> list[int]:
-    """The types of the elements of an answer, in the order of table 4-3."""
+    """Return the types of the elements of a result, in the order of table 4-3."""
     beside_pose = {0x0100: I4, 0x0200: UI1S, 0x0020: I4, 0x0040: R8S}  # MiniIO, general I/O, HandIO, current
     found: list[int] = [I4] if number & 0x0010 else []
     return [*found, R8S, *(kind for bit, kind in beside_pose.items() if number & bit)]
 
 
 def check_answer(answer: Variant, number: int) -> list[Any]:
-    """Check an answer's types, and its pose, which is that of HOME; returns the elements."""
+    """Check a result's types, and its pose, which is that of HOME; return the elements."""
     types = types_of(number)
     if types == [R8S]:
         assert answer.type == R8S
@@ -300,7 +300,7 @@ def check_answer(answer: Variant, number: int) -> list[Any]:
 @pytest.mark.parametrize("beside", SUBSETS, ids=hex)
 @pytest.mark.parametrize("pose", POSE_PARTS, ids=hex)
 def test_4_1_receive_format(shared: SlaveCell, pose: int, beside: int, unit: int) -> None:
-    """Every combination of a pose, and what can be beside it, and the unit of the timestamp."""
+    """Every combination of a pose, the fields beside it, and the unit of the timestamp."""
     cell, number = shared, pose | beside
     cell.set_io(WINDOW[0], int.from_bytes(WINDOW_STATES, "little"), 24)
     told = cell.robot.execute("slvRecvFormat", i4s(number, unit))
@@ -315,7 +315,7 @@ def test_4_1_receive_format(shared: SlaveCell, pose: int, beside: int, unit: int
 
 @pytest.mark.parametrize(("parameter", "per_cycle"), [([0x12, 0], 8), ([0x12, 1], 8000), ([0x12], 8)])
 def test_4_1_unit_of_the_timestamp(cell: SlaveCell, parameter: list[int], per_cycle: int) -> None:
-    """0: ms, 1: µs; ms if it is left out."""
+    """0: ms, 1: µs; ms if it is omitted."""
     cell.execute("slvRecvFormat", i4s(*parameter))
     cell.on()
     times = []
@@ -338,7 +338,7 @@ def test_4_1_there_is_no_other_receive_format(cell: SlaveCell, parameter: list[i
 # --- table 4-2: what slvMove takes -----------------------------------------------------------------------------------
 
 MINI, HAND = 0xA5C3, 0x5A
-SENT = (136, 2, bytes([0x0F, 0xF1]))  # general I/O that is sent: first point, bytes, states
+SENT = (136, 2, bytes([0x0F, 0xF1]))  # sent general I/O: first point, bytes, states
 SEND_ROWS = {
     "position": (0x0000, 0, []),
     "position, received general I/O": (0x0000, 1, [*WINDOW]),
@@ -358,7 +358,7 @@ SEND_ROWS = {
 @pytest.mark.parametrize("kind", ["P", "J", "T"])
 @pytest.mark.parametrize("row", SEND_ROWS)
 def test_4_2_parameter(cell: SlaveCell, row: str, kind: str) -> None:
-    """It is taken in the documented order, the outputs are set, and nothing else is."""
+    """The documented order is accepted, the outputs are set, and no others."""
     send, receives, beside = SEND_ROWS[row]
     cell.set_io(WINDOW[0], int.from_bytes(WINDOW_STATES, "little"), 24)
     cell.execute("slvSendFormat", send)
@@ -382,7 +382,7 @@ def test_4_2_parameter(cell: SlaveCell, row: str, kind: str) -> None:
 
 @pytest.mark.parametrize("row", [name for name, (_, _, beside) in SEND_ROWS.items() if beside])
 def test_4_2_another_number_of_parameters_is_refused(cell: SlaveCell, row: str) -> None:
-    """And nothing of it is carried out. The code is of nobody's document."""
+    """Nothing of it is executed. No document defines the code."""
     send, receives, beside = SEND_ROWS[row]
     cell.execute("slvSendFormat", send)
     cell.execute("slvRecvFormat", i4s(0x0202 if receives else 0x0002))
@@ -401,7 +401,7 @@ T, M, H, U, C = 0x0010, 0x0100, 0x0020, 0x0200, 0x0040  # timestamp, MiniIO, Han
 ANSWER_ROWS: list[tuple[int, list[int]]] = [
     (0, [R8S]),
     (M, [R8S, I4]),
-    (T, [I4, R8S]),  # the print has lost the second line
+    (T, [I4, R8S]),  # the second line is missing in print
     (T | M, [I4, R8S, I4]),
     (H, [R8S, I4]),
     (M | H, [R8S, I4, I4]),
@@ -428,7 +428,7 @@ ANSWER_ROWS: list[tuple[int, list[int]]] = [
 @pytest.mark.parametrize(("beside", "types"), ANSWER_ROWS, ids=[hex(row[0]) for row in ANSWER_ROWS])
 @pytest.mark.parametrize("pose", POSE_PARTS, ids=hex)
 def test_4_3_answer(cell: SlaveCell, pose: int, beside: int, types: list[int]) -> None:
-    """Each row for each pose: types and order, and whose value is where.
+    """Each row for each pose: types and order, and the source of each value.
 
     That inputs are the lowest bits of a state is the reading of this project: 0 to 15 of MiniIO, 48 to 55 of HandIO.
     """
@@ -455,7 +455,7 @@ def test_4_3_answer(cell: SlaveCell, pose: int, beside: int, types: list[int]) -
 
 
 def test_4_3_an_answer_is_of_joints_before_any_receive_format(cell: SlaveCell) -> None:
-    """4.6.3: J of eight, whatever was sent (ruling)."""
+    """4.6.3: J of eight numbers, whichever format was set for sending (ruling)."""
     for mode, pose in ((0x001, p), (0x002, j), (0x003, t)):
         cell.on(mode)
         answer = cell.ask(pose())[1]
@@ -469,7 +469,7 @@ def test_4_3_an_answer_is_of_joints_before_any_receive_format(cell: SlaveCell) -
 
 @pytest.mark.parametrize("kind", ["P", "J", "T"])
 def test_4_4_mode_0_answers_at_once_as_the_buffer_is(cell: SlaveCell, kind: str) -> None:
-    """4.3.1: room, full, overflow; what has overflown is not queued and is no error of the controller."""
+    """4.3.1: room, full, overflow; an overflowing set-point is not queued and is no error of the controller."""
     pose = POSES[kind]
     cell.on({"P": 0x001, "J": 0x002, "T": 0x003}[kind])
     turns = [STEP, 2 * STEP, 3 * STEP]
@@ -488,7 +488,7 @@ def test_4_4_mode_0_answers_at_once_as_the_buffer_is(cell: SlaveCell, kind: str)
 
 @pytest.mark.parametrize("kind", ["P", "J", "T"])
 def test_4_4_mode_1_has_one_set_point_that_is_overwritten(cell: SlaveCell, kind: str) -> None:
-    """4.3.2: what is carried out is what was sent last before."""
+    """4.3.2: the last set-point sent is executed."""
     pose = POSES[kind]
     cell.on({"P": 0x101, "J": 0x102, "T": 0x103}[kind])
     assert cell.codes(pose(90.0), pose(-90.0), pose(50.0), pose(45.0), pose(STEP)) == [S_OK] * 5
@@ -501,7 +501,7 @@ def test_4_4_mode_1_has_one_set_point_that_is_overwritten(cell: SlaveCell, kind:
 
 @pytest.mark.parametrize("kind", ["P", "J", "T"])
 def test_4_4_mode_2_answers_when_there_is_room(cell: SlaveCell, kind: str) -> None:
-    """4.3.3: three are answered at once, each one more when one has been taken; all are carried out in order."""
+    """4.3.3: three are replied to at once, each further one when one has been consumed; all are executed in order."""
     pose = POSES[kind]
     cell.on({"P": 0x201, "J": 0x202, "T": 0x203}[kind])
     turns = [STEP, 2 * STEP, 3 * STEP, 4 * STEP, 5 * STEP, 5 * STEP]
@@ -561,7 +561,7 @@ EXTRA_SIZES = {0x001: {9, 10}, 0x002: {9}, 0x003: {12, 13}}
 
 @pytest.fixture
 def rail(tmp_path: Path) -> Iterator[SlaveCell]:
-    """A cell whose arm has two extra axes, the seventh in degrees and the eighth in mm."""
+    """A cell whose arm has two extended joints, the seventh in deg and the eighth in mm."""
     file = tmp_path / "rail.toml"
     file.write_text(EIGHT_AXES, encoding="utf-8")
     made = SlaveCell(model=load_model(file))
@@ -572,7 +572,7 @@ def rail(tmp_path: Path) -> Iterator[SlaveCell]:
 @pytest.mark.parametrize("buffering", [0x000, 0x100, 0x200])
 @pytest.mark.parametrize("row", EXTRA_ROWS)
 def test_4_5_extra_axes(rail: SlaveCell, row: str, buffering: int) -> None:
-    """The axes that the option names move, in the cycle of the set-point; the other one stays."""
+    """The axes named by the option move in the cycle of the set-point; the other one stays."""
     mode, elements, seventh, eighth = EXTRA_ROWS[row]
     assert len(elements) in EXTRA_SIZES[mode]
     rail.on(mode | buffering)
@@ -588,7 +588,7 @@ def test_4_5_extra_axes(rail: SlaveCell, row: str, buffering: int) -> None:
 
 @pytest.mark.parametrize("mode", [0x001, 0x002, 0x003])
 def test_4_5_without_the_option_extra_axes_stay(rail: SlaveCell, mode: int) -> None:
-    """4.4: to control them the option is added."""
+    """4.4: to move them the option is added."""
     rail.on(mode)
     for _ in range(2):
         assert rail.ask(POSES[MODES[mode]](STEP))[0] == S_OK
@@ -643,7 +643,7 @@ def test_4_6_modes_0_and_2_moving(cell: SlaveCell, mode: int) -> None:
 @pytest.mark.parametrize("mode", [number for number in MODES if not number & 0x100])
 @pytest.mark.parametrize("turns", [[0.0], [SLOW, SLOW], [SLOW, 2 * SLOW, 2 * SLOW], [SLOW, 0.0, 0.0, 0.0]])
 def test_4_6_modes_0_and_2_standing(cell: SlaveCell, mode: int, turns: list[float]) -> None:
-    """No error, and slave mode stays on: the command stands where it has been twice. Then it goes on."""
+    """No error, and slave mode stays on: the command is the same twice. Then it continues."""
     cell.on(mode)
     cell.pass_cycles(20)
     for turn in turns:
@@ -661,9 +661,9 @@ def test_4_6_modes_0_and_2_standing(cell: SlaveCell, mode: int, turns: list[floa
     "joints", [HOME, (30.0, 20.0, 70.0, 10.0, 45.0, 15.0), (-80.0, 55.0, 65.0, -60.0, 80.0, 170.0)]
 )
 def test_4_6_a_set_point_where_the_robot_stands(cell: SlaveCell, mode: int, told: str, joints: Sequence[float]) -> None:
-    """What the controller itself says is where it stands: sent once, the robot stays, and that is no underflow.
+    """The position reported by the controller: sent once, the robot stays, and that is no underflow.
 
-    Rounding, of 1e-14 deg, is no motion: 4.5 speaks of the present velocity of the axes.
+    Rounding, of 1e-14 deg, is no motion: 4.5 refers to the present velocity of the axes.
     """
     cell.stand(*joints)
     pose = [float(value) for value in cell.execute(told)]
@@ -678,7 +678,7 @@ def test_4_6_a_set_point_where_the_robot_stands(cell: SlaveCell, mode: int, told
 
 @pytest.mark.parametrize("mode", [0x101, 0x102, 0x103])
 def test_4_6_mode_1_moving(cell: SlaveCell, mode: int) -> None:
-    """A command to stay where it is, no error, and slave mode stays on."""
+    """A command to stay in place, no error, and slave mode stays on."""
     cell.on(mode)
     for turn in (SLOW, 2 * SLOW):
         assert cell.codes(POSES[MODES[mode]](turn)) == [S_OK]
@@ -702,7 +702,7 @@ def test_4_6_mode_1_standing(cell: SlaveCell, mode: int) -> None:
 
 
 def fast(cell: SlaveCell) -> float:
-    """Have J1 go so fast that it cannot stop within a cycle; returns where it is."""
+    """Move J1 so fast that it cannot stop within a cycle; return its position."""
     turns = list(itertools.accumulate(STEP * number for number in range(1, 6)))
     cell.feed([j(turn) for turn in turns])
     assert cell.error == 0
@@ -710,7 +710,7 @@ def fast(cell: SlaveCell) -> float:
 
 
 def test_4_5_mode_1_stopping_fast(cell: SlaveCell) -> None:
-    """4.5: the command to stay is a sudden stop where the robot is not slow enough; slave mode is off (4.7)."""
+    """4.5: the command to stay is a sudden stop if the robot is not slow enough; slave mode is off (4.7)."""
     cell.on(0x102)
     fast(cell)
     cell.pass_cycles(1)
@@ -720,7 +720,7 @@ def test_4_5_mode_1_stopping_fast(cell: SlaveCell) -> None:
 
 @pytest.mark.parametrize("mode", [0x002, 0x202])
 def test_4_5_two_equal_commands_while_fast(cell: SlaveCell, mode: int) -> None:
-    """4.5: so is the same command twice."""
+    """4.5: the same command twice is one too."""
     cell.on(mode)
     turn = fast(cell)
     cell.feed([j(turn)])
@@ -742,7 +742,7 @@ def test_4_5_running_empty_while_fast(cell: SlaveCell, mode: int) -> None:
 
 @pytest.mark.parametrize("mode", [0x002, 0x102, 0x202])
 def test_4_6_1_the_first_set_point_is_where_the_robot_stands(cell: SlaveCell, mode: int) -> None:
-    """One that is far away is too fast; which of the two errors comes first is not said."""
+    """A set-point that is far away is too fast; the document does not define which of the two errors comes first."""
     cell.on(mode)
     assert cell.codes(j(20.0)) == [S_OK]
     cell.pass_cycles(1)
@@ -753,7 +753,7 @@ def test_4_6_1_the_first_set_point_is_where_the_robot_stands(cell: SlaveCell, mo
 
 @pytest.mark.parametrize("mode", [0x002, 0x202])
 def test_4_6_2_what_is_in_the_buffer_is_carried_out_before_the_end(cell: SlaveCell, mode: int) -> None:
-    """slvChangeMode 0 is answered when the buffer is empty, and the mode changes then."""
+    """slvChangeMode 0 returns when the buffer is empty, and the mode changes then."""
     stranger = cell.other()
     cell.on(mode)
     cell.feed([j(SLOW)])
@@ -773,7 +773,7 @@ def test_4_6_2_what_is_in_the_buffer_is_carried_out_before_the_end(cell: SlaveCe
 
 
 def test_4_6_2_an_error_before_the_end_is_told(cell: SlaveCell) -> None:
-    """The client that waits for the end of the mode does not wait for ever."""
+    """The client that waits for the end of the mode does not wait forever."""
     cell.on()
     cell.codes(j(SLOW), j(20.0), j(20.0))
     leaving = cell.robot.execute("slvChangeMode", variant(OFF))
@@ -852,7 +852,7 @@ def test_footnote_2_commands_of_the_controller_are_refused(cell: SlaveCell, comm
 
 
 def test_footnote_2_another_client_can_read(cell: SlaveCell) -> None:
-    """Ruling: reads of another connection work; it cannot command."""
+    """Ruling: another connection can read; it cannot command."""
     stranger = cell.other()
     cell.on()
     assert cell.run(stranger.execute("CurJnt", variant(None)))[:6] == pytest.approx(HOME)
@@ -878,7 +878,7 @@ def leap(cell: SlaveCell) -> int:
 
 
 def sprint(cell: SlaveCell) -> int:
-    """J6 a tenth of a percent faster than it can."""
+    """J6 exceeds its velocity by a tenth of a percent."""
     goes = ramp(HOME, 5, SERVO_LIMIT * 680, SERVO_LIMIT * 3400)
     cell.feed([*goes, beyond(goes, 5, 1.001 * SERVO_LIMIT * 680)])
     return SPEED_OVER + 6
@@ -887,7 +887,7 @@ def sprint(cell: SlaveCell) -> int:
 @pytest.mark.parametrize("happens", [underflow, leap, sprint])
 @pytest.mark.parametrize("mode", [0x002, 0x202])
 def test_4_7_after_an_error(cell: SlaveCell, mode: int, happens: Callable[[SlaveCell], int]) -> None:
-    """Slave mode is off; ClearError and slvChangeMode, and it goes on (with the motor on again, if it went off)."""
+    """Slave mode is off; ClearError and slvChangeMode start it again (with the motor on again, if it went off)."""
     cell.on(mode)
     assert cell.error == 0
     code = happens(cell)
@@ -923,7 +923,7 @@ def test_4_7_an_error_from_elsewhere_ends_slave_mode(cell: SlaveCell, mode: int)
 
 
 def test_4_7_who_waits_for_room_is_told(cell: SlaveCell) -> None:
-    """Mode 2: the answer that is held back when an error comes is an error."""
+    """Mode 2: a delayed reply becomes an error if an error occurs."""
     cell.on(0x202)
     cell.codes(j(), j(), j())
     waiting = cell.robot.execute("slvMove", variant(j()))
@@ -938,7 +938,7 @@ def test_4_7_who_waits_for_room_is_told(cell: SlaveCell) -> None:
 VELOCITY = (425.0, 340.0, 385.72, 425.0, 327.01, 680.0)  # of the model; its accelerations are five times as large
 BEGIN = (-60.0, -50.0, -60.0, -60.0, -60.0, -80.0)
 EXTERNAL = 20.0
-LIMITS = {  # setting: parts of the model's velocity and acceleration; ExtSpeed 20 has an acceleration of 20 * 20 / 100
+LIMITS = {  # setting: fractions of the model's limits; ExtSpeed 20 has an acceleration of 20 * 20 / 100
     0: (SERVO_LIMIT, SERVO_LIMIT),
     1: (SERVO_LIMIT * 0.20, SERVO_LIMIT * 0.04),
     2: (1.0, 1.0),
@@ -947,7 +947,7 @@ LIMITS = {  # setting: parts of the model's velocity and acceleration; ExtSpeed 
 
 
 def ramp(start: Sequence[float], axis: int, velocity: float, acceleration: float) -> list[list[float]]:
-    """An axis that gathers speed, up to a thousandth below a velocity, with nine tenths of an acceleration."""
+    """Accelerate an axis to a thousandth below a velocity, with nine tenths of an acceleration."""
     points, speed, position = [], 0.0, start[axis]
     while speed < 0.999 * velocity:
         speed = min(0.999 * velocity, speed + 0.9 * acceleration * PERIOD)
@@ -957,14 +957,14 @@ def ramp(start: Sequence[float], axis: int, velocity: float, acceleration: float
 
 
 def beyond(points: list[list[float]], axis: int, velocity: float) -> list[float]:
-    """The next point, at a velocity."""
+    """Return the next point at a velocity."""
     last = points[-1]
     return [*last[:axis], last[axis] + velocity * PERIOD, *last[axis + 1 :]]
 
 
 @pytest.fixture(params=LIMITS)
 def limited(request: pytest.FixtureRequest) -> Iterator[tuple[SlaveCell, float, float]]:
-    """A cell with a setting, with ExtSpeed 20; parts of velocity and acceleration."""
+    """A cell with a setting and ExtSpeed 20; fractions of velocity and acceleration."""
     made = SlaveCell(slave_limit=request.param)
     made.execute("ExtSpeed", [EXTERNAL])
     yield made, *LIMITS[request.param]
@@ -1012,13 +1012,22 @@ def test_4_8_acceleration(limited: tuple[SlaveCell, float, float], axis: int, wa
 
 @pytest.mark.parametrize("axis", range(6))
 def test_4_8_braking(limited: tuple[SlaveCell, float, float], axis: int) -> None:
-    """An acceleration against the motion counts as any other."""
+    """An acceleration against the motion counts like any other."""
     cell, _, part = limited
     change = 5 * VELOCITY[axis] * part * PERIOD**2
     start = start_for(axis)
     cell.stand(*start)
     cell.on()
-    steps = [0.9, 1.8, 1.8 - 0.999, 0.0, 0.0, 0.9, 1.8, 1.8 - 1.001]  # velocities, in parts of what a cycle can change
+    steps = [
+        0.9,
+        1.8,
+        1.8 - 0.999,
+        0.0,
+        0.0,
+        0.9,
+        1.8,
+        1.8 - 1.001,
+    ]  # velocities; 1 is the largest change per cycle
     positions = itertools.accumulate((change * step for step in steps), initial=start[axis])
     points = [[*start[:axis], position, *start[axis + 1 :]] for position in list(positions)[1:]]
     cell.feed(points[:-1])
