@@ -57,7 +57,7 @@ def test_numbers_become_floats_in_tuples() -> None:
         ({"velocity": (100.0, 0.0)}, "J2 velocity is 0, it has to be above 0"),
         ({"acceleration": (-1.0, 1.0)}, "J1 acceleration is -1"),
         ({"jerk": (1.0, math.nan)}, "J2 jerk must be a finite number, not nan"),
-        ({"upper": (math.inf, 1.0)}, "J1 upper is inf"),
+        ({"upper": (math.inf, 1.0)}, "J1 upper must be a finite number, not inf"),
         ({"velocity": (1e10, 1.0)}, "J1 velocity is 1e+10, at most 1e+09"),
         ({"velocity": ("fast", 1.0)}, "J1 velocity is 'fast'"),
         ({"velocity": (10**400, 1.0)}, "J1 velocity is"),

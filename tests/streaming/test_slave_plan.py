@@ -649,7 +649,7 @@ def test_arms_of_any_number_of_axes(axes: int) -> None:
     ("values", "said"),
     [
         ((0.0, math.nan, 0.0, 0.0, 0.0, 0.0), "J2 must be a finite number, not nan"),
-        ((0.0, 0.0, 0.0, 0.0, 0.0, math.inf), "J6 is inf"),
+        ((0.0, 0.0, 0.0, 0.0, 0.0, math.inf), "J6 must be a finite number, not inf"),
         ((-math.inf, 0.0, math.inf, 0.0, 0.0, 0.0), "J1 is -inf"),
         ((0.0, 0.0, 0.0, 10**400, 0.0, 0.0), "J4 is"),
         ((0.0, 0.0, None, 0.0, 0.0, 0.0), "J3 is None"),

@@ -603,7 +603,7 @@ def test_limits_scaled_down_to_a_crawl() -> None:
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.5), "P: fig must be a whole number of 32 bits, not 5.5"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0), "P: 6 values were given, 7 are wanted: x, y, z, rx, ry, rz, fig"),
         ("P", (None, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0), "P: x is None"),
-        ("T", (300.0, 0.0, 300.0, 0.0, 1.0, math.inf, 0.0, 0.0, 1.0, 5.0), "T: oz is inf"),
+        ("T", (300.0, 0.0, 300.0, 0.0, 1.0, math.inf, 0.0, 0.0, 1.0, 5.0), "T: oz must be a finite number, not inf"),
         ("T", (300.0, 0.0, 300.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient and approach vector are parallel"),
         ("T", (300.0, 0.0, 300.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient or approach vector is zero"),
         ("T", (300.0,) * 7, "T: 7 values were given, 10 are wanted"),
@@ -649,7 +649,7 @@ def test_a_period_in_which_limits_are_lost() -> None:
         ((*HOME, 5.0), "J", "kind is 'J'"),
         ((2e5, *HOME[1:], 5.0), "P", "200000 mm is further away"),
         (HOME, "P", "6 values were given"),
-        ((math.nan, *HOME[1:], 5.0), "P", "x is nan"),
+        ((math.nan, *HOME[1:], 5.0), "P", "x must be a finite number, not nan"),
     ],
 )
 def test_starts_that_cannot_be(start: Pose, kind: Kind, said: str) -> None:
