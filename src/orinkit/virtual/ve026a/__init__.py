@@ -1,9 +1,9 @@
-"""The virtual VE026A: the small arm with a serial line (b-CAP document for VE026A).
+"""The virtual VE026A, a small arm with a serial line (b-CAP document for VE026A).
 
-:class:`VirtualVE026A` is what a server is given. Below it ``served`` has the objects that a client holds, ``parameters`` reads
-what it sends, ``arm`` is the arm with its motor, errors and works that take their time, ``slave`` the mode in which it
-moves, ``codes`` the return codes of its own. Cycle, command, brake, encoders and kinematics are those of the virtual RC8.
-Needs the extra ``virtual`` (numpy, lark).
+:class:`VirtualVE026A` is the provider for a server. ``objects`` contains the objects of clients, ``parameters`` parses the
+parameters of commands, ``arm`` is the arm with its motor, errors and operations, ``slave`` its slave mode, ``codes`` the
+device-specific return codes. Cycle, command, brake, encoders and kinematics are shared with the virtual RC8. Requires the
+extra ``virtual`` (numpy, lark).
 """
 
 from orinkit.core.i18n import tr
@@ -11,6 +11,6 @@ from orinkit.core.optional_deps import require
 
 require(tr("the virtual VE026A"), "virtual", "numpy", "lark")
 
-from orinkit.virtual.ve026a.provider import VirtualVE026A  # noqa: E402 - what is missing is to be told first
+from orinkit.virtual.ve026a.provider import VirtualVE026A  # noqa: E402 - missing packages must be reported first
 
 __all__ = ["VirtualVE026A"]

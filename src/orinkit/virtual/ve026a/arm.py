@@ -1,4 +1,4 @@
-"""The arm: its motor, its error, the works that take their time, and who moves it."""
+"""The arm of a virtual VE026A: motor, error state, operations that take time, and the client that moves it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from orinkit.virtual.ve026a.slave import VE026ASlaveMode
 logger = logging.getLogger("orinkit.ve026a")
 
 LONGEST_WAIT: Final = 0.5
-"""Seconds that slvChangeMode waits until the arm stands (2.2.1)."""
+"""Seconds that slvChangeMode waits for standstill (2.2.1)."""
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 _R4: Final = struct.Struct(f"<{VALUES}f")
@@ -37,7 +37,7 @@ _SINGLE: Final = struct.Struct("<f")
 
 
 class OperationKind(Enum):
-    """What the controller is busy with."""
+    """Operations of the controller that take time."""
 
     MOTOR_ON = "motor on"
     MOTOR_OFF = "motor off"
@@ -46,7 +46,7 @@ class OperationKind(Enum):
 
 @dataclass(slots=True)
 class _Operation:
-    """A work, the cycles that it still takes, and who waits for it."""
+    """An operation in progress: its kind, the remaining cycles, the deferred result."""
 
     work: OperationKind
     cycles: int
@@ -55,7 +55,7 @@ class _Operation:
 
 @dataclass(slots=True)
 class _Change:
-    """A slvChangeMode that waits until the arm stands."""
+    """A slvChangeMode that waits for standstill."""
 
     operator: Operator
     mode: int
@@ -64,23 +64,23 @@ class _Change:
 
 
 class VE026AArm:
-    """The arm and everything that moves it.
+    """The arm with its motor, error state and slave mode.
 
     Args:
-        model: which arm it is.
-        cycles: the controller's cycle.
-        joints: where it stands, one for each axis, deg.
-        motor_seconds: how long Motor takes.
-        clear_seconds: how long ClearError takes.
-        strict_time: a late set-point is not waited for.
+        model: The arm model.
+        cycles: The controller's cycle.
+        joints: The initial joints, one for each axis, deg.
+        motor_seconds: Duration of the command Motor, s.
+        clear_seconds: Duration of the command ClearError, s.
+        strict_time: True to not wait for late set-points.
 
     Attributes:
-        error: code of the error that it is in, 0 for none. The first one counts, until it is cleared.
-        motor_on: whether the motor is on.
-        emergency: whether the emergency stop is pressed.
-        queue: the command.
-        servo: the encoders.
-        slave: slave mode.
+        error: Code of the present error, 0 for none. It is the first error since the last ClearError.
+        motor_on: True if the motor is on.
+        emergency: True if the emergency stop is pressed.
+        queue: The motion queue, which generates the command.
+        servo: The servo, with the encoders.
+        slave: Slave mode.
     """
 
     def __init__(
@@ -100,38 +100,39 @@ class VE026AArm:
             OperationKind.MOTOR_OFF: motor_seconds,
             OperationKind.CLEAR_ERROR: clear_seconds,
         }
-        self._job: _Operation | None = None
+        self._operation: _Operation | None = None
         self._change: _Change | None = None
-        self._cut = False  # the motor goes off as soon as it stands
-        self._following = False  # the encoders are on their way to where the command stands
+        self._motor_off_pending = False  # the motor is switched off at standstill
+        self._following = False  # the encoders have not reached the command yet
 
     @property
     def standing(self) -> bool:
-        """Whether it stands still, encoders too."""
+        """True if command and encoders stand still."""
         return not self.queue.moving and self.queue.standing and not self._following
 
     def exceeded(self, joints: Joints) -> int:
-        """Return the axes that joints (deg) are beyond the range of, as bits; J1 is bit 0."""
+        """Return the axes whose range is exceeded by joints (deg), as bits; J1 is bit 0."""
         return self.kinematics.limits_exceeded(joints)
 
     def place(self, joints: Joints) -> None:
-        """Put it somewhere without moving, before anything runs."""
+        """Set the joints without a motion, before the controller runs."""
         self.queue.place(joints)
         self.servo.place(joints)
 
     def angles(self) -> Variant:
-        """Return where the encoders are: VT_R4 array of eight, deg; the last one is 0."""
+        """Return the encoder values: VT_R4 array of eight, deg; the last one is 0."""
         return Variant(_R4_ARRAY, list(_R4.unpack(_R4.pack(*self.servo.encoder, 0.0))))
 
-    # --- what clients do ----------------------------------------------------------------------------------------
+    # --- commands of clients ------------------------------------------------------------------------------------
 
     def switch_motor(self, operator: Operator, on: bool) -> Deferred[None] | None:
-        """Begin to switch the motor, kept when that is done; ``None`` where it is so already. A moving arm brakes first.
+        """Begin to switch the motor on or off; a moving arm brakes first. Switching it off ends slave mode of any client.
 
-        Whoever switches it off ends slave mode, of another client too.
+        Returns:
+            The deferred result, or ``None`` if the motor is already in this state.
 
         Raises:
-            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; the error that it is in, when it is to go on.
+            CallError: E_ACCESSDENIED or E_ROBOTISBUSY; the present error, when switching on.
         """
         self._require(operator, no_error=on, stops=not on)
         if not on:
@@ -145,10 +146,13 @@ class VE026AArm:
         return self._begin(OperationKind.MOTOR_ON if on else OperationKind.MOTOR_OFF)
 
     def clear_error(self, operator: Operator) -> Deferred[None]:
-        """Begin to clear the error, kept when it is gone; broken with it where its cause is still there.
+        """Begin to clear the error.
+
+        Returns:
+            The deferred result; it fails with the error if its cause persists.
 
         Raises:
-            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; that, too, while slave mode is on.
+            CallError: E_ACCESSDENIED; E_ROBOTISBUSY, also while slave mode is on.
         """
         self._require(operator)
         if self.slave.on or self._change is not None:
@@ -156,14 +160,18 @@ class VE026AArm:
         return self._begin(OperationKind.CLEAR_ERROR)
 
     def change_mode(self, operator: Operator, mode: int) -> Deferred[None] | None:
-        """Enter slave mode, or leave it; ``None`` where that is done at once, else kept when it is.
+        """Enter or leave slave mode.
 
-        Where it is on, it is left after its last set-point; an arm that moves then brakes. Where another client is in it,
-        leaving it ends that at once: a client that has died on a serial line does not keep the arm.
+        An active slave mode is left after its last set-point; an arm that still moves then brakes. Slave mode of another
+        client is ended at once, so that a dead client on a serial line does not keep the arm.
+
+        Returns:
+            The deferred result, or ``None`` if the mode has been changed at once. It fails with ROBOT_RUNNING if the arm
+            does not stand still after :data:`LONGEST_WAIT`.
 
         Raises:
-            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; to enter it, the error that it is in, E_FAIL without motor.
-                The promise is broken with ROBOT_RUNNING when the arm does not stand after :data:`LONGEST_WAIT`.
+            CallError: E_ACCESSDENIED or E_ROBOTISBUSY; when entering slave mode, also the present error, or E_FAIL if the
+                motor is off.
         """
         self._require(operator, no_error=mode != OFF, stops=mode == OFF)
         if mode == OFF:
@@ -171,8 +179,8 @@ class VE026AArm:
         if self._change is not None:
             raise _busy()
         if mode != OFF and not self.motor_on:
-            raise error_for(hresult.E_FAIL, tr("the motor is off (Motor 1)"))
-        self._leave()
+            raise error_for(hresult.E_FAIL, tr("the motor is off. Try: Motor 1"))
+        self._leave_if_empty()
         change = _Change(operator, mode)
         if self.standing and not self.slave.on:
             self._finish(change)
@@ -182,15 +190,15 @@ class VE026AArm:
         return change.done
 
     def move(self, operator: Operator, read: Callable[[], Joints]) -> Value | Deferred[Value]:
-        """Take a set-point of slave mode; the answer is :meth:`angles`.
+        """Accept a set-point of slave mode; the reply is :meth:`angles`.
 
         Args:
-            operator: whose.
-            read: gives it, deg; what it raises is the answer.
+            operator: The client.
+            read: Function that returns the set-point, deg; its exceptions are passed on.
 
         Raises:
-            CallError: E_ACCESSDENIED, E_ROBOTISBUSY; the error that it is in; E_FAIL, slave mode is off. OUT_OF_RANGE_AXISn
-                is the error from then on.
+            CallError: E_ACCESSDENIED or E_ROBOTISBUSY; the present error; E_FAIL if slave mode is off; OUT_OF_RANGE_AXISn if
+                the set-point is outside the range of axis n, which is then also the present error.
         """
         self._require(operator, no_error=True)
         if self._change is not None:
@@ -198,29 +206,29 @@ class VE026AArm:
         if not self.slave.on:
             raise error_for(
                 hresult.E_FAIL,
-                tr("slave mode is off (slvChangeMode)"),
+                tr("slave mode is off. Try: slvChangeMode"),
             )
         joints = read()
         index = self._beyond(joints)
         if index is not None:
             axis = self.model.axes[index]
             given, lower, upper = f"{joints[index]:.6g}", f"{axis.lower:g}", f"{axis.upper:g}"
-            detail = tr("{given} deg; {lower} to {upper}", given=given, lower=lower, upper=upper)
+            detail = tr("{given} deg, the range is {lower} to {upper} deg", given=given, lower=lower, upper=upper)
             self.fail(OUT_OF_RANGE_AXIS1 + index, detail)
             raise refusal(OUT_OF_RANGE_AXIS1 + index, detail)
         return self.slave.put(joints)
 
     def forget(self, operator: Operator) -> None:
-        """A client has gone: what it moves is brought to rest."""
+        """Stop the motion of a client that has disconnected."""
         if self._change is not None and self._change.operator is operator:
-            self._break_change(hresult.E_ABORT)
+            self._fail_change(hresult.E_ABORT)
         if self.slave.owner is operator:
             self.stop(hresult.E_ABORT)
 
-    # --- what stops it ------------------------------------------------------------------------------------------
+    # --- stops --------------------------------------------------------------------------------------------------
 
     def stop(self, code: int) -> None:
-        """Leave slave mode and brake; a slvMove that waits is answered with a code."""
+        """Leave slave mode and brake; a waiting slvMove fails with the code."""
         if self.slave.on:
             self.slave.end(code)
         if self.queue.moving:
@@ -228,39 +236,39 @@ class VE026AArm:
             self._cycles.wake()
 
     def fail(self, code: int, detail: str = "") -> None:
-        """Be in an error from now on; the arm brakes, slave mode is off."""
+        """Enter the error state, unless already in it; brake and leave slave mode."""
         if self.error == hresult.S_OK:
             self.error = code
             logger.warning("%s", refusal(code, detail))
-        self._break_change(code)
+        self._fail_change(code)
         self.stop(code)
 
     def press_emergency(self) -> None:
-        """Press the emergency stop: the arm brakes, then the motor goes off at once."""
+        """Press the emergency stop: the arm brakes, and the motor is switched off at standstill."""
         self.emergency = True
         self.fail(EMERGENCY_STOP)
-        if self._job is not None and self._job.work is OperationKind.MOTOR_ON:
-            job, self._job = self._job, None
-            job.done.set_exception(refusal(EMERGENCY_STOP))
-        self._cut = True
+        if self._operation is not None and self._operation.work is OperationKind.MOTOR_ON:
+            operation, self._operation = self._operation, None
+            operation.done.set_exception(refusal(EMERGENCY_STOP))
+        self._motor_off_pending = True
         if self.standing:
-            self._cut_off()
+            self._apply_motor_off()
         self._cycles.wake()
 
     def close(self) -> None:
-        """The controller is switched off: whoever waits for anything is told that it will not come."""
+        """Switch the controller off; pending results fail with E_ABORT."""
         self.slave.end(hresult.E_ABORT)
-        self._break_change(hresult.E_ABORT)
-        if self._job is not None:
-            job, self._job = self._job, None
-            job.done.set_exception(error_for(hresult.E_ABORT))
+        self._fail_change(hresult.E_ABORT)
+        if self._operation is not None:
+            operation, self._operation = self._operation, None
+            operation.done.set_exception(error_for(hresult.E_ABORT))
         self.motor_on = False
-        self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold it where it is
+        self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold the arm
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do one cycle; returns whether there is more to do."""
+        """Run one cycle; return True if there is more to do."""
         if self.slave.on:
             self.slave.step()
         self.queue.step()
@@ -268,101 +276,104 @@ class VE026AArm:
         if self.slave.on:
             self.slave.settle()
         if self.standing:
-            self._cut_off()
-            self._work()
+            self._apply_motor_off()
+            self._step_operation()
         if self._change is not None:
-            self._leave()
-            self._wait(self._change)
-        return not self.standing or self._job is not None or self._change is not None or self.slave.pending
+            self._leave_if_empty()
+            self._step_change(self._change)
+        return not self.standing or self._operation is not None or self._change is not None or self.slave.pending
 
-    def _cut_off(self) -> None:
-        if self._cut:
-            self._cut = self.motor_on = False
+    def _apply_motor_off(self) -> None:
+        if self._motor_off_pending:
+            self._motor_off_pending = self.motor_on = False
 
-    def _work(self) -> None:
-        job = self._job
-        if job is None:
+    def _step_operation(self) -> None:
+        operation = self._operation
+        if operation is None:
             return
-        if job.work is OperationKind.MOTOR_OFF:
+        if operation.work is OperationKind.MOTOR_OFF:
             self.motor_on = False
-        job.cycles -= 1
-        if job.cycles > 0:
+        operation.cycles -= 1
+        if operation.cycles > 0:
             return
-        self._job = None
-        if job.work is OperationKind.CLEAR_ERROR and self.emergency:
+        self._operation = None
+        if operation.work is OperationKind.CLEAR_ERROR and self.emergency:
             self.error = EMERGENCY_STOP
-            job.done.set_exception(refusal(EMERGENCY_STOP, tr("release it first")))
+            operation.done.set_exception(refusal(EMERGENCY_STOP, tr("it is still pressed. Try: release it first")))
             return
-        if job.work is OperationKind.CLEAR_ERROR:
+        if operation.work is OperationKind.CLEAR_ERROR:
             self.error = hresult.S_OK
-        elif job.work is OperationKind.MOTOR_ON:
+        elif operation.work is OperationKind.MOTOR_ON:
             self.motor_on = True
-        job.done.set_result()
+        operation.done.set_result()
 
-    def _leave(self) -> None:
+    def _leave_if_empty(self) -> None:
         if self.slave.on and self.slave.empty:
             self.stop(hresult.E_ABORT)
 
-    def _wait(self, change: _Change) -> None:
+    def _step_change(self, change: _Change) -> None:
         change.cycles += 1
         if self.standing and not self.slave.on:
             self._change = None
             self._finish(change)
             change.done.set_result()
         elif change.cycles * PERIOD > LONGEST_WAIT:
-            self._break_change(ROBOT_RUNNING)
+            self._fail_change(ROBOT_RUNNING)
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _beyond(self, joints: Joints) -> int | None:
-        """Return the first axis that a set-point has out of range, counted from 0; ``None`` for none.
+        """Return the first axis for which a set-point is out of range, counted from 0; ``None`` for none.
 
-        One that is out there already, because the arm braked, may be led back and held where it is.
+        An axis that is already out of range, because the arm braked, may stay where it is or move back.
         """
         exceeded = self.exceeded(joints)
-        for index, (wanted, command, axis) in enumerate(zip(joints, self.queue.joints, self.model.axes, strict=True)):
-            there = (command, *_SINGLE.unpack(_SINGLE.pack(command)))  # what a client is told is an R4 number
+        for index, (value, command, axis) in enumerate(zip(joints, self.queue.joints, self.model.axes, strict=True)):
+            present = (command, *_SINGLE.unpack(_SINGLE.pack(command)))  # clients receive the R4 number
             if (
                 exceeded >> index & 1
-                and not axis.upper < wanted <= max(there)
-                and not axis.lower > wanted >= min(there)
+                and not axis.upper < value <= max(present)
+                and not axis.lower > value >= min(present)
             ):
                 return index
         return None
 
     def _require(self, operator: Operator, *, no_error: bool = False, stops: bool = False) -> None:
-        """Check what every command needs: that nobody else moves the arm, but to stop it; that nothing else is being done."""
+        """Check the preconditions of every command.
+
+        No other client may move the arm, except for commands that stop it, and no operation may be in progress.
+        """
         self._cycles.require_open()
         if not stops and self._owner not in (None, operator):
             raise error_for(
                 hresult.E_ACCESSDENIED,
                 tr("another client is in slave mode"),
             )
-        if self._job is not None:
-            raise _busy(tr("Motor or ClearError is at work"))
+        if self._operation is not None:
+            raise _busy(tr("Motor or ClearError is in progress"))
         if no_error and self.error != hresult.S_OK:
-            raise refusal(self.error, tr("clear it first (ClearError)"))
+            raise refusal(self.error, tr("the error has not been cleared. Try: ClearError"))
 
     @property
     def _owner(self) -> Operator | None:
         return self._change.operator if self._change is not None else self.slave.owner
 
     def _overrule(self, operator: Operator) -> None:
-        """Stop what another client does, if it is not being stopped already."""
+        """End slave mode of another client, unless it is already being left."""
         if self._owner not in (None, operator) and (self._change is None or self._change.mode != OFF):
-            self._break_change(hresult.E_ABORT)
+            self._fail_change(hresult.E_ABORT)
             self.stop(hresult.E_ABORT)
 
     def _begin(self, work: OperationKind) -> Deferred[None]:
-        self._job = job = _Operation(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))
+        self._operation = operation = _Operation(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))
         self._cycles.wake()
-        return job.done
+        return operation.done
 
     def _finish(self, change: _Change) -> None:
         if change.mode != OFF:
             self.slave.begin(change.operator, change.mode, change.operator.drain_input)
 
-    def _break_change(self, code: int) -> None:
+    def _fail_change(self, code: int) -> None:
         change, self._change = self._change, None
         if change is not None:
             change.done.set_exception(refusal(code))

@@ -1,7 +1,7 @@
-"""The return codes of a VE026A's own, beside those of table 3-5: THE TABLE of their names and texts.
+"""The table of the device-specific return codes of a VE026A, in addition to those of table 3-5.
 
-Table 3-4 leaves 0x80040200 to 0x8004FFFF to the device. The document names one error of it, 600B, without saying how it goes
-over the wire; here it is 0x8004 and that number. The others are this project's own.
+Table 3-4 reserves 0x80040200 to 0x8004FFFF for the device. The document names one such error, 600B, without its code on the
+wire; this project uses 0x8004600B. The other codes are chosen by this project.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class VE026ACode:
     """One return code.
 
     Attributes:
-        value: the code.
-        name: its symbol.
-        message: its short text, in English.
-        axis: that it is about, from 1; 0 where it is about none.
+        value: The code.
+        name: Its symbolic name.
+        message: Its short text in English.
+        axis: Number of the axis that it concerns, from 1; 0 for none.
     """
 
     value: int
@@ -39,27 +39,27 @@ class VE026ACode:
 
     @property
     def text(self) -> str:
-        """The text in the language in force."""
+        """The text in the current language."""
         return tr(self.message, axis=self.axis)
 
 
 # fmt: off
 _ROWS: Final = (
     VE026ACode(ROBOT_RUNNING, "ROBOT_RUNNING", N_("600B: the robot is running")),
-    VE026ACode(SET_POINT_MISSED, "SET_POINT_MISSED", N_("synchronous slave mode: no slvMove came in time for a cycle of 8 ms")),
+    VE026ACode(SET_POINT_MISSED, "SET_POINT_MISSED", N_("synchronous slave mode: no slvMove arrived in time for a cycle of 8 ms")),
     VE026ACode(EMERGENCY_STOP, "EMERGENCY_STOP", N_("emergency stop")),
     *(VE026ACode(OUT_OF_RANGE_AXIS1 + n - 1, f"OUT_OF_RANGE_AXIS{n}", N_("axis {axis}: the set-point is outside the range"), n)
       for n in range(1, AXES + 1)),
-    *(VE026ACode(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", N_("axis {axis}: faster than the axis can"), n)
+    *(VE026ACode(TOO_FAST_AXIS1 + n - 1, f"TOO_FAST_AXIS{n}", N_("axis {axis}: the set-point exceeds the velocity limit"), n)
       for n in range(1, AXES + 1)),
 )
 # fmt: on
 
 CODES: Final = {code.value: code for code in _ROWS}
-"""All of them, by value."""
+"""The device-specific codes by value."""
 
 
 def refusal(code: int, detail: str = "") -> CallError:
-    """Return the exception for a code, whose text is told with the detail if it is one of these."""
+    """Return the exception for a code; for a device-specific code its text is included."""
     known = CODES.get(code)
     return error_for(code, ": ".join(filter(None, (known.text if known else "", detail))))

@@ -1,7 +1,7 @@
-"""The objects that a client holds: the controller, the robot, their variables (VE026A 5.2 to 5.4).
+"""The objects of clients: the controller, the robot, their variables (VE026A 5.2 to 5.4).
 
-Names of variables and commands are taken in upper and lower case. An unknown variable is E_INVALIDARG, as table 3-5 has no
-code of its own for it (our ruling); an unknown command is E_INVALIDCOMMAND.
+Names of variables and commands are case-insensitive. An unknown variable is E_INVALIDARG, because table 3-5 has no specific
+code for it (a decision of this project); an unknown command is E_INVALIDCOMMAND.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orinkit.virtual.ve026a.arm import VE026AArm
 from orinkit.virtual.ve026a.arm_owner import Operator
 
 VERSION: Final = "VE026A Ver. 1.0.0 (virtual)"
-_TYPE: Final = 0  # a vertical arm, as with controllers that followed; the document gives no number
+_TYPE: Final = 0  # a vertical arm, as in later controllers; the document does not specify the number
 
 _CONTROLLER_VARIABLES: Final[dict[str, Callable[[VE026AArm], Value]]] = {  # table 5-1
     "@VERSION": lambda _: VERSION,
@@ -39,16 +39,16 @@ HANDLES: Final[dict[tuple[str, str], int]] = {
     ("Variable", "@TYPE"): 3,
     ("Variable", "@VERSION"): 4,
 }
-"""Handles by interface and, for variables, name: each kind is counted by itself, as the printed samples have it."""
+"""Handles by interface and, for variables, name. Each interface is counted separately, as in the printed samples."""
 
 
 def plain_name(name: str) -> str:
-    """Return a variable's or command's name as it is compared."""
+    """Return the name of a variable or command, normalized for comparison."""
     return name.strip().upper()
 
 
 class VE026AVariable(VariableObject):
-    """A variable; it can only be read."""
+    """A read-only variable."""
 
     def __init__(self, arm: VE026AArm, name: str, read: Callable[[VE026AArm], Value]) -> None:
         super().__init__(name)
@@ -56,17 +56,17 @@ class VE026AVariable(VariableObject):
         self._read = read
 
     def get_value(self) -> Value:
-        """The value at this moment."""
+        """Return the present value."""
         return self._read(self._arm)
 
 
 class VE026ARobot(RobotObject):
-    """One client's view of the arm.
+    """The Robot object of one client.
 
     Args:
-        arm: the arm.
-        operator: the client.
-        name: as the client wrote it; it does not matter.
+        arm: The arm.
+        operator: The client.
+        name: Name specified by the client; not used otherwise.
     """
 
     def __init__(self, arm: VE026AArm, operator: Operator, name: str) -> None:
@@ -75,11 +75,11 @@ class VE026ARobot(RobotObject):
         self._operator = operator
         operator.robots += 1
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - has none that matters
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - no option has an effect
         """Connect to a variable of table 5-3.
 
         Raises:
-            CallError: E_INVALIDARG, there is none of that name.
+            CallError: E_INVALIDARG if there is no such variable.
         """
         return _variable(self._arm, _ROBOT_VARIABLES, name)
 
@@ -87,7 +87,7 @@ class VE026ARobot(RobotObject):
         """Execute Motor, slvChangeMode, slvMove or slvGetLateness.
 
         Raises:
-            CallError: E_INVALIDCOMMAND, there is no such command; what the command refuses.
+            CallError: E_INVALIDCOMMAND if there is no such command; an error of the command.
         """
         known = _ROBOT_COMMANDS.get(plain_name(command))
         if known is None:
@@ -95,19 +95,19 @@ class VE026ARobot(RobotObject):
         return known(self._arm, self._operator, parameter)
 
     def release(self) -> None:
-        """Let go; with its last one what this client moves is brought to rest, and slave mode is off."""
+        """Release the object; with the client's last one, its motion is stopped and slave mode is left."""
         self._operator.robots -= 1
         if self._operator.robots <= 0:
             self._arm.forget(self._operator)
 
 
 class VE026AController(ControllerObject):
-    """One client's view of the controller.
+    """The Controller object of one client.
 
     Args:
-        arm: the arm.
-        operator: the client.
-        name: as the client wrote it; it does not matter.
+        arm: The arm.
+        operator: The client.
+        name: Name specified by the client; not used otherwise.
     """
 
     def __init__(self, arm: VE026AArm, operator: Operator, name: str) -> None:
@@ -115,24 +115,24 @@ class VE026AController(ControllerObject):
         self._arm = arm
         self._operator = operator
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - has none that matters
+    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - no option has an effect
         """Connect to a variable of table 5-1.
 
         Raises:
-            CallError: E_INVALIDARG, there is none of that name.
+            CallError: E_INVALIDARG if there is no such variable.
         """
         return _variable(self._arm, _CONTROLLER_VARIABLES, name)
 
     def get_robot(self, name: str, option: str) -> RobotObject:  # noqa: ARG002 - not used (5.3.1)
-        """Connect to the robot, whatever its name."""
+        """Connect to the robot; any name is accepted."""
         return VE026ARobot(self._arm, self._operator, name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute ClearError; table 5-2 has a result for it, but the printed packet has none, and so it is here.
+        """Execute ClearError. It has no result, as in the printed packet, although table 5-2 has one.
 
         Raises:
-            CallError: E_INVALIDCOMMAND, there is no such command; E_INVALIDARG, E_INVALIDARGTYPE, it is no error code;
-                what the arm refuses.
+            CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter is
+                not an error code; an error of the arm.
         """
         if plain_name(command) != "CLEARERROR":
             raise error_for(hresult.E_INVALIDCOMMAND, f"{command:.40}")
@@ -140,16 +140,16 @@ class VE026AController(ControllerObject):
         return self._arm.clear_error(self._operator)
 
     def is_moving(self) -> bool:
-        """Whether the client moves the arm in slave mode."""
+        """Return True if the client moves the arm in slave mode."""
         return self._arm.slave.owner is self._operator and not self._arm.standing
 
     def stop_moving(self) -> None:
-        """Bring the arm to rest, if the client moves it."""
+        """Bring the arm to rest if the client moves it."""
         if self._arm.slave.owner is self._operator:
             self._arm.stop(hresult.E_ABORT)
 
     def release(self) -> None:
-        """Let go: the client has gone."""
+        """Release the object: the client has disconnected."""
         self._arm.forget(self._operator)
 
 
@@ -180,5 +180,5 @@ _ROBOT_COMMANDS: Final[dict[str, Callable[[VE026AArm, Operator, Variant], Any]]]
     "MOTOR": _motor,
     "SLVCHANGEMODE": _change_mode,
     "SLVMOVE": _move,
-    LATENESS.upper(): _lateness,  # no command of a real one
+    LATENESS.upper(): _lateness,  # does not exist in a real controller
 }

@@ -1,7 +1,7 @@
-"""Parameters of the commands, in the types of tables 5-2 and 5-3 and as clients really send them.
+"""Parameters of the commands, in the types of tables 5-2 and 5-3 and in those that clients actually send.
 
-Clients send numbers in every type and as texts, modes in hexadecimal too, and poses as arrays of R4 or R8, as VARIANT
-arrays and as one text.
+Clients send numbers in any type and as strings, modes also in hexadecimal, and poses as arrays of R4 or R8, as VARIANT
+arrays and as a string.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ OFF: Final = 0x000
 SYNCHRONOUS: Final = 0x002
 ASYNCHRONOUS: Final = 0x102
 MODES: Final = (OFF, SYNCHRONOUS, ASYNCHRONOUS)
-"""The modes of slvChangeMode (table 2-1; 0 is said in 2.2.1)."""
+"""The modes of slvChangeMode (table 2-1; 0 is in 2.2.1)."""
 
 VALUES: Final = 8
-"""Values of a pose: the seven axes and 0, as the printed samples have them."""
+"""Values of a pose: the seven axes and 0, as in the printed samples."""
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 
 _HEXADECIMAL: Final = re.compile(r"\s*(?:0x|&h)([0-9a-f]{1,8})\s*", re.IGNORECASE)
-_LONGEST: Final = 1024  # characters of a pose as a text
+_LONGEST: Final = 1024  # characters of a pose as a string
 _OFF_OR_ON: Final = {0: False, 1: True, -1: True}  # VT_BOOL is -1
 
 
 def motor(parameter: Variant) -> bool:
-    """Return whether the motor is to be on: VT_I2, 1 on and 0 off (table 5-3).
+    """Return the parameter of Motor, True for on: VT_I2, 1 on and 0 off (table 5-3).
 
     Raises:
-        CallError: E_INVALIDARG, another number; E_INVALIDARGTYPE, no number.
+        CallError: E_INVALIDARG if it is another number; E_INVALIDARGTYPE if it is not a number.
     """
     number = coerce.to_integer(parameter)
     if number not in _OFF_OR_ON:
-        raise error_for(hresult.E_INVALIDARG, tr("Motor {number}; 0 or 1", number=number))
+        raise error_for(hresult.E_INVALIDARG, tr("the parameter of Motor must be 0 or 1, not {number}", number=number))
     return _OFF_OR_ON[number]
 
 
 def mode(parameter: Variant) -> int:
-    """Return one of :data:`MODES`: VT_I2, VT_I4, or a text as ``"258"`` and ``"0x102"``.
+    """Return the parameter of slvChangeMode, one of :data:`MODES`: VT_I2, VT_I4, or a string such as ``"258"`` or ``"0x102"``.
 
     Raises:
-        CallError: E_INVALIDARG, there is no such mode; E_INVALIDARGTYPE, it is no number.
+        CallError: E_INVALIDARG if there is no such mode; E_INVALIDARGTYPE if it is not a number.
     """
     parameter = coerce.single(parameter)
     found = _HEXADECIMAL.fullmatch(parameter.value) if isinstance(parameter.value, str) else None
@@ -59,45 +59,46 @@ def mode(parameter: Variant) -> int:
     if number not in MODES:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("slvChangeMode {number:#x}; 0, 0x2 or 0x102", number=number),
+            tr("the mode of slvChangeMode must be 0, 0x2 or 0x102, not {number:#x}", number=number),
         )
     return number
 
 
 def left_out(parameter: Variant) -> int:
-    """Return how many late set-points slvGetLateness is to leave out; 0 where nothing is given.
+    """Return the parameter of slvGetLateness, the number of late set-points to leave out; 0 by default.
 
     Raises:
-        CallError: E_INVALIDARGTYPE, it is no number.
+        CallError: E_INVALIDARGTYPE if it is not a number.
     """
     parameter = coerce.single(parameter)
     return 0 if parameter.type in EMPTIES or parameter.value == "" else coerce.to_integer(parameter)
 
 
 def error_code(parameter: Variant) -> int:
-    """Return the error that is to be cleared, unsigned; 0 where nothing is given. Every error is cleared, whatever it is.
+    """Return the parameter of ClearError, an unsigned error code; 0 by default. ClearError clears any error.
 
     Raises:
-        CallError: E_INVALIDARG, no code is that large or has a fraction; E_INVALIDARGTYPE, it is no number.
+        CallError: E_INVALIDARG if it is not a whole number of 32 bits; E_INVALIDARGTYPE if it is not a number.
     """
     parameter = coerce.single(parameter)
     if parameter.type in EMPTIES or parameter.value == "":
         return 0
     number = coerce.to_real(parameter)
     if number != int(number) or not -(2**31) <= number < 2**32:
-        raise error_for(hresult.E_INVALIDARG, tr("{number} is no code", number=number))
+        raise error_for(hresult.E_INVALIDARG, tr("{number} is not a return code", number=number))
     return hresult.unsigned(int(number))
 
 
 def joints(parameter: Variant) -> tuple[float, ...]:
-    """Return the seven joints of a pose, deg; an eighth value has no meaning.
+    """Return the seven joints of a pose, deg; an eighth value is ignored.
 
     Raises:
-        CallError: E_INVALIDARG, not seven or eight numbers, one is not finite; E_INVALIDARGTYPE, one is no number.
+        CallError: E_INVALIDARG if there are not seven or eight numbers, or one is not finite; E_INVALIDARGTYPE if a value
+            is not a number.
     """
     values = _numbers(parameter)
     if not all(map(math.isfinite, values)):
-        raise error_for(hresult.E_INVALIDARG, tr("a joint is no finite number"))
+        raise error_for(hresult.E_INVALIDARG, tr("a joint is not a finite number"))
     return tuple(values[:AXES])
 
 
@@ -124,5 +125,5 @@ def _require_pose(count: int) -> None:
 def _count(count: int) -> CallError:
     return error_for(
         hresult.E_INVALIDARG,
-        tr("{given} values; a pose has {axes} or {most}", given=count, axes=AXES, most=VALUES),
+        tr("a pose must have {axes} or {most} values, not {given}", given=count, axes=AXES, most=VALUES),
     )

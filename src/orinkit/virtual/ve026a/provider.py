@@ -1,4 +1,4 @@
-"""The virtual VE026A as a provider, and what a person, a test or a program outside can see of it and do to it."""
+"""The virtual VE026A as a provider, with properties and methods for programs and tests that run it."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ class VirtualVE026A(Provider):
     """A virtual VE026A: an arm of seven axes (the seventh is its hand) that moves in slave mode only.
 
     Args:
-        clock: its clock; real time, if not given.
-        joints: where the arm stands, J1 to J6 or J1 to J7 in degrees; its home pose if not given.
-        motor: whether the motor is on from the beginning.
-        motor_seconds: how long the command Motor takes, s; the document says about 3.
-        clear_seconds: how long the command ClearError takes, s; the document says about 1.
-        model: an arm of seven axes with other frames or limits; that of the published model, if not given.
-        strict_time: in synchronous slave mode a cycle without a set-point is an error at once, as on a real VE026A.
-            Otherwise the controller's time stands still until it comes, for 250 ms at most, and :attr:`lateness` counts it.
+        clock: Clock of the controller; real time by default.
+        joints: Initial joints, J1 to J6 or J1 to J7, deg; the home position by default.
+        motor: True if the motor is initially on.
+        motor_seconds: Duration of the command Motor, s; about 3 according to the document.
+        clear_seconds: Duration of the command ClearError, s; about 1 according to the document.
+        model: An arm of seven axes with other frames or limits; the published model by default.
+        strict_time: If True, a cycle without a set-point in synchronous slave mode is an error at once, as on a real VE026A.
+            Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and :attr:`lateness`
+            counts it.
 
     Raises:
-        ValueError: joints that the arm cannot take; seconds that are none; a model of another number of axes.
+        ValueError: If the joints are out of range, a duration is not 0 to 3600 s, or the model does not have seven axes.
     """
 
-    provider_names: Sequence[str] = ("", "*")  # "not used" (VE026A 5.2.1): every name is its own
+    provider_names: Sequence[str] = ("", "*")  # "not used" (VE026A 5.2.1): any name is accepted
     dialect: Dialect = VE026A
     functions: frozenset[int] | None = frozenset({1, 2, 3, 4, 7, 9, 17, 62, 64, 84, 101, 111})
     fixed_handles: bool = True
@@ -59,11 +60,13 @@ class VirtualVE026A(Provider):
         arm = model or load_model("VE026A")
         if len(arm.axes) != AXES:
             raise ValueError(
-                tr("a VE026A has {axes} axes, {name} has {count}", axes=AXES, name=arm.name, count=len(arm.axes))
+                tr("the model must have {axes} axes; {name} has {count}", axes=AXES, name=arm.name, count=len(arm.axes))
             )  # fmt: skip
         for seconds in (motor_seconds, clear_seconds):
             if not 0.0 <= seconds <= _LONGEST:
-                raise ValueError(tr("0 to {longest:g} s, not {seconds}", longest=_LONGEST, seconds=seconds))
+                raise ValueError(
+                    tr("a duration must be 0 to {longest:g} s, not {seconds}", longest=_LONGEST, seconds=seconds)
+                )
         self._cycles = ControlLoop(clock or Clock())
         self._arm = VE026AArm(arm, self._cycles, arm.home, motor_seconds, clear_seconds, strict_time=strict_time)
         if joints is not None:
@@ -73,7 +76,7 @@ class VirtualVE026A(Provider):
         self.guard = self._cycles
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> VE026AController:  # noqa: ARG002
-        """Return the controller object for one client; names, machine and option are not used (VE026A 5.2.1)."""
+        """Return the controller object for one client; machine and option are not used (VE026A 5.2.1)."""
         return VE026AController(self._arm, Operator(client.drain_input), name)
 
     def handle_of(self, interface: str, name: str) -> int:
@@ -81,75 +84,80 @@ class VirtualVE026A(Provider):
 
         Args:
             interface: ``"Controller"``, ``"Robot"`` or ``"Variable"``.
-            name: of a variable; that of others does not matter.
+            name: Name of a variable; ignored for the other interfaces.
         """
         return HANDLES[interface, plain_name(name) if interface == "Variable" else ""]
 
     def close(self) -> None:
-        """Switch it off: what moves stops where it is, the motor is off; closing twice is no error."""
+        """Switch the controller off: the arm stops where it is, and the motor is off. May be called repeatedly."""
         self._cycles.close()
         with self.guard:
             self._arm.close()
 
-    # --- what can be seen and done beside the line ---------------------------------------------------------------
+    # --- access from outside b-CAP -------------------------------------------------------------------------------
 
     @property
     def joints(self) -> Joints:
-        """Where the encoders are, J1 to J7, deg."""
+        """Encoder values of J1 to J7, deg."""
         with self.guard:
             return self._arm.servo.encoder
 
     @property
     def position(self) -> tuple[float, ...]:
-        """Where the tip of the tool is: X, Y, Z in mm, RX, RY, RZ in deg."""
+        """Position of the tool's tip: X, Y, Z in mm, RX, RY, RZ in deg."""
         return tuple(frames.position_of_matrix(self._arm.kinematics.forward(self.joints)).tolist())
 
     @property
     def servo_on(self) -> bool:
-        """Whether the motor is on."""
+        """True if the motor is on."""
         with self.guard:
             return self._arm.motor_on
 
     @property
     def slave_mode(self) -> int:
-        """0x002 synchronous, 0x102 asynchronous, 0 off."""
+        """The slave mode: 0x002 synchronous, 0x102 asynchronous, 0 off."""
         with self.guard:
             return self._arm.slave.mode
 
     @property
     def lateness(self) -> Lateness:
-        """How late the set-points of the present stream in slave mode are, or those of the last one were."""
+        """Lateness of the set-points of the present or last stream in slave mode."""
         with self.guard:
             return self._arm.slave.lateness(0)
 
     @property
     def error(self) -> int:
-        """Code of the error that it is in, 0 for none."""
+        """Code of the present error, 0 for none."""
         with self.guard:
             return self._arm.error
 
     @property
     def error_text(self) -> str:
-        """What the error is, in the language in force; empty for none."""
+        """Text of the present error in the current language; empty for none."""
         code = self.error
         if code == hresult.S_OK:
             return ""
         return CODES[code].text if code in CODES else hresult.lookup(code).text
 
     def emergency_stop(self) -> None:
-        """Press the emergency stop: the arm brakes, the motor goes off, slave mode too; an error until ClearError."""
+        """Press the emergency stop: the arm brakes, motor and slave mode are switched off. The error lasts until ClearError."""
         with self.guard:
             self._arm.press_emergency()
 
     def release_emergency_stop(self) -> None:
-        """Release the emergency stop; the error is there until ClearError."""
+        """Release the emergency stop; the error lasts until ClearError."""
         with self.guard:
             self._arm.emergency = False
 
 
 def _checked(arm: VE026AArm, joints: Sequence[float]) -> Joints:
-    wanted = (*map(float, joints), *arm.model.home[len(joints) :])
-    if len(joints) < AXES - 1 or len(wanted) != AXES or not all(map(math.isfinite, wanted)) or arm.exceeded(wanted):
+    completed = (*map(float, joints), *arm.model.home[len(joints) :])
+    if (
+        len(joints) < AXES - 1
+        or len(completed) != AXES
+        or not all(map(math.isfinite, completed))
+        or arm.exceeded(completed)
+    ):
         given = ", ".join(f"{value:g}" for value in joints)
-        raise ValueError(tr("{name} cannot stand at {given}", name=arm.model.name, given=given))
-    return wanted
+        raise ValueError(tr("not valid joints of {name}: {given}", name=arm.model.name, given=given))
+    return completed
