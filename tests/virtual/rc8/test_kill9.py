@@ -1,4 +1,4 @@
-"""``kill -9`` of the served virtual RC8 in the middle of writes: what was acknowledged is there after a restart."""
+"""``kill -9`` of the served virtual RC8 during writes: every acknowledged write exists after a restart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENT = 30.0
 KILLS = 3
 WRITES = 10_000
 
-# What each client writes, from a running number: no two clients share a variable.
+# The value of each write, from a running number; no two clients share a variable.
 CLIENTS: dict[str, Callable[[int], Any]] = {
     "I": lambda number: number,
     "S": lambda number: f"書き込み {number}",
@@ -33,13 +33,13 @@ CLIENTS: dict[str, Callable[[int], Any]] = {
 
 @contextmanager
 def served(state: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Run ``orinkit serve rc8`` on a free port; killed at the end if it still runs."""
+    """Run ``orinkit serve rc8`` on a free port; killed at the end if it is still running."""
     command = [sys.executable, "-m", "orinkit", "serve", "rc8", "--tcp", "127.0.0.1:0", "--state", str(state)]
     environment = os.environ | {"PYTHONPATH": str(Path(orinkit.__file__).parent.parent)}
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
     ) as server:
-        watchdog = threading.Timer(100.0, server.kill)  # nothing here may wait for ever
+        watchdog = threading.Timer(100.0, server.kill)  # the test must not wait forever
         watchdog.start()
         try:
             assert server.stdout is not None
@@ -52,7 +52,7 @@ def served(state: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 
 class Writer:
-    """One client: writes its class of variables round and round, and knows what was acknowledged."""
+    """A client that writes its class of variables repeatedly, and records the acknowledged writes."""
 
     def __init__(self, kind: str, seed: int) -> None:
         self.kind = kind
@@ -62,7 +62,7 @@ class Writer:
         self._chance = random.Random(seed)
 
     def write(self, url: str, count: Callable[[], bool]) -> None:
-        """Write until ``count()``, called after every acknowledged write, says that it is enough, or the server dies."""
+        """Write until ``count()``, called after every acknowledged write, returns True, or the server is killed."""
         index = 0
         try:
             with orinkit.connect(url, timeout=PATIENT) as controller:
@@ -82,7 +82,7 @@ class Writer:
             return
 
     def check(self, url: str) -> None:
-        """Every acknowledged value is there; of the last write, which nobody acknowledged, the old or the new one is."""
+        """Check that every acknowledged value exists; of an unacknowledged last write, the old or the new one."""
         with orinkit.connect(url, timeout=PATIENT) as controller:
             found = {index: controller.variable(f"{self.kind}{index}").value for index in self.acknowledged}
             if self.attempted is not None:
@@ -97,7 +97,7 @@ class Writer:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_no_acknowledged_write_is_lost(tmp_path: Path, seed: int) -> None:
-    """10,000 writes by four clients, the server killed three times meanwhile at random moments."""
+    """10,000 writes by four clients; the server is killed three times meanwhile at random moments."""
     chance = random.Random(seed)
     moments = sorted(chance.sample(range(500, WRITES - 500), KILLS))
     writers = [Writer(kind, seed) for kind in CLIENTS]
@@ -116,7 +116,7 @@ def test_no_acknowledged_write_is_lost(tmp_path: Path, seed: int) -> None:
                 work = [pool.submit(writer.write, url, enough) for writer in writers]
                 assert reached.wait(PATIENT * 2)
                 if moment < WRITES:
-                    server.kill()  # while the clients go on writing
+                    server.kill()  # while the clients continue to write
                 for each in work:
                     each.result(PATIENT)
             if moment < WRITES:

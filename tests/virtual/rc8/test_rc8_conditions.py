@@ -1,4 +1,4 @@
-"""Every state x every commanding function: what is refused, with which code. The expectation is the table in the docs."""
+"""Every state x every commanding function: the code of a refusal. The expectation is the table in the docs."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _motor_off(cell: Cell) -> None:
 
 
 def _no_arm(cell: Cell) -> None:
-    """Motor on, the arm with nobody."""
+    """Motor on, the arm not taken."""
 
 
 def _taken(cell: Cell) -> None:
@@ -125,7 +125,7 @@ def _slave(cell: Cell) -> None:
 
 
 def _slave_elsewhere(cell: Cell) -> None:
-    """Another one has."""
+    """Another client has turned slave mode on."""
     other = cell.connect().get_robot("Arm", "")
     for command, parameter in (("TakeArm", [0, 0]), ("slvChangeMode", 0x002)):
         cell.run(other.execute(command, variant(parameter)))
@@ -155,7 +155,7 @@ STATES: dict[str, Callable[[Cell], None]] = {
 
 
 def documented() -> dict[tuple[str, str], int]:
-    """Read the table of the docs: (function, state) to code, 0 for what is accepted."""
+    """Read the table of the docs: (function, state) to code, 0 if it is accepted."""
     rows = [line for line in DOCUMENT.read_text(encoding="utf-8").splitlines() if line.startswith("|")]
     head = next(index for index, line in enumerate(rows) if line.startswith("| function \\ state"))
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in rows[head:]]
@@ -170,7 +170,7 @@ def documented() -> dict[tuple[str, str], int]:
 
 
 def outcome(function: str, state: str) -> int:
-    """Put a cell into a state, call the function, and return the code that it is refused with, 0 if it is not."""
+    """Put a cell into a state and call the function; return the code of the refusal, or 0."""
     cell = Cell(Permission("rw", {ADDRESS: "r"}) if state == "read-only" else None)
     try:
         STATES[state](cell)
@@ -199,7 +199,7 @@ def test_refusals_are_those_of_the_docs(function, state):
 
 @pytest.mark.parametrize("state", STATES)
 def test_what_is_refused_moves_nothing(state):
-    """In each state, everything that is refused is tried; the arm stays as it was."""
+    """In each state, call everything that is refused; the arm stays as it was."""
     cell = Cell(Permission("rw", {ADDRESS: "r"}) if state == "read-only" else None)
     STATES[state](cell)
     joints, tickets = cell.rc8.state.arm.queue.joints, len(cell.rc8.state.arm.queue.tickets)

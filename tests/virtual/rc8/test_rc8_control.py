@@ -110,7 +110,7 @@ def test_waiting_for_a_motor_that_is_cut(press, clock):
 
 @pytest.fixture
 def manual(press, rc8):
-    """Everything as it must be for jogging."""
+    """Establish all conditions for jogging."""
     press("Mode", "manual")
     press("Deadman")
     rc8.state.arm.motor.state = MotorState.ON
@@ -316,7 +316,7 @@ def test_wrong_secrets_are_slowed_down_and_told_of_and_the_right_one_is_not(rc8,
     waiting = [provider.connect("", "", "Secret=wrong", client) for _ in range(8)]
     assert {type(each) for each in waiting} == {BlockingCall}
     assert isinstance(provider.connect("", "", OPTION, client), ControlPanel)
-    with pytest.raises(CallError):  # as many are waiting as may
+    with pytest.raises(CallError):  # the largest number of delayed replies
         provider.connect("", "", "Secret=wrong", client)
     assert slept == []
     for each in waiting:
@@ -349,7 +349,7 @@ def test_over_the_wire(rc8):
 
 
 def test_the_secret_over_the_wire(rc8):
-    """The answers to wrong ones take their time, and the emergency stop of somebody else does not wait for them."""
+    """Replies to wrong secrets are delayed, and the emergency stop of another client does not wait for them."""
     with orinkit.serve(ControlProvider(rc8, secret=SECRET), "tcp://127.0.0.1:0") as server:
         for _ in range(7):
             with pytest.raises(orinkit.core.errors.AccessDenied):

@@ -29,11 +29,11 @@ GOOD = {
     "COM10": ("COM10",),
     "CONSOLE.txt": ("CONSOLE.txt",),
     "null": ("null",),
-    "／": ("／",),  # full width: a sign as any other
+    "／": ("／",),  # full width: an ordinary character
     "\xa0": ("\xa0",),
     "cafe\u0301": ("café",),
     "か\u3099": ("が",),
-    "\u212a": ("K",),  # Kelvin: NFC makes it the letter
+    "\u212a": ("K",),  # Kelvin: NFC converts it to the letter
     "a" * 255: ("a" * 255,),
     "あ" * 85: ("あ" * 85,),
     "\\".join(["d"] * 16): ("d",) * 16,
@@ -187,7 +187,7 @@ def test_the_root_is_told_as_a_separator():
 
 
 @given(st.text(st.characters(exclude_categories=()), max_size=40))
-@example("\u037e")  # NFC makes it a semicolon
+@example("\u037e")  # NFC converts it to a semicolon
 @example("\u2024")  # one dot leader
 def test_any_text_is_a_safe_name_or_refused(text):
     try:

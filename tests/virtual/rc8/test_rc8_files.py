@@ -82,7 +82,7 @@ def plain(file: RC8File) -> Any:
 
 
 def everything(directory: Path) -> dict[str, tuple[int, bytes, int]]:
-    """All below a directory: kind and mode, content or target, time of change."""
+    """Return all entries below a directory: type and mode, content or target, time of change."""
     found = {}
     for path in sorted(directory.rglob("*")):
         status = path.lstat()
@@ -104,7 +104,7 @@ def untouched(outside: Path):
 
 @pytest.fixture
 def outside(tmp_path) -> Path:
-    """A tree outside of the store, with names that hostile ones aim at."""
+    """A tree outside the store, with names that hostile names aim at."""
     directory = tmp_path / "outside"
     (directory / "sub").mkdir(parents=True)
     (directory / "canary.pcs").write_bytes(SECRET)
@@ -415,7 +415,7 @@ def test_a_write_that_the_system_refuses_leaves_the_old_content(store, root, ref
     store.write("a", b"old")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     with caplog.at_level(logging.CRITICAL + 1):
-        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))  # as a disk that is full
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))  # like a full disk
         try:
             codes = [refused(store.write, name, bytes(20_000)) for name in ("a", "b")]
         finally:
@@ -426,7 +426,7 @@ def test_a_write_that_the_system_refuses_leaves_the_old_content(store, root, ref
 
 
 def test_e_fail_says_what_the_system_said(store, root):
-    store.root = root / "/".join(["x" * 250] * 17)  # beyond what the system takes as a path
+    store.root = root / "/".join(["x" * 250] * 17)  # longer than the system allows for a path
     with pytest.raises(CallError) as caught:
         store.exists("a")
     assert caught.value.code == hresult.E_FAIL
@@ -456,7 +456,7 @@ def test_the_largest_file(store, root, refused):
     store.write("a", bytes(MOST_BYTES))
     assert len(store.read("a")) == MOST_BYTES
     with (root / "b").open("wb") as file:
-        file.truncate(2**40)  # sparse: nothing on the disk
+        file.truncate(2**40)  # sparse: uses no disk space
     assert refused(store.read, "b") == hresult.E_TOO_MUCH_DATA
     assert refused(store.copy, "b", "c") == hresult.E_TOO_MUCH_DATA
     assert store.size("b") == 2**40
@@ -519,7 +519,7 @@ def test_hostile_names_are_refused_by_every_method(name, store, root, outside, t
 
 @pytest.fixture
 def planted(store, root, outside) -> Path:
-    """A store in which somebody has planted links, and what else is no file."""
+    """A store with planted links and special files."""
     store.make_folder("dir")
     store.write("file", b"1")
     (root / "link.pcs").symlink_to(outside / "canary.pcs")
@@ -664,7 +664,7 @@ NAMES = st.one_of(
 
 
 def test_no_text_as_a_name_gets_outside(planted, store, outside, open_file):
-    """Every method, with any text: a code or an effect inside; what is outside stays as it is, unread."""
+    """Every method with any text: a return code, or an effect inside; nothing outside is changed or read."""
     file, folder = open_file("file"), open_file("dir")
     canary = outside.parent
     before = {path: everything(path) for path in canary.iterdir() if path.name != "in"}
@@ -714,7 +714,7 @@ STEPS = st.lists(
 
 
 def test_the_store_is_a_tree_by_folded_names(tmp_path):
-    """Against a model: a dictionary from folded names to contents, ``None`` for a folder."""
+    """Compare with a model: a dictionary from folded names to contents, ``None`` for a folder."""
     numbers = iter(range(10**6))
 
     @settings(max_examples=150, deadline=None, database=None)
@@ -753,7 +753,7 @@ def _contents(store: FileStore, folder: str) -> dict[str, bytes | None]:
 
 
 def _step(model: dict[str, bytes | None], method: str, name: str, extra: Any = b"") -> int:
-    """What a step does to the model, and the code that it is refused with, 0 if not."""
+    """Apply a step to the model; return the code with which it is refused, or 0."""
     key = _fold(name)
     if method in ("copy", "move"):
         return _transfer(model, method, key, _fold(extra))

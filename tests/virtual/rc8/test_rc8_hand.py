@@ -38,7 +38,7 @@ def hand0(controller):
 
 
 def code(promise: Deferred[None]) -> int:
-    """The code that a promise was broken with, 0 if it was kept."""
+    """Return the code with which a Deferred failed, 0 if it succeeded."""
     assert promise.done()
     try:
         promise.result()
@@ -194,7 +194,7 @@ def test_stop(execute, clock, hand):
     assert code(promise) == hresult.STOPPED_DURING_PC_MOTION
     clock.advance(1)
     assert 0 < hand.position == where < STROKE
-    assert execute("HandStop") is None  # nothing moves
+    assert execute("HandStop") is None  # no movement
 
 
 def test_an_emergency_stop_ends_a_movement_but_not_a_grip(rc8, execute, clock, hand, refused):
@@ -255,7 +255,7 @@ def test_a_hand_that_opens_lets_go(execute, clock, hand):
     assert execute("HandHoldState") == Variant(BOOL, False)
     clock.advance(1)
     assert (hand.position, hand.force, hand.workpiece) == (13.0, 0.0, Workpiece(12.5))
-    execute("HandMoveH", [10, True])  # it is still there
+    execute("HandMoveH", [10, True])  # the workpiece is still there
     clock.advance(1)
     assert hand.holding
 
@@ -268,7 +268,7 @@ def test_gripping_nothing_is_an_error(execute, clock, hand):
 
 
 def test_moving_with_force_to_a_position_is_none(execute, clock, hand):
-    """Users open the hand with HandMoveAH, and close it step by step until it holds."""
+    """Users open the hand with HandMoveAH, and close it step by step until it grips."""
     assert code_after(execute("HandMoveAH", [25, 100, 6]), clock) == 0
     assert code_after(execute("HandMoveAH", [30, 100, 6]), clock) == 0
     assert hand.position == 30.0

@@ -40,7 +40,7 @@ def test_events_come_unless_disabled(option, connect, rc8):
 
 
 def test_modes_and_emergency_stops_are_told_when_they_change(rc8, controller, refused):
-    rc8.set_mode(3)  # it is there already
+    rc8.set_mode(3)  # the present mode
     rc8.emergency_stop(False)
     assert refused(controller.get_message) == NONE_WAITS
     rc8.set_mode(1)

@@ -1,4 +1,4 @@
-"""The pendant: its buttons, what they refuse, and jogging by hand."""
+"""The pendant: its buttons, their conditions, and jogging."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_options_change_how_it_starts():
 )
 def test_what_cannot_be_is_refused(options):
     if options == {"joints": ()}:
-        VirtualRC8(**options).close()  # none given is the home pose
+        VirtualRC8(**options).close()  # the default is the home pose
         return
     with pytest.raises(ValueError):
         VirtualRC8(**options)
@@ -142,7 +142,7 @@ def test_the_machine_lock_keeps_the_arm_where_it_is(cell):
     assert cell.code_of(lambda: cell.rc8.pendant.machine_lock(False)) == hresult.MOTOR_IS_ON
     cell.execute("Motor", [0, 0])
     cell.rc8.pendant.machine_lock(False)
-    assert cell.arm.queue.joints == (0, 45, 90, 0, 45, 0)  # its next motion begins where the arm is
+    assert cell.arm.queue.joints == (0, 45, 90, 0, 45, 0)  # its next motion starts at the position of the arm
 
 
 def test_a_restart_forgets_errors_motions_and_who_has_the_arm(cell):

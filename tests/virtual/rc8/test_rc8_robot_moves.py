@@ -1,4 +1,4 @@
-"""Motions as a client asks for them: where they end, how they get there, when they are answered, what is refused."""
+"""Motions of a client: end points, paths, times of replies, and refused calls."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def turn(axis: str, degrees: float) -> np.ndarray:
 
 
 def frame(x: float, y: float, z: float, rx: float = 0, ry: float = 0, rz: float = 0) -> np.ndarray:
-    """P values as a matrix, by the rule of the documents: R = Rz Ry Rx."""
+    """Return P values as a matrix, by the rule of the documents: R = Rz Ry Rx."""
     made = np.eye(4)
     made[:3, :3] = turn("z", rz) @ turn("y", ry) @ turn("x", rx)
     made[:3, 3] = x, y, z
@@ -58,12 +58,12 @@ def close(a: np.ndarray, b: np.ndarray, within: float = 1e-6) -> bool:
 
 
 def tips(cell: Cell, joints: list[tuple[float, ...]]) -> np.ndarray:
-    """Where the tool's tip was, (N, 3) mm."""
+    """Return the positions of the tool tip, (N, 3) mm."""
     return np.array([cell.arm.space.tcp(each)[:3, 3] for each in joints])
 
 
 def path_of(cell: Cell, move: object, most: int = 2000) -> list[tuple[float, ...]]:
-    """Run a motion to its end and return the command joints of every cycle, from where it began."""
+    """Run a motion to its end and return the command joints of every cycle, including the start."""
     joints = [cell.arm.queue.joints]
     while not move.done():
         joints += cell.trace(1)
@@ -118,7 +118,7 @@ FORMS = {
 def test_a_pose_in_every_form_is_the_same_place(cell, interpolation, form):
     teach(cell)
     cell.run(cell.move(interpolation, FORMS[form]))
-    assert close(cell.tip, frame(*VALUES), 1e-4)  # variables are of single precision
+    assert close(cell.tip, frame(*VALUES), 1e-4)  # variables have single precision
 
 
 VIA = (350.0, 60.0, 310.0, 180.0, 0.0, 180.0)
@@ -206,7 +206,7 @@ def test_of_several_poses_all_are_possible_or_none_begins(cell):
 
 
 def lasts(way: float, speed: float = 100, accel: float = 100, decel: float = 100) -> float:
-    """Seconds that joint 1 of a VS-050 takes, by the documents: even acceleration, smoothed over 40 ms."""
+    """Return the time in s of joint 1 of a VS-050 by the documents: constant acceleration, smoothed over 40 ms."""
     up, down = 425 * 5 * accel / 100, 425 * 5 * decel / 100
     velocity = min(425 * speed / 100, math.sqrt(2 * way / (1 / up + 1 / down)))
     return way / velocity + velocity / up / 2 + velocity / down / 2 + 0.04
@@ -258,7 +258,7 @@ def test_internal_and_external_speeds_rule_motions(cell, name):
 def test_speeds_multiply(cell):
     cell.robot.speed(-1, 50)
     cell.execute("ExtSpeed", [50, 100, 100])
-    move = cell.move(PTP, "J(120, 45, 90, 0, 45, 0)", "SPEED=80")  # in place of the internal one
+    move = cell.move(PTP, "J(120, 45, 90, 0, 45, 0)", "SPEED=80")  # instead of the internal speed
     assert cell.cycles(move) == math.ceil(lasts(120, 40) / PERIOD - 1e-6)
 
 
@@ -293,7 +293,7 @@ def test_joints_stay_within_their_part_of_the_limits(cell, interpolation, option
 @pytest.mark.parametrize("mark", ["@0", "", "@E"])
 @pytest.mark.parametrize("where", ["pose", "option"])
 def test_answered_at_the_end(cell, mark, where):
-    """@0 when the command is there, @E when the encoders are: three cycles later."""
+    """@0 when the command has arrived, @E when the encoders have: three cycles later."""
     pose = "J(20, 45, 90, 0, 45, 0)"
     move = cell.move(PTP, f"{mark} {pose}") if where == "pose" else cell.move(PTP, pose, mark)
     arrived = None
@@ -324,7 +324,7 @@ def test_passing_is_answered_when_it_begins_to_slow_down(cell, interpolation):
         joints += cell.trace(1)
     speeds = np.linalg.norm(np.diff(tips(cell, joints), axis=0), axis=1) / PERIOD
     assert answered < len(joints) - 5
-    if interpolation == LINE:  # even speed, so it can be seen
+    if interpolation == LINE:  # constant velocity makes it visible
         top = speeds.max()
         assert speeds[answered - 3] == pytest.approx(top, rel=1e-3)
         assert speeds[answered + 3] < top * 0.999
@@ -353,7 +353,9 @@ def test_a_mark_blends_the_next_motion_in(cell):
         corners[mark] = float(np.linalg.norm(way - (364, 150, 278), axis=1).min())
         lengths[mark] = len(joints)
         if mark != "@0":
-            assert np.linalg.norm(np.diff(way, axis=0), axis=1)[5:-5].min() > 0.3  # of 1.2 mm: it never stops
+            assert (
+                np.linalg.norm(np.diff(way, axis=0), axis=1)[5:-5].min() > 0.3
+            )  # 1.2 mm at full speed: it never stops
         velocity = np.diff(np.array(joints), axis=0) / PERIOD
         acceleration = np.abs(np.diff(velocity, axis=0)) / PERIOD
         for axis, limits in enumerate(cell.arm.model.axes):
@@ -366,7 +368,7 @@ def test_a_mark_blends_the_next_motion_in(cell):
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_a_move_that_comes_when_the_one_before_is_passed_is_blended_in(cell, delay):
-    """As a client sends them: each when the one before has been answered, a few cycles late."""
+    """As sent by a client: each motion after the reply to the previous one, a few cycles late."""
     joints = [cell.arm.queue.joints]
     for mark, place in (
         ("@P", "364, 150, 278"),
@@ -477,7 +479,7 @@ def test_stored_paths_grow_and_are_cleared(cell):
     cell.put("P1", [*VALUES, 5])
     for pose in ("P1", [[*VALUES], "P"], "J(0, 45, 90, 0, 45, 0)", "T(330, 120, 300, 0, 1, 0, 0, 0, -1)"):
         cell.execute("AddPathPoint", [20, pose])
-    cell.put("P1", [0] * 7)  # it was read then
+    cell.put("P1", [0] * 7)  # the path was read before
     assert cell.execute("GetPathPointCount", 20) == 4
     assert cell.execute("GetPathPointCount", 1) == 0
     cell.run(cell.move(CURVE, 20, "SPEED=50"))
@@ -541,7 +543,7 @@ def test_a_line_to_joints_ends_at_them(framed):
 def test_approach_is_back_along_the_tools_z(framed, interpolation):
     framed.execute("Approach", [interpolation, f"P{IN_WORK}", "@0 35.5"])
     assert close(framed.arm.space.in_work(framed.tip), frame(*IN_WORK) @ frame(0, 0, -35.5))
-    framed.execute("Approach", [interpolation, f"P{IN_WORK}", "-10"])  # beyond it
+    framed.execute("Approach", [interpolation, f"P{IN_WORK}", "-10"])  # beyond the target
     assert close(framed.arm.space.in_work(framed.tip), frame(*IN_WORK) @ frame(0, 0, 10))
 
 
@@ -558,7 +560,7 @@ def test_depart_is_back_along_the_tools_z(framed, interpolation):
 @pytest.mark.parametrize("fourth", [20.0, 180.0, -179.9])
 @pytest.mark.parametrize("interpolation", [PTP, LINE])
 def test_depart_does_not_turn_an_axis_round(cell, interpolation, fourth, sixth):
-    """Also where a joint passes from SINGLE to DOUBLE."""
+    """Even if a joint passes from SINGLE to DOUBLE."""
     cell.stand(20, 35, 90, fourth, 40, sixth)
     before, here = cell.arm.queue.joints, cell.tip
     code = cell.code_of(lambda: cell.execute("Depart", [interpolation, 20]))
@@ -566,7 +568,7 @@ def test_depart_does_not_turn_an_axis_round(cell, interpolation, fourth, sixth):
         assert code in (hresult.TARGET_OVER_SOFT_LIMIT_AXIS1 + 5, hresult.SOFT_LIMIT_OVER_AXIS1 + 5)
         return
     assert close(cell.tip, here @ frame(0, 0, -20))
-    most = 400 if abs(sixth) == 360 else 20  # from its limit it may have nowhere else to go
+    most = 400 if abs(sixth) == 360 else 20  # from its limit there may be no shorter way
     assert max(abs(a - b) for a, b in zip(before, cell.arm.queue.joints, strict=True)) < most
 
 
@@ -575,7 +577,7 @@ def test_a_new_tool_holds_for_the_next_motion(cell):
     cell.run(cell.move(PTP, POSE))
     cell.robot.change("Tool1")
     cell.run(cell.move(PTP, POSE))
-    assert flange(cell)[2, 3] == pytest.approx(400)  # it points down
+    assert flange(cell)[2, 3] == pytest.approx(400)  # the tool points down
     cell.execute("SetToolDef", [1, "P(0, 0, 50, 0, 0, 0)"])
     cell.run(cell.move(PTP, POSE))
     assert flange(cell)[2, 3] == pytest.approx(350)
@@ -760,7 +762,7 @@ def test_home(seven):
 
 
 def ways(cell: Cell, pose: str) -> dict[int, np.ndarray]:
-    """Every way to hold a pose, by figure."""
+    """All solutions for a pose, by figure."""
     found = {}
     for figure in range(64):
         parameter = variant(f"P({pose}, {figure})")
@@ -1005,7 +1007,7 @@ def test_refused_moves_move_nothing(cell, case):
     interpolation, pose, option, code = REFUSED[case]
     assert f"{cell.code_of(lambda: cell.move(interpolation, pose, option)):08X}" == f"{code:08X}"
     assert cell.trace(3) == [HOME] * 3
-    stops = code >> 16 == 0x8320  # level 3, of motion
+    stops = code >> 16 == 0x8320  # level 3 of a motion
     assert (cell.rc8.state.faults.code == code) is stops
     assert cell.arm.motor.on is not stops
     if stops:
@@ -1022,7 +1024,7 @@ def test_a_path_close_to_a_singular_point_is_refused(cell, end):
     assert cell.code_of(lambda: cell.move(LINE, there)) == hresult.SINGULAR_POINT_REFUSED
     assert not cell.arm.busy
     assert cell.arm.motor.on
-    assert not cell.code_of(lambda: cell.move(PTP, f"J{end}"))  # there is another way
+    assert not cell.code_of(lambda: cell.move(PTP, f"J{end}"))  # there is another path
 
 
 def test_a_path_that_leaves_the_working_range_on_its_way(cell):
@@ -1068,7 +1070,7 @@ def test_a_motion_that_goes_nowhere_is_done_in_the_next_cycle(cell):
 
 @pytest.mark.parametrize("how", ["Halt", "MotionSkip"])
 def test_a_move_after_a_paused_one_was_dropped_is_a_new_one(cell, how):
-    """Nothing of the old stop is left: the new one can be paused, and ends with a cause of its own."""
+    """The previous stop has no effect any more: the new motion can be paused, and ends with its own cause."""
     old = cell.move(PTP, "J(90, 45, 90, 0, 45, 0)")
     cell.trace(12)
     cell.run(cell.robot.hold(""))
@@ -1109,7 +1111,7 @@ def test_three_bare_numbers_are_a_vector_as_a_pivot(cell, pivot):
 @pytest.mark.parametrize("form", [Variant(R4, VALUES), Variant(R8, VALUES), VALUES, [VALUES], str(tuple(VALUES))])
 @pytest.mark.parametrize("interpolation", [PTP, LINE])
 def test_six_numbers_that_may_be_joints_or_a_position_move_nothing(cell, interpolation, form):
-    """A client that means joints would see the arm go anywhere."""
+    """Mistaking joints for a position would move the arm to an unexpected place."""
     before = cell.arm.queue.joints
     assert cell.code_of(lambda: cell.move(interpolation, form)) == hresult.E_INVALIDARG
     assert cell.code_of(lambda: cell.execute("OutRange", form)) == hresult.E_INVALIDARG

@@ -1,4 +1,4 @@
-"""What stops the arm in the middle of a move: it decelerates within its limits, and the state is as documented."""
+"""Stops in the middle of a motion: the arm decelerates within its limits, and the state is as documented."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _skip(cell: Cell) -> None:
     cell.robot.execute("MotionSkip", variant([-1, 0]))
 
 
-# what stops it: (how, what its Move is answered with, whether the motor goes off)
+# the stop: (function, code of the stopped Move, whether the motor goes off)
 STOPS: dict[str, tuple[Callable[[Cell], None], int | None, bool]] = {
     "halt": (_halt, hresult.STOPPED_DURING_PC_MOTION, False),
     "skip": (_skip, 0, False),
@@ -82,7 +82,7 @@ STOPS: dict[str, tuple[Callable[[Cell], None], int | None, bool]] = {
 
 
 def within_limits(cell: Cell, joints: list[tuple[float, ...]]) -> None:
-    """Every joint's velocity and acceleration, as differences of the commands, is within the model's limits."""
+    """Check that velocity and acceleration of every joint, from differences of the commands, are within the limits."""
     samples = np.array(joints)
     velocity = np.diff(samples, axis=0) / PERIOD
     acceleration = np.diff(velocity, axis=0) / PERIOD
@@ -188,7 +188,7 @@ def test_halt_is_answered_when_the_arm_stands(cell):
 
 
 def test_another_client_takes_over_after_a_disconnect(cell):
-    """It waits until the arm stands; what it then moves begins there."""
+    """It waits for standstill; its motions start there."""
     cell.move(*MOVES["ptp"])
     cell.trace(12)
     other = cell.connect().get_robot("", "")
@@ -238,7 +238,7 @@ def test_the_motor_does_not_come_on_while_it_goes_off(cell):
 
 
 def test_the_arm_stays_until_the_last_robot_object_of_a_client_is_released(cell):
-    """A second Robot object, made to look at something and released, stops nothing."""
+    """A second Robot object, created for a query and released, stops nothing."""
     move = cell.move(*MOVES["slow"])
     cell.trace(10)
     looking = cell.controller.get_robot("Other", "")
@@ -269,7 +269,7 @@ def _command(controller, name, parameters):
 
 
 def test_a_client_without_a_robot_object_leaves_nothing_behind(cell):
-    """It took the arm and moved with Command objects: that ends with its connection too."""
+    """It took the arm and moved with Command objects: a disconnect ends that too."""
     cell.execute("GiveArm")
     other = cell.connect()
     _command(other, "TakeArm", [0, 0]).execute(0)
@@ -285,7 +285,7 @@ def test_a_client_without_a_robot_object_leaves_nothing_behind(cell):
 
 
 def test_the_motor_is_not_on_while_it_is_about_to_be_cut(cell):
-    """The stop was short, but its effect is still to come."""
+    """The emergency stop was short, but its effect is still pending."""
     cell.move(*MOVES["ptp"])
     cell.trace(15)
     cell.rc8.pendant.emergency_stop()

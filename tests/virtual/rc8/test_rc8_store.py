@@ -416,7 +416,7 @@ def test_a_write_that_cannot_be_kept_is_refused_and_changes_nothing(start, refus
     put(controller, "IOW128", Variant(VarType.I2, 5))
     before = controller.get_variable("S1", "").get_date_time()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, hard))  # as if the disk were full
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, hard))  # like a full disk
     try:
         assert refused(put, controller, "S1", Variant(VarType.BSTR, "new")) == 0x80004005
         assert refused(put, controller, "IOW128", Variant(VarType.I2, -1)) == 0x80004005

@@ -1,4 +1,4 @@
-"""What a person sets at the controller: executable token, mode, machine lock; and what each does to the arm."""
+"""The settings of a person at the controller (executable token, mode, machine lock) and their effect on the arm."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_token_is_read(text):
 )  # fmt: skip
 def test_what_is_no_token(text):
     if text == "any:":
-        assert Token.parse(text) == Token()  # nothing behind the colon is no address
+        assert Token.parse(text) == Token()  # nothing after the colon: no address
         return
     with pytest.raises(ValueError, match="token"):
         Token.parse(text)
@@ -97,7 +97,7 @@ def test_who_has_the_token(token, address, code):
 
 
 def test_the_token_goes_from_one_to_another():
-    """What has begun goes on; Halt, Hold and Motor off need no token."""
+    """A running motion continues; Halt, Hold and Motor off need no token."""
     cell = Cell(token=f"ethernet:{ADDRESS}").take()
     other = cell.connect("192.168.0.9").get_robot("", "")
     assert cell.code_of(lambda: other.execute("TakeArm", variant(0))) == hresult.START_RIGHT_NOT_THIS_ADDRESS
@@ -162,12 +162,12 @@ def test_another_mode_stops_and_the_way_back_does_not_go_on(cell, mode):
     move = cell.move(1, "J(90, 45, 90, 0, 45, 0)")
     cell.trace(15)
     cell.rc8.pendant.mode(mode)
-    cell.rc8.pendant.mode(3)  # at once
+    cell.rc8.pendant.mode(3)  # without waiting
     cell.trace(100)
     assert cell.code(move) == hresult.EMERGENCY_STOP_OR_MODE_CHANGE
     assert not cell.arm.busy
     assert cell.arm.motor.state is MotorState.OFF
-    assert not cell.rc8.state.faults.code  # a stop, no error
+    assert not cell.rc8.state.faults.code  # a stop, not an error
     stands = cell.arm.queue.joints
     cell.execute("Motor", 1)
     assert cell.trace(20) == [stands] * 20
@@ -213,14 +213,14 @@ def test_locked_motions_run_and_the_arm_stays(locked, interpolation, pose, mark)
         locked.trace(1)
         taken += 1
         assert locked.execute("CurJnt")[:6] == list(HOME)
-    assert taken == usual - (3 if mark == "@E " else 0)  # there is nothing to wait for
+    assert taken == usual - (3 if mark == "@E " else 0)  # no encoders to wait for
     while locked.arm.busy:
         locked.trace(1)
     assert locked.arm.queue.joints != HOME
     assert locked.execute("DestJnt")[:6] == list(locked.arm.queue.joints)
     assert locked.execute("MotionComplete", [-1, 1])
     there = locked.execute("CurPos")
-    locked.run(locked.move(1, "J(0, 45, 90, 0, 45, 10)"))  # from where the command is
+    locked.run(locked.move(1, "J(0, 45, 90, 0, 45, 10)"))  # from the command position
     assert locked.execute("CurPos") == there
 
 
@@ -240,9 +240,9 @@ def test_without_the_lock_commands_begin_where_the_arm_is(locked):
 
 def test_the_lock_needs_the_motor_off(cell):
     assert cell.code_of(lambda: cell.rc8.pendant.machine_lock(True)) == hresult.MOTOR_IS_ON
-    assert cell.code_of(lambda: cell.rc8.pendant.machine_lock(False)) == 0  # it is off already
+    assert cell.code_of(lambda: cell.rc8.pendant.machine_lock(False)) == 0  # already off
     going = cell.robot.execute("Motor", variant(0))
-    assert cell.code_of(cell.rc8.pendant.machine_lock) == hresult.MOTOR_IS_ON  # not off yet
+    assert cell.code_of(cell.rc8.pendant.machine_lock) == hresult.MOTOR_IS_ON  # the motor is not off yet
     cell.run(going)
     cell.rc8.pendant.machine_lock()
     assert cell.rc8.state.switches.machine_lock

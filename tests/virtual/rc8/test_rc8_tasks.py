@@ -1,4 +1,4 @@
-"""Tasks: starting, stopping in every way, what they do to the arm, faults, and what clients read of them."""
+"""Tasks: starting, all ways to stop, their effect on the arm, faults, and their state as read by clients."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ def test_what_stops_the_robot_stops_programs_for_good(cell, stop, code):
 
 
 def test_halt_of_a_programs_motion_is_its_fault(cell):
-    """The program cannot know where the arm is: it ends with the code of the stop and its line."""
+    """The program cannot know the position of the arm: it ends with the code of the stop and its line."""
     served = task(cell, MOVE)
     served.start(ONE_CYCLE, "")
     cell.clock.advance(0.3)
@@ -307,7 +307,7 @@ def test_stopping_what_does_not_run_is_no_error(cell, mode):
 
 
 def test_statements_of_a_cycle_are_bounded_and_shared_by_nobody(cell):
-    """25,000 statements in a second of controller time, however long the program would like to run."""
+    """25,000 statements per second of controller time, however long the program could run."""
     served = task(cell, FOREVER)
     served.start(CONTINUOUS, "")
     cell.clock.advance(1.0)
@@ -317,7 +317,7 @@ def test_statements_of_a_cycle_are_bounded_and_shared_by_nobody(cell):
 
 
 def test_many_programs_share_what_there_is_of_a_cycle(cell):
-    """All get the same, and together no more than leaves time for the arm and for clients."""
+    """All tasks get the same share, and together they leave enough time for the arm and for clients."""
     for number in range(MOST_RUNNING):
         program = FOREVER.replace("I1 = I1", f"I{number} = I{number}")
         task(cell, program, f"P{number}").start(CONTINUOUS, "")
@@ -382,7 +382,7 @@ def test_a_program_that_holds_is_suspended_until_it_is_started_again(cell):
 
 
 def test_a_large_program_is_loaded_outside_the_lock(cell):
-    """Its start is work for a thread; what forbids it meanwhile is seen when it is done."""
+    """It is started in a thread; conditions that become false meanwhile are checked at the end."""
     program = "Sub Main\n" + "  I1 = I1 + 1\n" * 1000 + "End Sub\n"
     served = task(cell, program, "Large")
     served.start(ONE_CYCLE, "").run()
@@ -418,12 +418,12 @@ def test_a_large_program_is_loaded_outside_the_lock_for_file_run_too(cell):
     cell.clock.advance(0.1)
     assert value(cell, "I1") == 1000
     cell.controller.get_file("Large.pcs", "").put_value(variant(program + "x"))
-    for _ in range(2):  # what is wrong with it is known the second time
+    for _ in range(2):  # the error is cached for the second start
         assert cell.code_of(cell.controller.get_file("Large.pcs", "").run("").run) == hresult.SYNTAX_ERROR
 
 
 def test_programs_that_are_gone_are_forgotten(cell):
-    """Neither they nor what they were compiled to stay in the memory."""
+    """Neither the programs nor their compiled form stay in memory."""
     tasks = cell.rc8.state.tasks
     for number in range(100):
         served = task(cell, FOREVER, f"P{number}")
@@ -451,7 +451,7 @@ def test_a_program_that_is_made_anew_is_that_of_the_same_task_object(cell):
 
 
 def test_long_statements_end_a_cycle_early():
-    """In real time, where each statement takes long, a cycle has as few as leave time for everything else."""
+    """In real time, if statements take long, a cycle executes so few that there is time for everything else."""
     rc8 = VirtualRC8(clock=Clock(), samples=False)
     rc8.state.files.write("Slow.pcs", b"Sub Main\n  Do\n    I1 = I1 + OutRange(J1) * 0 + 1\n  Loop\nEnd Sub\n")
     with rc8.state.cycles:

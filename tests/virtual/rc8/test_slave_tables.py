@@ -455,7 +455,7 @@ def test_4_3_answer(cell: SlaveCell, pose: int, beside: int, types: list[int]) -
 
 
 def test_4_3_an_answer_is_of_joints_before_any_receive_format(cell: SlaveCell) -> None:
-    """4.6.3: J of eight numbers, whichever format was set for sending (ruling)."""
+    """4.6.3: J of eight numbers, whichever pose type was sent (ruling)."""
     for mode, pose in ((0x001, p), (0x002, j), (0x003, t)):
         cell.on(mode)
         answer = cell.ask(pose())[1]
