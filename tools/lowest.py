@@ -22,7 +22,7 @@ def lowest() -> list[str]:
 
 
 def main() -> int:
-    """Install the lowest versions into an environment of their own, and run the tests there."""
+    """Install the lowest versions into a separate environment, and run the tests there."""
     with tempfile.TemporaryDirectory(prefix="orinkit-lowest-") as folder:
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
         python = str(Path(folder) / "bin" / "python")

@@ -1,8 +1,7 @@
-"""Make the synchronous clients from the asynchronous ones: ``python tools/make_sync.py [--check]``.
+"""Generate the synchronous clients from the asynchronous ones: ``python tools/make_sync.py [--check]``.
 
-Words are replaced by a table; ``__await__`` is left out; every ``get_x`` without arguments (and its ``put_x``) becomes a
-property ``x`` as well.
-``--check`` changes nothing and fails when the file is not current.
+A table lists the replacements; ``__await__`` is omitted; every ``get_x`` without arguments (and its ``put_x``) also becomes
+a property ``x``. With ``--check`` nothing is changed; the exit code is 1 if a file is out of date.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ PAIRS = [
     if source.name != "__init__.py"
 ]
 
-HEADER = '''"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+HEADER = '''"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``{source}`` by ``tools/make_sync.py``: do not edit.
+Generated from ``{source}`` by ``tools/make_sync.py``: do not edit.
 """
 '''
 
@@ -61,7 +60,7 @@ REPLACEMENTS = (
 
 
 def properties(class_node: ast.ClassDef) -> str:
-    """Return the properties that a class gets from its get_x and put_x methods."""
+    """Return the source of the properties for the get_x and put_x methods of a class."""
     methods = {node.name: node for node in class_node.body if isinstance(node, ast.AsyncFunctionDef)}
     made = []
     for name, node in methods.items():
@@ -88,7 +87,7 @@ def _indented(docstring: str) -> str:
 
 
 def make(source: Path, used: set[str]) -> str:
-    """Return the synchronous module's text; notes in ``used`` which replacements occurred."""
+    """Return the source of the synchronous module; add the replacements that occurred to ``used``."""
     original = source.read_text(encoding="utf-8")
     tree = ast.parse(original)
     lines = original.split("\n")
@@ -119,7 +118,7 @@ def _formatted(text: str, path: Path) -> str:
 
 
 def main() -> int:
-    """Write the files, or with --check say whether they are current."""
+    """Write the files, or with ``--check`` report those that are out of date."""
     used: set[str] = set()
     stale = []
     for source, target in PAIRS:
@@ -130,10 +129,10 @@ def main() -> int:
                 target.write_text(text, encoding="utf-8")
     unused = [pattern for pattern, _ in REPLACEMENTS if pattern not in used]
     if unused:
-        print(f"make_sync: {unused} no longer occur; take them out of the table", file=sys.stderr)
+        print(f"make_sync: {unused} no longer occur; remove them from the table", file=sys.stderr)
         return 1
     if stale and "--check" in sys.argv[1:]:
-        print(f"{', '.join(stale)}: not current; run python tools/make_sync.py", file=sys.stderr)
+        print(f"{', '.join(stale)}: out of date; run python tools/make_sync.py", file=sys.stderr)
         return 1
     return 0
 

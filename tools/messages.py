@@ -1,8 +1,8 @@
-"""Keep the Japanese catalogue in step with the source: ``python tools/messages.py [--check]``.
+"""Synchronize the Japanese catalogue with the source: ``python tools/messages.py [--check]``.
 
 Without an option, new messages are added to ``orinkit.po`` without a translation, those that no longer occur are removed, and
 ``orinkit.mo`` is compiled. With ``--check`` nothing is changed; the exit code is 1 if a message is untranslated or stale, if the
-placeholders of a translation differ from those of the message, or if ``orinkit.mo`` is not current.
+placeholders of a translation differ from those of the message, or if ``orinkit.mo`` is out of date.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ PO = SOURCE / "locale" / "ja" / "LC_MESSAGES" / "orinkit.po"
 MO = PO.with_suffix(".mo")
 KEYWORDS = {"tr": None, "N_": None, "say": None}
 GENERATED = "_sync"
-DATE = datetime(2026, 11, 23, tzinfo=UTC)  # in the header; it says nothing, and would make every update a change
+DATE = datetime(
+    2026, 11, 23, tzinfo=UTC
+)  # for the header; a constant, so that an update without new messages changes nothing
 PERCENT = re.compile(r"%[-+ #0]*[0-9.]*[a-zA-Z]")
 
 
@@ -46,7 +48,7 @@ def extracted() -> Catalog:
 
 
 def current() -> Catalog:
-    """Return the catalogue as it is."""
+    """Return the catalogue as stored in ``orinkit.po``."""
     if not PO.exists():
         return Catalog(locale="ja")
     with PO.open("rb") as file:
@@ -54,7 +56,7 @@ def current() -> Catalog:
 
 
 def updated() -> Catalog:
-    """Return the catalogue of the source with the translations that there are."""
+    """Return the catalogue of the source with the existing translations."""
     catalog, known = extracted(), current()
     for message in catalog:
         there = known.get(message.id) if message.id else None
@@ -70,7 +72,7 @@ def placeholders(text: str) -> list[str]:
     """Return the placeholders of a text, sorted: those of str.format and those of ``%``."""
     try:
         return sorted({*_fields(text), *PERCENT.findall(text.replace("%%", ""))})
-    except ValueError:  # a text without placeholders may have any braces
+    except ValueError:  # a text without placeholders may contain any braces
         return []
 
 
@@ -83,7 +85,7 @@ def _fields(text: str) -> Iterator[str]:
 
 
 def problems() -> Iterator[str]:
-    """Yield what is wrong with the catalogue."""
+    """Yield the problems of the catalogue."""
     source, known = extracted(), current()
     for message in source:
         if not message.id:
@@ -97,7 +99,7 @@ def problems() -> Iterator[str]:
         if message.id and source.get(message.id) is None:
             yield f"stale: {_shown(message)}"
     if not MO.exists() or MO.read_bytes() != _compiled(known):
-        yield f"{MO.relative_to(ROOT)} is not current"
+        yield f"{MO.relative_to(ROOT)} is out of date"
 
 
 def _shown(message: Message) -> str:
@@ -112,7 +114,7 @@ def _compiled(catalog: Catalog) -> bytes:
 
 
 def main() -> int:
-    """Update the catalogue, or check it."""
+    """Update the catalogue, or check it with ``--check``."""
     if "--check" in sys.argv[1:]:
         found = list(problems())
         print(*found, sep="\n")

@@ -1,8 +1,8 @@
 """Build sdist and wheel, and test both in clean environments: ``python tools/release_check.py``.
 
-1. Build both into ``dist/``, and check what is in them.
-2. Install the bare wheel, without any extra, into a clean environment; run every test there that needs no extra.
-3. Unpack the sdist, install it with all extras into another one, and run its tests from there.
+1. Build both into ``dist/``, and check their contents.
+2. Install the wheel without any extra into a clean environment; run all tests there that do not require an extra.
+3. Unpack the sdist, install it with all extras into another clean environment, and run its tests from there.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ IN_SDIST = (
 
 
 def build() -> tuple[Path, Path]:
-    """Return a new wheel and a new sdist."""
+    """Build wheel and sdist; return their paths."""
     shutil.rmtree(DIST, ignore_errors=True)
     subprocess.run([sys.executable, "-m", "build", "--outdir", str(DIST), str(ROOT)], check=True)
     (wheel,), (sdist,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
@@ -46,7 +46,7 @@ def build() -> tuple[Path, Path]:
 
 
 def check_contents(wheel: Path, sdist: Path) -> None:
-    """Check that nothing is missing, and that the wheel has nothing else in it."""
+    """Check that nothing is missing in both, and that the wheel contains no foreign files."""
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
     missing = [each for each in IN_WHEEL if not any(name.startswith(each) for name in names)]
@@ -59,7 +59,7 @@ def check_contents(wheel: Path, sdist: Path) -> None:
 
 
 def environment(folder: Path, *packages: str) -> str:
-    """Return the Python of a new environment with some packages."""
+    """Create a virtual environment with some packages; return the path of its Python."""
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = str(folder / "bin" / "python")
     subprocess.run([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages], check=True)
@@ -67,7 +67,7 @@ def environment(folder: Path, *packages: str) -> str:
 
 
 def run_tests(python: str, folder: Path, *arguments: str) -> None:
-    """Run tests in a folder that has no ``src`` beside them, or its own."""
+    """Run the tests in a folder."""
     command: Sequence[str] = [
         python,
         "-m",
@@ -85,7 +85,7 @@ def run_tests(python: str, folder: Path, *arguments: str) -> None:
 
 
 def main() -> int:
-    """Do all of it."""
+    """Run all steps."""
     wheel, sdist = build()
     check_contents(wheel, sdist)
     with tempfile.TemporaryDirectory(prefix="orinkit-release-") as name:
@@ -97,7 +97,7 @@ def main() -> int:
         shutil.copytree(unpacked, bare, ignore=shutil.ignore_patterns("src"))
         run_tests(environment(folder / "venv-bare", str(wheel), *TOOLS), bare, "-p", "support.bare")
         run_tests(environment(folder / "venv-sdist", f"{unpacked}[dev]"), unpacked)
-    print(f"{wheel.name} and {sdist.name}: all is well")
+    print(f"{wheel.name} and {sdist.name}: passed")
     return 0
 
 

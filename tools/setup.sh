@@ -1,6 +1,6 @@
 #!/bin/sh
-# Make or refresh .venv: tools/setup.sh all (to run), tools/setup.sh dev (to run and to test).
-# Does nothing when it is current: same place, same Python, same pyproject.toml.
+# Create or update .venv: tools/setup.sh all (to run), tools/setup.sh dev (to run and to test).
+# Does nothing if it is up to date: same directory, same Python, same pyproject.toml.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -16,7 +16,7 @@ say() { # English, Japanese
 usable() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
 
 wanted="$(pwd) $(cksum <pyproject.toml)"
-for stamp in ".venv/.$extra" .venv/.dev; do # what is enough to test is enough to run
+for stamp in ".venv/.$extra" .venv/.dev; do # dev includes all
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && usable .venv/bin/python; then
         exit 0
     fi
@@ -30,14 +30,14 @@ for name in ${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11 python
     fi
 done
 if [ -z "$python" ]; then
-    say "orinkit needs Python 3.11 or newer, and none was found. Install it (Debian, Ubuntu: apt-get install python3 python3-venv), or name it: make PYTHON=/path/to/python3.11 ..." \
+    say "orinkit requires Python 3.11 or newer, which was not found. Install it (Debian, Ubuntu: apt-get install python3 python3-venv), or specify its path: make PYTHON=/path/to/python3.11 ..." \
         "Python 3.11 以降が見つかりません。インストールするか (Debian, Ubuntu: apt-get install python3 python3-venv)、make PYTHON=/path/to/python3.11 ... のように指定してください。"
     exit 1
 fi
 
 make_venv() { "$python" -m venv --clear .venv; }
 
-install_venv() { # Debian has venv in a package of its own
+install_venv() { # Debian has venv in a separate package
     [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1 || return 1
     version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
     say "Installing python$version-venv ..." "python$version-venv をインストールします ..."
@@ -47,13 +47,13 @@ install_venv() { # Debian has venv in a package of its own
 }
 
 if ! .venv/bin/python -c 'import pip' >/dev/null 2>&1 || ! usable .venv/bin/python; then
-    say "Making .venv with $("$python" --version) ..." "$("$python" --version) で .venv を作成します ..."
+    say "Creating .venv with $("$python" --version) ..." "$("$python" --version) で .venv を作成します ..."
     if ! "$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then
         install_venv || true
     fi
     if ! make_venv; then
         rm -rf .venv
-        say "A virtual environment could not be made with $python. Debian, Ubuntu: apt-get install python3-venv, then again." \
+        say "Cannot create a virtual environment with $python. Debian, Ubuntu: apt-get install python3-venv, then retry." \
             "$python で仮想環境を作成できません。Debian, Ubuntu では apt-get install python3-venv の後、もう一度実行してください。"
         exit 1
     fi
@@ -62,9 +62,9 @@ fi
 rm -f .venv/.all .venv/.dev
 say "Installing orinkit[$extra] into .venv ..." "orinkit[$extra] を .venv にインストールします ..."
 if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --root-user-action ignore -e ".[$extra]"; then
-    say "The packages could not be installed (see above): is there a network, and a package index that pip can reach?" \
+    say "Cannot install the packages (see above). Check the network, and that pip can reach its package index." \
         "パッケージをインストールできません (上記を参照)。ネットワークと pip のパッケージインデックスを確認してください。"
     exit 1
 fi
-.venv/bin/python -m compileall -q src || true # so that the first start is as quick as every other
+.venv/bin/python -m compileall -q src || true # makes the first start as fast as later ones
 printf '%s\n' "$wanted" >".venv/.$extra"

@@ -1,11 +1,11 @@
 """Run a command on a stalling machine: ``python tools/stall.py [--seed N] COMMAND [ARG ...]``.
 
 Each process of the command's process tree is stopped (SIGSTOP) for 20 to 100 ms about once a second, independently of the
-others, and continued (SIGCONT). Daemons that the command leaves behind belong to the tree until the command ends.
+others, and continued (SIGCONT). Orphaned daemons of the command belong to the tree until the command ends.
 The exit status is that of the command. Linux only.
 
-A process that something else has stopped is left alone. If something else stops a process during a stall, the end of the
-stall continues it: a test that stops a process itself has to make sure that it stays stopped.
+A process that was stopped by another program stays stopped. If another program stops a process during a stall, the end of
+the stall continues it: a test that stops a process itself must make sure that it stays stopped.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from pathlib import Path
 from typing import Final
 
 _PR_SET_CHILD_SUBREAPER: Final = 36
-_RESCAN: Final = 0.05  # s between two looks for new processes
+_RESCAN: Final = 0.05  # s between two searches for new processes
 _STALL: Final = (0.020, 0.100)  # s that a process is stopped
 _PAUSE: Final = (0.5, 1.5)  # s that it runs between two stalls
 _STOPPED: Final = ("T", "t", "Z", "X")
-_PASSED_ON: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM)
+_FORWARDED: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM)
 
 
 @dataclass(frozen=True)
 class Process:
-    """A process; the start time tells it from a later one with the same number."""
+    """A process; the start time distinguishes it from a later one with the same number."""
 
     number: int
     started: str
@@ -45,8 +45,8 @@ class Injector:
     """Stops and continues the descendants of this process.
 
     Attributes:
-        stalls: how many stalls there were.
-        stalled: seconds of all of them.
+        stalls: Number of stalls.
+        stalled: Total duration of the stalls in s.
     """
 
     chance: random.Random
@@ -57,12 +57,12 @@ class Injector:
     _stopped: set[Process] = field(default_factory=set)
     _plan: list[tuple[float, int, Process, float]] = field(
         default_factory=list
-    )  # when, which, for how long; 0: continue
+    )  # time, sequence number, process, duration of the stall in s; 0: continue
     _count: int = 0
     _rescan: float = 0.0
 
     def step(self) -> float:
-        """Do what is due; returns the seconds until the next thing is."""
+        """Carry out the actions that are due; return the time until the next one in s."""
         now = time.monotonic()
         if now >= self._rescan:
             self._find(now)
@@ -77,7 +77,7 @@ class Injector:
         return max(0.0, following - time.monotonic())
 
     def end(self) -> None:
-        """Continue whatever is stopped."""
+        """Continue all stopped processes."""
         for process in list(self._stopped):
             self._continue(process)
 
@@ -99,7 +99,7 @@ class Injector:
         if state in _STOPPED:
             self._schedule(now + self.chance.uniform(*_PAUSE), process, seconds)
             return
-        self.guard.tell(process, stopped=True)
+        self.guard.notify(process, stopped=True)
         if send(process, signal.SIGSTOP):
             self._stopped.add(process)
             self.stalls += 1
@@ -109,14 +109,14 @@ class Injector:
     def _continue(self, process: Process) -> None:
         self._stopped.discard(process)
         continued = state_of(process) is not None and send(process, signal.SIGCONT)
-        self.guard.tell(process, stopped=False)
+        self.guard.notify(process, stopped=False)
         if continued:
             pause = self.chance.uniform(*_PAUSE)
             self._schedule(time.monotonic() + pause, process, self.chance.uniform(*_STALL))
 
 
 def read_stat(number: int) -> tuple[str, int, str] | None:
-    """Return state, parent and start time of a process; ``None`` if it has gone."""
+    """Return state, parent and start time of a process; ``None`` if it has ended."""
     try:
         text = Path(f"/proc/{number}/stat").read_text(errors="replace")
     except OSError:
@@ -126,13 +126,13 @@ def read_stat(number: int) -> tuple[str, int, str] | None:
 
 
 def state_of(process: Process) -> str | None:
-    """Return the state of a process, ``None`` if it has gone."""
+    """Return the state of a process; ``None`` if it has ended."""
     stat = read_stat(process.number)
     return stat[0] if stat is not None and stat[2] == process.started else None
 
 
 def send(process: Process, number: signal.Signals) -> bool:
-    """Send a signal; returns whether the process was there."""
+    """Send a signal; return False if the process has ended or is not ours."""
     try:
         os.kill(process.number, number)
     except (ProcessLookupError, PermissionError):
@@ -141,9 +141,9 @@ def send(process: Process, number: signal.Signals) -> bool:
 
 
 def descendants(root: int) -> set[Process]:
-    """Return all processes below one."""
+    """Return all descendants of a process."""
     children: dict[int, list[Process]] = {}
-    for entry in os.listdir("/proc"):  # noqa: PTH208 - ten times as fast, twenty times a second
+    for entry in os.listdir("/proc"):  # noqa: PTH208 - ten times as fast, and called twenty times a second
         stat = read_stat(int(entry)) if entry.isdigit() else None
         if stat is not None:
             children.setdefault(stat[1], []).append(Process(int(entry), stat[2]))
@@ -157,12 +157,12 @@ def descendants(root: int) -> set[Process]:
 
 
 def adopt_orphans() -> None:
-    """Have processes whose parent has ended become children of this one, so that they stay in the tree."""
+    """Become the subreaper: orphaned processes become children of this one and so stay in the tree."""
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def reap(command: int) -> int | None:
-    """Collect what has ended; returns the wait status of the command once it has."""
+    """Reap ended children; return the wait status of the command once it has ended."""
     while True:
         number, status = os.waitpid(-1, os.WNOHANG)
         if number == 0:
@@ -172,7 +172,7 @@ def reap(command: int) -> int | None:
 
 
 class Guard:
-    """Continues what is stopped if this program is killed: a process that knows what has been stopped, at the other end of a pipe."""
+    """A child process that continues the stopped processes if this program is killed; it is notified through a pipe."""
 
     def __init__(self) -> None:
         theirs, self._pipe = os.pipe()
@@ -182,18 +182,18 @@ class Guard:
             self._watch(theirs)
         os.close(theirs)
 
-    def tell(self, process: Process, *, stopped: bool) -> None:
-        """Say what is to be done with a process that is then continued, or need not be any more."""
+    def notify(self, process: Process, *, stopped: bool) -> None:
+        """Report a process that is about to be stopped, or has been continued."""
         os.write(self._pipe, f"{'+' if stopped else '-'} {process.number} {process.started}\n".encode())
 
     def end(self) -> None:
-        """End it."""
+        """End the child process."""
         os.close(self._pipe)
         os.waitpid(self.number, 0)
 
     @staticmethod
     def _watch(pipe: int) -> None:
-        os.setsid()  # no signal of the terminal
+        os.setsid()  # not reached by signals of the terminal
         stopped: set[Process] = set()
         with os.fdopen(pipe) as lines:
             for line in lines:
@@ -206,39 +206,39 @@ class Guard:
 
 
 class Command:
-    """The command, to which signals are passed on. Ctrl-C reaches it from the terminal."""
+    """The command; signals are forwarded to it, except Ctrl-C, which it receives from the terminal."""
 
     def __init__(self, words: list[str]) -> None:
         self._number = 0
-        passed_on = [number for number in _PASSED_ON if signal.getsignal(number) is not signal.SIG_IGN]
-        signal.pthread_sigmask(signal.SIG_BLOCK, passed_on)
-        for number in passed_on:
-            signal.signal(number, self._pass_on)
-        signal.signal(signal.SIGINT, self._pass_on)
-        default = {*passed_on, signal.SIGINT}
+        forwarded = [number for number in _FORWARDED if signal.getsignal(number) is not signal.SIG_IGN]
+        signal.pthread_sigmask(signal.SIG_BLOCK, forwarded)
+        for number in forwarded:
+            signal.signal(number, self._forward)
+        signal.signal(signal.SIGINT, self._forward)
+        default = {*forwarded, signal.SIGINT}
         self._number = os.posix_spawnp(words[0], words, os.environ, setsigmask=[], setsigdef=default)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, forwarded)
 
     def reap(self) -> int | None:
-        """Return its wait status once it has ended."""
+        """Return the wait status of the command once it has ended."""
         status = reap(self._number)
         if status is not None:
             self._number = 0
         return status
 
-    def _pass_on(self, number: int, _: object) -> None:
+    def _forward(self, number: int, _: object) -> None:
         if self._number and number != signal.SIGINT:
             os.kill(self._number, number)
 
 
 def run(words: list[str], seed: int) -> int:
-    """Run a command on a machine that stalls; returns its exit status, 128 and the number of a signal that ended it."""
+    """Run a command with stalls; return its exit status, or 128 plus the number of the signal that ended it."""
     adopt_orphans()
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # if it is ignored, the system collects what has ended
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # if it were ignored, the system would reap the children
     guard = Guard()
     try:
         command = Command(words)
-        injector = Injector(random.Random(seed), guard)  # noqa: S311 - no secret
+        injector = Injector(random.Random(seed), guard)  # noqa: S311 - not used for secrets
         try:
             while (status := command.reap()) is None:
                 time.sleep(min(injector.step(), 0.02))
@@ -247,21 +247,21 @@ def run(words: list[str], seed: int) -> int:
     finally:
         guard.end()
     with contextlib.suppress(OSError):
-        print(f"stall.py: {injector.stalls} stalls, {injector.stalled:.1f} s in all, seed {seed}", file=sys.stderr)
+        print(f"stall.py: {injector.stalls} stalls, {injector.stalled:.1f} s in total, seed {seed}", file=sys.stderr)
     return os.waitstatus_to_exitcode(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status)
 
 
 def main() -> int:
-    """Run it."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the random numbers (default 1)")
     parser.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND [ARG ...]")
     arguments = parser.parse_args()
     words = arguments.command[1:] if arguments.command[:1] == ["--"] else arguments.command
     if not words:
-        parser.error("name a command")
+        parser.error("COMMAND is missing")
     if shutil.which(words[0]) is None:
-        parser.error(f"there is no command {words[0]}")
+        parser.error(f"command not found: {words[0]}")
     return run(words, arguments.seed)
 
 
