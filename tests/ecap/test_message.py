@@ -280,29 +280,29 @@ def test_what_other_servers_answer(body, code, result):
 @pytest.mark.parametrize(
     ("body", "told"),
     [
-        (b"", "'' is no e-CAP reply, which begins with a return code as 0x00000000. Try: is this the address"),
-        (b" \r\n", "is no e-CAP reply"),
+        (b"", "'' is not an e-CAP reply, which begins with a return code such as 0x00000000. Try: check the address"),
+        (b" \r\n", "is not an e-CAP reply"),
         (
             b"<!DOCTYPE html><html><head><title>404</title>",
-            "'<!DOCTYPE html><html><head><title>404</…' is no e-CAP reply",
+            "'<!DOCTYPE html><html><head><title>404</…' is not an e-CAP reply",
         ),
-        (b"\xff\xfe0\x00", "is no e-CAP reply"),
-        (b"0x", "is no e-CAP reply"),
-        (b"0x000000000", "is no e-CAP reply"),
-        (b"0x0000000000000000", "is no e-CAP reply"),
-        (b"0x000000000,1", "is no e-CAP reply"),
-        (b"00000000A", "is no e-CAP reply"),
-        (b"12345678901", "is no e-CAP reply"),
-        (b"4294967296", "is no e-CAP reply"),
-        (b"-2147483649", "is no e-CAP reply"),
-        (b"0 OK", "is no e-CAP reply"),
-        ("０".encode(), "is no e-CAP reply"),
+        (b"\xff\xfe0\x00", "is not an e-CAP reply"),
+        (b"0x", "is not an e-CAP reply"),
+        (b"0x000000000", "is not an e-CAP reply"),
+        (b"0x0000000000000000", "is not an e-CAP reply"),
+        (b"0x000000000,1", "is not an e-CAP reply"),
+        (b"00000000A", "is not an e-CAP reply"),
+        (b"12345678901", "is not an e-CAP reply"),
+        (b"4294967296", "is not an e-CAP reply"),
+        (b"-2147483649", "is not an e-CAP reply"),
+        (b"0 OK", "is not an e-CAP reply"),
+        ("０".encode(), "is not an e-CAP reply"),
         (
             b"0x00000000,abc",
-            "the result 'abc' of an e-CAP reply cannot be read: column 1: expected the number of a type",
+            "invalid result 'abc' in an e-CAP reply: column 1: expected the number of a type",
         ),
         (b"0x00000000,3,2,", "column 3: expected a whole number"),
-        (b"0x00000000,8," + "座".encode("shift_jis"), "cannot be read: it is no UTF-8"),
+        (b"0x00000000,8," + "座".encode("shift_jis"), "in an e-CAP reply: not UTF-8"),
     ],
 )
 def test_what_is_no_reply_is_quoted(body, told):
@@ -342,7 +342,7 @@ def test_a_body_has_a_greatest_length():
     assert read_reply(b"0,8,".ljust(100, b"a"), limits) == (0, bstr("a" * 96))
     error = unreadable(b"0,8,".ljust(101, b"a"), limits)
     assert isinstance(error, LimitExceeded)
-    assert "body of 101 bytes, at most 100 are allowed" in str(error)
+    assert "body of 101 bytes exceeds the limit of 100 bytes" in str(error)
 
 
 @pytest.mark.parametrize(
@@ -445,7 +445,7 @@ def test_a_request_in_one_line(body, line):
         (b"0,8,a\x1b[2J\n", "S_OK 8,a\\x1b[2J\\n"),
         (b"0x00000000,\xff", "S_OK \ufffd"),
         (b"0x80070006", "0x80070006 E_HANDLE: Invalid handle"),
-        (b"<html>", "'<html>' is no e-CAP reply"),
+        (b"<html>", "'<html>' is not an e-CAP reply"),
     ],
 )
 def test_a_reply_in_one_line(body, line):

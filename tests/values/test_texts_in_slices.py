@@ -52,16 +52,16 @@ def test_long_texts_in_an_e_cap_body(text):
 
 
 def test_bytes_that_are_no_utf_8_far_behind():
-    with pytest.raises(CallError, match="Arg2 is no UTF-8: bytes ff at 30000"):
+    with pytest.raises(CallError, match="Arg2 is not UTF-8: bytes ff at 30000"):
         read_fields(b"Func=102,Arg2=" + b"a" * 30_000 + b"\xff")
-    with pytest.raises(CallError, match="is no UTF-8"):
+    with pytest.raises(CallError, match="is not UTF-8"):
         read_fields(b"Func=102,Arg2=" + b"\x80" * 30_000)
 
 
 def test_a_separator_and_a_bad_escape_far_behind():
     fields = read_fields(b"Func=102,Arg2=" + b"," * 100_000 + b" , Arg1 = 5")
     assert (fields["arg1"].text, len(fields["arg2"].text)) == (" 5", 100_001)
-    with pytest.raises(CallError, match="'%zz' is no escape"):
+    with pytest.raises(CallError, match="'%zz' is not an escape"):
         read_fields(b"Func=102,Arg2=" + b"%41" * 30_000 + b"%zz")
 
 

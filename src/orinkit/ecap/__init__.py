@@ -1,1 +1,1 @@
-"""e-CAP, sans-IO: bodies of requests and replies, and the client's side. Nothing here opens a socket or reads a clock."""
+"""e-CAP without I/O: bodies of requests and replies, and the client side of a conversation. No sockets, no clock."""

@@ -1,8 +1,8 @@
-"""The client's side of an e-CAP conversation, without I/O.
+"""The client side of an e-CAP conversation, without I/O.
 
-:meth:`EcapConversation.call` is a generator as that of :class:`orinkit.bcap.client.BcapConversation`: what it yields to be sent is
-the body of a request, what it is sent is the body of the reply. Line feeds ahead of a reply say that the server is at
-work, as S_EXECUTING does in b-CAP. Nothing is ever sent twice.
+:meth:`EcapConversation.call` is a generator like that of :class:`orinkit.bcap.client.BcapConversation`: it yields the body
+of a request, and the caller sends back the body of the reply. Line feeds before a reply mean that the call is still
+executing, as S_EXECUTING does in b-CAP. Requests are never repeated.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from orinkit.values.variant import Variant, VarType
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
 HTTP: Final = TransportProfile("http", memory=60.0, watched=False)
-"""e-CAP over HTTP. A server forgets a client after a silence that it is told; 60 s is what orinkit's own has by default."""
+"""e-CAP over HTTP. A server ends a session after a configurable period of silence; the default of orinkit is 60 s."""
 
 _FAILED: Final = 0x8000_0000
-_FAREWELL: Final = 1.0  # s
+_STOP_TIMEOUT: Final = 1.0  # s
 
 
 class EcapConversation:
-    """One client's requests and replies, one at a time.
+    """Requests and replies of one client, one at a time.
 
     Args:
-        limits: bounds on a reply, and on a request.
-        trace: is told every body: ``">"`` and a request, ``"<"`` and a reply.
-        profile: how calls travel.
-        dialect: of the controller; may be set once it is known.
-        clock: tells the time, for deadlines and floods.
+        limits: bounds on a request and on a reply.
+        trace: callback invoked with every body: ``">"`` and a request, ``"<"`` and a reply.
+        profile: the transport profile.
+        dialect: dialect of the controller; may be set later, when it is known.
+        clock: returns the time, s; for deadlines and the detection of floods.
 
     Attributes:
-        stray_replies: always 0: a reply comes over the connection of its request.
-        echoes_reserved: always False, as there is no reserved field.
-        serial: of no meaning here.
+        stray_replies: always 0: a reply is received over the connection of its request.
+        echoes_reserved: always False: there is no reserved field.
+        serial: unused.
     """
 
     stray_replies = 0
@@ -64,7 +64,7 @@ class EcapConversation:
         self.dialect = dialect
         self.serial = 1
         self._limits = limits
-        self._stopped = True  # the server has been told that nobody is here, or never that somebody is
+        self._stopped = True  # no Service_Stop is necessary: one has been sent, or no request at all
 
     def call(
         self,
@@ -73,32 +73,33 @@ class EcapConversation:
         seconds: float,
         *,
         exact: bool = False,
-        tries: int = 1,  # noqa: ARG002 - nothing is lost here
+        tries: int = 1,  # noqa: ARG002 - the transport is reliable
         later: float = 0.0,  # noqa: ARG002
         deadline: float | None = None,
     ) -> Operation:
-        """Call a function; returns a generator, see the module's docstring.
+        """Call a function; return a generator, see the module's docstring.
 
         Args:
             function: an entry of the table.
-            arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
-            seconds: time-out; every sign of the server that it is at work starts it anew.
-            exact: give the result as a :class:`~orinkit.values.variant.Variant`.
-            tries: as in b-CAP, where packets may be lost.
-            later: the same.
-            deadline: seconds that the call may take in all, whatever the server says; ``None`` for no such limit.
+            arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
+            seconds: time-out, s; every line feed from the server restarts it.
+            exact: return the result as a :class:`~orinkit.values.variant.Variant`.
+            tries: ignored; for unreliable transports of b-CAP.
+            later: ignored; for unreliable transports of b-CAP.
+            deadline: limit on the duration of the call, s, regardless of line feeds; ``None`` for no limit.
 
         Raises:
-            InvalidValue: an argument does not fit; nothing was sent.
-            CallTimeout: no answer in time. An answer that comes later is dropped.
-            ConnectionLost: the other side closed the connection.
-            ProtocolError: what came is not e-CAP, or not what the function returns; or too much came that is no answer.
-            CallError: the controller answered with an error code.
+            InvalidValue: If an argument does not fit its type; nothing has been sent.
+            CallTimeout: If no reply was received in time. A later reply is dropped.
+            ConnectionLost: If the peer has closed the connection.
+            ProtocolError: If the received data is not e-CAP or not what the function returns, or if there are too many line
+                feeds.
+            CallError: If the controller has returned an error code.
         """
         request = write_request(function, arguments)
         if len(request) > self._limits.packet:
             raise _too_long(function, len(request), self._limits)
-        self._tell(">", request)
+        self._trace(">", request)
         self._stopped = False
         patience = CallTimer(function.name, deadline, self._clock)
         received = yield request, patience.bound(seconds)
@@ -106,29 +107,29 @@ class EcapConversation:
             patience.heard(1, executing=True)
             received = yield b"", patience.bound(seconds)
         if not received:
-            late = patience.end() if received is None else None
-            raise late or no_answer(function, received, seconds)
-        self._tell("<", received)
+            expired = patience.end() if received is None else None
+            raise expired or no_answer(function, received, seconds)
+        self._trace("<", received)
         code, result = read_reply(received, self._limits)
         if code >= _FAILED:
             raise error_for(code, read_detail(received), function.name, arguments)
         self._stopped = function is service_stop
         if function.result is None:
             return code, None
-        if result is None:  # what is VT_EMPTY is left out
+        if result is None:  # VT_EMPTY is omitted from the body
             result = Variant(VarType.EMPTY)
         return code, checked(function, result if exact else result.plain, exact=exact)
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
-        """Return what is to be sent before a client leaves that has not said Service_Stop, and seconds to wait for it."""
+        """Return the requests to send before a client without a Service_Stop disconnects, with the time to wait for each, s."""
         if self._stopped:
             return []
         self._stopped = True
         request = write_request(service_stop, ())
-        self._tell(">", request)
-        return [(request, _FAREWELL)]
+        self._trace(">", request)
+        return [(request, _STOP_TIMEOUT)]
 
-    def _tell(self, mark: str, body: bytes) -> None:
+    def _trace(self, mark: str, body: bytes) -> None:
         if self.trace is not None:
             self.trace(mark, body)
 
@@ -136,7 +137,7 @@ class EcapConversation:
 def _too_long(function: Function[..., Any], length: int, limits: PacketLimits) -> InvalidValue:
     return InvalidValue(
         tr(
-            "{name}: the arguments make a request of {length} bytes, at most {most} can be sent",
+            "{name}: the request of {length} bytes exceeds the limit of {most} bytes",
             name=function.name,
             length=length,
             most=limits.packet,

@@ -1,14 +1,14 @@
-"""The fields of a request's body, ``Func=3,Arg1=b-CAP``: cut apart first, decoded then (e-CAP 3.2).
+"""The fields of a request's body, ``Func=3,Arg1=b-CAP``: split first, then decoded (e-CAP 3.2).
 
-* Fields are separated by ``&``, and by ``,`` where the name of a field and ``=`` follow. Any other comma is part of a
-  value: ``Arg1=WDT=400,InvokeTimeout=5000`` is one field.
-* Names are ``Func`` and ``Arg1`` to ``Arg5``, in upper or lower case, in any order, blanks around them.
-* Values are form-urlencoded: ``+`` is a blank, ``%2C`` a byte; the bytes are UTF-8, encoded or as they are. What is
-  encoded never separates.
-* A body that was encoded in one piece, as ``curl --data-urlencode "Func=17,Arg1=3"`` does, is decoded first and cut then.
-* Line breaks at the end and a byte order mark at the beginning do not count.
+* Fields are separated by ``&``, and by ``,`` if the name of a field and ``=`` follow. Any other comma is part of a value:
+  ``Arg1=WDT=400,InvokeTimeout=5000`` is one field.
+* Names are ``Func`` and ``Arg1`` to ``Arg5``, in upper or lower case, in any order, possibly surrounded by blanks.
+* Values are form-urlencoded: ``+`` is a blank, ``%2C`` a byte; the bytes are UTF-8, encoded or literal. Encoded characters
+  never separate fields.
+* A body that was encoded as a whole, as ``curl --data-urlencode "Func=17,Arg1=3"`` does, is first decoded, then split.
+* Line breaks at the end and a byte order mark at the beginning are ignored.
 
-All of it takes time in proportion to the length of the body, whatever is in it.
+The processing time is proportional to the length of the body, regardless of its content.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
 
 ARGUMENTS: Final = 5
-"""How many arguments a request has."""
+"""Number of arguments of a request."""
 MOST: Final = 32
-"""How many pieces a body may be cut into; there are six fields."""
+"""Limit on the pieces of a body; there are six fields."""
 BLANKS: Final = " \t\r\n"
-"""What may stand around names and numbers."""
+"""Characters allowed around names and numbers."""
 
-_QUOTED: Final = 160  # bytes of a piece that an error quotes, of which it shows 40 characters
-_SLICE: Final = 32 * 1024  # bytes that are looked through at a time: other threads wait while Python does it
-_MARGIN: Final = 256  # bytes that a match may have behind the slice that it begins in
+_QUOTED: Final = 160  # bytes of a piece to quote in an error, which shows 40 characters of them
+_SLICE: Final = 32 * 1024  # bytes searched at a time: other threads wait meanwhile
+_MARGIN: Final = 256  # bytes by which a match may extend beyond the slice that it begins in
 _BLANK: Final = rb"[ \t\r\n]{0,64}+"
 _NAME: Final = rb"(func|arg[1-5])" + _BLANK + rb"="
 _SEPARATOR: Final = re.compile(rb"&|,(?=" + _BLANK + _NAME.replace(b"(", b"(?:") + rb")", re.IGNORECASE)
@@ -38,16 +38,16 @@ _FIELD: Final = re.compile(_BLANK + _NAME, re.IGNORECASE)
 _WHOLE: Final = re.compile(_BLANK + rb"(?:func|arg[1-5])(?:%20|\+)*+%3d", re.IGNORECASE)
 _BAD_ESCAPE: Final = re.compile(rb"%(?![0-9a-f]{2})", re.IGNORECASE)
 _MARK: Final = b"\xef\xbb\xbf"
-_SURROGATES: Final = 8192  # bytes that are decoded at a time where there are surrogates: each takes long
+_SURROGATES: Final = 8192  # bytes decoded at a time if there are surrogates, which are slow to decode
 _LONGEST_PAIR: Final = 6  # bytes of two surrogates
 
 
 class FormField(NamedTuple):
-    """A value.
+    """The value of a field.
 
     Attributes:
-        text: decoded.
-        plus: whether a ``+`` in it was read as a blank: an error about the value may be due to that.
+        text: the decoded text.
+        plus: whether a ``+`` was decoded as a blank, which may be the cause of an error.
     """
 
     text: str
@@ -55,29 +55,30 @@ class FormField(NamedTuple):
 
 
 def read_fields(body: bytes) -> dict[str, FormField]:
-    """Return the fields of a body by their names in lower case, ``func`` among them.
+    """Return the fields of a body by their names in lower case, including ``func``.
 
     Raises:
-        CallError: E_INVALIDARG; no ``Func``, a field twice, an unknown one, a wrong escape, or no UTF-8.
+        CallError: E_INVALIDARG if ``Func`` is missing, a field is repeated or unknown, an escape is invalid, or the bytes are
+            not UTF-8.
     """
     body = body.removeprefix(_MARK).rstrip(b"\r\n")
     if b"=" not in body and _WHOLE.match(body):
-        return _decoded(_cut(_form_bytes(body)), bytes)
-    fields = _decoded(_cut(body), _form_bytes)
+        return _decoded(_split(_form_bytes(body)), bytes)
+    fields = _decoded(_split(body), _form_bytes)
     if len(fields) == 1:
         whole = b"Func=" + fields["func"].text.encode("utf-8", "surrogatepass")
         if _search(_SEPARATOR, whole):
-            return _decoded(_cut(whole), bytes)
+            return _decoded(_split(whole), bytes)
     return fields
 
 
-def _cut(body: bytes) -> dict[str, bytes]:
+def _split(body: bytes) -> dict[str, bytes]:
     pieces = _pieces(body)
     if len(pieces) > MOST:
         raise refused(
             tr(
-                "more than {most} fields; the fields are Func and Arg1 to Arg{arguments}, an & in a "
-                "value is written %26",
+                "more than {most} fields; the fields are Func and Arg1 to Arg{arguments}. Try: encode an & in a "
+                "value as %26",
                 most=MOST,
                 arguments=ARGUMENTS,
             )
@@ -91,7 +92,7 @@ def _cut(body: bytes) -> dict[str, bytes]:
             continue
         name = match[1].decode().lower()
         if name in found:
-            raise refused(tr("{name} is there twice", name=name.capitalize()))
+            raise refused(tr("{name} is repeated", name=name.capitalize()))
         found[name] = piece[match.end() :]
     if "func" not in found:
         raise _no_function(body.strip())
@@ -101,7 +102,7 @@ def _cut(body: bytes) -> dict[str, bytes]:
 
 
 def _pieces(body: bytes) -> list[bytes]:
-    """Cut a body into no more pieces than are needed to tell that they are too many."""
+    """Split a body into pieces, but stop if there are too many."""
     pieces: list[bytes] = []
     at = 0
     while len(pieces) < MOST and (found := _search(_SEPARATOR, body, at)) is not None:
@@ -111,7 +112,7 @@ def _pieces(body: bytes) -> list[bytes]:
 
 
 def _search(pattern: re.Pattern[bytes], data: bytes, start: int = 0) -> re.Match[bytes] | None:
-    """Return the first match, as ``pattern.search`` does, looked for slice by slice."""
+    """Return the first match, as ``pattern.search`` does, but search slice by slice."""
     for at in range(start, len(data), _SLICE):
         found = pattern.search(data, at, at + _SLICE + _MARGIN)
         if found is not None and found.start() < at + _SLICE:
@@ -132,7 +133,7 @@ def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> FormFi
         found = error.object[error.start : error.start + 4].hex(" ")
         raise refused(
             tr(
-                "{name} is no UTF-8: bytes {found} at {offset}. Try: send UTF-8, not Shift_JIS",
+                "{name} is not UTF-8: bytes {found} at {offset}. Try: send UTF-8, not Shift_JIS",
                 name=name,
                 found=found,
                 offset=error.start,
@@ -141,18 +142,20 @@ def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> FormFi
 
 
 def _form_bytes(value: bytes) -> bytes:
-    """Return what a form-urlencoded value stands for."""
+    """Return the decoded bytes of a form-urlencoded value."""
     if b"%" not in value and b"+" not in value:
         return value
     bad = _search(_BAD_ESCAPE, value)
     if bad:
         found = quoted(value[bad.start() : bad.start() + 3].decode("ascii", "replace"))
-        raise refused(tr('{found} is no escape: "%" and two hexadecimal digits; a "%" itself is %25', found=found))
+        raise refused(
+            tr('{found} is not an escape: "%" and two hexadecimal digits. Try: encode a "%" as %25', found=found)
+        )
     return b"".join(map(_unescaped, _slices(value)))
 
 
 def _slices(value: bytes) -> Iterator[bytes]:
-    """Yield a value in slices, no escape cut in two."""
+    """Yield a value in slices, without splitting an escape."""
     at = 0
     while at < len(value):
         end = at + _SLICE
@@ -165,15 +168,15 @@ def _slices(value: bytes) -> Iterator[bytes]:
 
 def _unescaped(value: bytes) -> bytes:
     value = value.replace(b"+", b" ")
-    # Ten times as fast as urllib.parse, which takes seconds for the longest bodies: \x41 is what Python can read at once.
+    # Ten times as fast as urllib.parse, which takes seconds for the longest bodies: Python decodes \x41 in one pass.
     return value.replace(b"\\", b"%5C").replace(b"%", b"\\x").decode("unicode_escape").encode("latin-1")
 
 
 def to_text(data: bytes) -> str:
-    """Return UTF-8 as text, lone surrogates as they are; a pair of them, each in three bytes, is one character.
+    """Decode UTF-8; keep lone surrogates, and decode a pair of them, each in three bytes, as one character.
 
     Raises:
-        UnicodeDecodeError: it is no UTF-8.
+        UnicodeDecodeError: If the bytes are not UTF-8.
     """
     try:
         return data.decode()
@@ -182,7 +185,7 @@ def to_text(data: bytes) -> str:
 
 
 def _with_surrogates(data: bytes) -> Iterator[str]:
-    """Yield the text of UTF-8 in slices, neither a character nor a pair of surrogates cut in two."""
+    """Yield the text of UTF-8 in slices, without splitting a character or a pair of surrogates."""
     at = 0
     while at < len(data):
         end = min(at + _SURROGATES, len(data))
@@ -200,7 +203,7 @@ def _with_surrogates(data: bytes) -> Iterator[str]:
 
 
 def refused(reason: str) -> CallError:
-    """Return the exception for a request that cannot be read, E_INVALIDARG."""
+    """Return the exception for an invalid request, E_INVALIDARG."""
     return error_for(hresult.E_INVALIDARG, reason)
 
 
@@ -215,7 +218,7 @@ def _unknown(piece: bytes) -> CallError:
     found = _quoted(piece)
     return refused(
         tr(
-            "{found} is none of the fields Func and Arg1 to Arg{arguments}; an & in a value is written %26",
+            "unknown field {found}; the fields are Func and Arg1 to Arg{arguments}. Try: encode an & in a value as %26",
             found=found,
             arguments=ARGUMENTS,
         )

@@ -1,12 +1,13 @@
-"""e-CAP messages from and to bytes: the bodies of requests and of replies (e-CAP 3).
+"""Encoding and decoding of e-CAP messages: the bodies of requests and replies (e-CAP 3).
 
 A request is ``Func=9,Arg1=2,Arg2=IO150,Arg3=,Arg4=,Arg5=`` (:mod:`orinkit.ecap.fields`). An argument of type VARIANT is
-written in notation, ``8,Sample`` (e-CAP 3.5, :mod:`orinkit.values.notation`), nothing being VT_EMPTY; any other as plain text: a
-string as it is, a number decimal or ``0x`` hexadecimal. As a number can be nothing else, it may be in notation as well.
+written in notation, ``8,Sample`` (e-CAP 3.5, :mod:`orinkit.values.notation`); an empty value is VT_EMPTY. Any other argument
+is plain text: a string literally, a number in decimal or in hexadecimal with ``0x``. A number may be in notation too, because
+that is unambiguous.
 
 A reply is ``0x00000000,3,2``: the return code, then a comma and the result in notation, if there is one.
 
-Every VARIANT arrives bit by bit as it was, but for NaN: all of them arrive as the one that Python's ``float("nan")`` is.
+Every VARIANT is transmitted without loss, except NaN: all NaNs are received as Python's ``float("nan")``.
 """
 
 from __future__ import annotations
@@ -37,11 +38,11 @@ _EMPTY: Final = FormField("")
 
 
 class EcapRequest(NamedTuple):
-    """A call, as :meth:`orinkit.cao.session.Session.invoke` wants it.
+    """A call, for :meth:`orinkit.cao.session.Session.invoke`.
 
     Attributes:
         function: an entry of the table.
-        arguments: with their types; optional ones that are empty are left out at the end.
+        arguments: the arguments with their types; empty optional ones at the end are omitted.
     """
 
     function: Function[..., Any]
@@ -56,10 +57,10 @@ def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> b
 
     Args:
         function: an entry of the table.
-        arguments: as :meth:`~orinkit.cao.table.Function.bind` gives them.
+        arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
 
     Raises:
-        InvalidValue: an argument does not fit its type; the message names function and argument.
+        InvalidValue: If an argument does not fit its type; the message names the function and the argument.
     """
     texts = [""] * ARGUMENTS
     for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
@@ -72,11 +73,11 @@ def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> b
 
 
 def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequest:
-    """Return the call that a body asks for.
+    """Decode the body of a call.
 
     Raises:
-        CallError: E_INVALIDARG, the body is no request, or an argument is not what it should be; E_INVALIDARGTYPE, a number
-            is none; E_NOTIMPL, there is no such function; E_PACKETSIZEOVER, E_ARGSIZEOVER, it is more than the limits allow.
+        CallError: E_INVALIDARG if the body is not a request or an argument is invalid; E_INVALIDARGTYPE if an argument is not
+            a number; E_NOTIMPL if the function is unknown; E_PACKETSIZEOVER or E_ARGSIZEOVER if a limit is exceeded.
     """
     if len(body) > limits.packet:
         raise error_for(hresult.E_PACKETSIZEOVER, _too_long(len(body), limits))
@@ -85,7 +86,7 @@ def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequ
     given = [fields.get(f"arg{number}", _EMPTY) for number in range(1, ARGUMENTS + 1)]
     _check_number(function, given)
     count = len(function.arguments)
-    while count > function.required and _left_out(function.arguments[count - 1], given[count - 1]):
+    while count > function.required and _is_omitted(function.arguments[count - 1], given[count - 1]):
         count -= 1
     pairs = list(zip(function.arguments, given[:count], strict=False))
     try:
@@ -96,7 +97,7 @@ def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequ
 
 
 def explain_request(body: bytes) -> str:
-    """Return a request in one line, whatever is in it: ``Controller_GetVariable handle=2 name="IO150" option=""``."""
+    """Return a one-line summary of a request, even if invalid: ``Controller_GetVariable handle=2 name="IO150" option=""``."""
     try:
         fields = read_fields(body)
     except CallError as error:
@@ -116,7 +117,7 @@ def explain_request(body: bytes) -> str:
 
 
 def _write_integer(value: Any) -> str:
-    codec.encode_integer(value)  # refuses what does not fit, as for b-CAP
+    codec.encode_integer(value)  # raises InvalidValue if it does not fit, as for b-CAP
     return str(int(value))
 
 
@@ -153,18 +154,18 @@ def _function(word: str) -> Function[..., Any]:
     number = _whole(word)
     if number is None:
         by_name = _IDS.get(word.lower(), 3)
-        raise refused(tr("Func: {word} is no number. Try: Func={by_name}", word=quoted(word), by_name=by_name))
+        raise refused(tr("Func: {word} is not a number. Try: Func={by_name}", word=quoted(word), by_name=by_name))
     function = FUNCTIONS.get(number)
     if function is None:
         raise error_for(
             hresult.E_NOTIMPL,
-            tr("no function {word}; there are 1 to {count}", word=quoted(word), count=len(FUNCTIONS)),
+            tr("unknown function {word}; ids are 1 to {count}", word=quoted(word), count=len(FUNCTIONS)),
         )
     return function
 
 
 def _whole(word: str) -> int | None:
-    """Return a whole number, decimal or hexadecimal; ``None`` where a text is none."""
+    """Return a whole number, decimal or hexadecimal, or ``None`` if the text is not one."""
     match = WHOLE.fullmatch(word) if len(word) <= LONGEST else None
     return int(word, 16 if match[1] else 10) if match else None
 
@@ -173,11 +174,11 @@ def _check_number(function: Function[..., Any], given: list[FormField]) -> None:
     for number, field in enumerate(given, 1):
         if number > len(function.arguments) and field.text.strip(BLANKS):
             raise refused(
-                tr("{name} has no argument {number}, Arg{number} has to be empty", name=function.name, number=number)
+                tr("{name} has no argument {number}; Arg{number} must be empty", name=function.name, number=number)
             )
 
 
-def _left_out(argument: Argument, field: FormField) -> bool:
+def _is_omitted(argument: Argument, field: FormField) -> bool:
     return argument.optional and not (field.text if argument.vt is VarType.BSTR else field.text.strip(BLANKS))
 
 
@@ -189,13 +190,13 @@ def _read(
             return _read_variant(field.text, limits)
         return _read_handle(field.text) if argument.is_handle else _READERS[argument.vt](field.text)
     except NotationError as error:
-        kind = tr("; a VARIANT is written <type>,<value>: 3,100 or 8,text")
+        kind = tr("; a VARIANT is written <type>,<value>, such as 3,100 or 8,text")
         code, reason = hresult.E_INVALIDARG, f"{error}{kind}"
     except ProtocolError as error:
         code, reason = error.code, str(error)
     except CallError as error:
         code, reason = error.code, error.detail
-    plus = tr('; a "+" in the body is read as a blank, write %2B')
+    plus = tr('. Try: encode a "+" as %2B; a literal "+" is a blank')
     raise error_for(code, function.where(number) + reason + (plus if field.plus else ""))
 
 
@@ -212,10 +213,10 @@ def _read_integer(text: str) -> Variant:
 
 
 def _read_real(text: str) -> Variant:
-    """Return a number in the single precision in which a client of b-CAP sends it; one too large for that as it is."""
+    """Return a number in single precision, as a b-CAP client sends it; unchanged if it is too large for that."""
     word = text.strip(BLANKS)
     if len(word) <= LONGEST and REAL.fullmatch(word):
-        number = coerce.to_real(trusted(VarType.R8, float(word)))  # a "-0" too: no whole number
+        number = coerce.to_real(trusted(VarType.R8, float(word)))  # includes "-0", which is not a whole number
     else:
         number = coerce.to_real(_read_number(text))
     try:
@@ -233,8 +234,8 @@ def _read_handle(text: str) -> Variant:
         raise error_for(
             error.code,
             tr(
-                "{found} is no handle: the number that Controller_Connect, Controller_GetVariable and "
-                "the like have answered",
+                "{found} is not a handle: a number returned by Controller_Connect, Controller_GetVariable or "
+                "a similar function",
                 found=found,
             ),
         ) from None
@@ -248,10 +249,10 @@ _READERS: Final[dict[VarType, Callable[[str], Variant]]] = {
 
 
 def _read_number(text: str) -> Variant:
-    """Return a number of whatever type it is; its range is checked where it is used, as for b-CAP."""
+    """Return a number of any type; the caller checks its range, as for b-CAP."""
     word = text.strip(BLANKS)
     if not word:
-        raise refused(tr("empty, a number is needed"))
+        raise refused(tr("expected a number, got an empty value"))
     if len(word) <= LONGEST:
         if "," in word:
             return parse(word)
@@ -260,7 +261,7 @@ def _read_number(text: str) -> Variant:
             return _integer(whole)
         if REAL.fullmatch(word):
             return trusted(VarType.R8, float(word))
-    raise error_for(hresult.E_INVALIDARGTYPE, tr("{word} is no number", word=quoted(word)))
+    raise error_for(hresult.E_INVALIDARGTYPE, tr("{word} is not a number", word=quoted(word)))
 
 
 def _integer(number: int) -> Variant:
@@ -268,7 +269,7 @@ def _integer(number: int) -> Variant:
         return trusted(VarType.I4, number)
     if 0 <= number < 2**32:
         return trusted(VarType.UI4, number)
-    return trusted(VarType.BSTR, str(number))  # too large for any of them: whoever wants a number says so
+    return trusted(VarType.BSTR, str(number))  # too large for an integer type; the conversion to a number reports it
 
 
 # --- replies ----------------------------------------------------------------------------------------------------------
@@ -284,10 +285,10 @@ _REPLY: Final = re.compile(
 
 
 def write_reply(code: int, result: Variant | None) -> bytes:
-    """Return the body of an answer; VT_EMPTY is left out, as no result is.
+    """Return the body of a reply; VT_EMPTY is omitted, like a missing result.
 
     Raises:
-        InvalidValue: VARIANT arrays are nested deeper than notation allows.
+        InvalidValue: If VARIANT arrays are nested deeper than the notation allows.
     """
     text = "" if result is None or result.type == VarType.EMPTY else f",{format_variant(result)}"
     text = f"0x{hresult.unsigned(code):08X}{text}"
@@ -296,17 +297,17 @@ def write_reply(code: int, result: Variant | None) -> bytes:
 
 
 def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
-    """Return the code, unsigned, and the result of an answer.
+    """Return the code, unsigned, and the result of a reply.
 
-    The code may be hexadecimal with ``0x``, or decimal, signed or not; line feeds may come before it. What stands behind the
-    code of a failure does not count.
+    The code may be hexadecimal with ``0x``, or decimal, signed or unsigned; line feeds may precede it. Data after the code of
+    a failure is ignored.
 
     Raises:
-        ProtocolError: it is none.
+        ProtocolError: If the body is not a reply.
     """
     if len(body) > limits.packet:
         raise LimitExceeded(_too_long(len(body), limits), hresult.E_PACKETSIZEOVER)
-    code, rest = _cut_reply(body)
+    code, rest = _split_reply(body)
     if code >= _FAILED or not rest.strip():
         return code, None
     try:
@@ -314,21 +315,21 @@ def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int,
         _check_cost([text], limits)
         return code, _parse(text, limits)
     except UnicodeDecodeError:
-        raise _no_reply(rest, tr("it is no UTF-8")) from None
+        raise _no_reply(rest, tr("not UTF-8")) from None
     except NotationError as error:
         raise _no_reply(rest, str(error)) from None
 
 
 def read_detail(body: bytes) -> str:
-    """Return what a reply says of its failure behind the return code, as one line; ``""`` where it says nothing."""
-    _, rest = _cut_reply(body)
+    """Return the description of the error after the return code of a reply, in one line; ``""`` if there is none."""
+    _, rest = _split_reply(body)
     return printable(" ".join(rest[: 4 * _DETAIL].decode("utf-8", "replace").split()))
 
 
 def explain_reply(body: bytes) -> str:
-    """Return a reply in one line, whatever is in it: ``S_OK 3,2``."""
+    """Return a one-line summary of a reply, even if invalid: ``S_OK 3,2``."""
     try:
-        code, rest = _cut_reply(body)
+        code, rest = _split_reply(body)
     except ProtocolError as error:
         return str(error)
     info = hresult.lookup(code)
@@ -339,7 +340,7 @@ def explain_reply(body: bytes) -> str:
     return f"{info.name} {printable(rest[:1000].decode('utf-8', 'replace'))}".rstrip()
 
 
-def _cut_reply(body: bytes) -> tuple[int, bytes]:
+def _split_reply(body: bytes) -> tuple[int, bytes]:
     match = _REPLY.match(body)
     if match:
         number = int(match[1], 16 if b"x" in match[1].lower() else 10)
@@ -348,8 +349,8 @@ def _cut_reply(body: bytes) -> tuple[int, bytes]:
     found = _quoted(body)
     raise ProtocolError(
         tr(
-            "{found} is no e-CAP reply, which begins with a return code as 0x00000000. Try: is this "
-            "the address of an e-CAP server, its path too?",
+            "{found} is not an e-CAP reply, which begins with a return code such as 0x00000000. Try: check the "
+            "address of the e-CAP server, including its path",
             found=found,
         )
     )
@@ -357,9 +358,7 @@ def _cut_reply(body: bytes) -> tuple[int, bytes]:
 
 def _no_reply(rest: bytes, reason: str) -> ProtocolError:
     found = _quoted(rest)
-    return ProtocolError(
-        tr("the result {found} of an e-CAP reply cannot be read: {reason}", found=found, reason=reason)
-    )
+    return ProtocolError(tr("invalid result {found} in an e-CAP reply: {reason}", found=found, reason=reason))
 
 
 def _quoted(data: bytes) -> str:
@@ -370,18 +369,17 @@ def _quoted(data: bytes) -> str:
 
 
 def _too_long(length: int, limits: PacketLimits) -> str:
-    return tr("body of {length} bytes, at most {most} are allowed", length=length, most=limits.packet)
+    return tr("body of {length} bytes exceeds the limit of {most} bytes", length=length, most=limits.packet)
 
 
-_SLICE: Final = 4096  # characters that are looked at at a time
-_MARGIN: Final = 80  # characters of the beginning of a VARIANT, or more
+_SLICE: Final = 4096  # characters searched at a time
+_MARGIN: Final = 80  # characters, at least the length of the beginning of a VARIANT
 _FIRST: Final = re.compile(r"[ \t\r\n]*+([0-9]{1,5})")
 _HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]{0,64}+([0-9]{1,5}|[ \t\r\n])")
-# What takes long to read counts fully as an element. The elements of VARIANT arrays are counted by their brackets.
+# Each element of a slow type counts fully. The elements of VARIANT arrays are counted by their brackets.
 _SLOW: Final = {int(row.code) | ARRAY for row in TABLE if row.elements_for_one == 1} - {VARIANT_ARRAY}
-# What each sign of a text may cost to be read, in microseconds, and how many of them each element that is allowed may: in
-# all a second by default. Brackets, and commas of slow types, are dearer than they are: arrays of them are bounded by
-# Limits.variants once they have been read.
+# Estimated time to parse each character, in microseconds, and the allowance per permitted element: one second in total by
+# default. Brackets, and commas of slow types, are overestimated: PacketLimits.variants bounds arrays of them after parsing.
 _BRACKET_COST: Final = 10
 _SLOW_COST: Final = 5
 _QUOTES_FOR_ONE: Final = 8
@@ -389,10 +387,10 @@ _ALLOWANCE: Final = 20
 
 
 def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
-    """Refuse texts that would take too long to be read; they are only looked over for that.
+    """Refuse texts that would take too long to parse, by counting characters.
 
     Raises:
-        LimitExceeded: they have too many brackets and commas.
+        LimitExceeded: If there are too many brackets and commas.
     """
     left = _ALLOWANCE * limits.variants
     for text in texts:
@@ -400,7 +398,7 @@ def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
             left -= _cost(text, left)
     if left < 0:
         raise LimitExceeded(
-            tr("the arrays have too many elements as text. Try: smaller arrays, several calls, or b-CAP"),
+            tr("the arrays have too many elements as text. Try: use smaller arrays, several calls, or b-CAP"),
             hresult.E_ARGSIZEOVER,
         )
 
@@ -408,7 +406,7 @@ def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
 def _cost(text: str, left: int) -> int:
     head = _FIRST.match(text)
     if not head or not (int(head[1]) & ARRAY or int(head[1]) == VarType.VARIANT):
-        return 0  # a scalar, or no notation
+        return 0  # a scalar, or not in notation
     cost = _BRACKET_COST * _count(text, "(") + _count(text, '"') // _QUOTES_FOR_ONE
     if cost > left:
         return cost
@@ -420,7 +418,7 @@ def _count(text: str, sign: str) -> int:
 
 
 def _has_slow(text: str) -> bool:
-    """Whether there may be an array of a type that takes long; many blanks may hide anything."""
+    """Return True if there may be an array of a slow type; also for many blanks, which could hide one."""
     for at in range(0, len(text), _SLICE):
         heads = set(_HEAD.findall(text, at, at + _SLICE + _MARGIN))
         if any(head.isspace() or int(head) in _SLOW for head in heads):
@@ -432,8 +430,8 @@ def _parse(text: str, limits: PacketLimits) -> Variant:
     """Return the VARIANT of a text.
 
     Raises:
-        NotationError: it is none.
-        LimitExceeded: it is more than a b-CAP packet may hold.
+        NotationError: If the text is not a VARIANT.
+        LimitExceeded: If the value exceeds the limits of a b-CAP packet.
     """
     item = parse(text)
     if item.type & ARRAY and len(text) > limits.variants:  # shorter ones cannot have more elements

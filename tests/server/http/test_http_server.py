@@ -135,7 +135,7 @@ def test_what_is_wrong_is_told_in_code_and_words(web: Web, body: str | bytes, co
 def test_the_detail_is_in_the_language_and_short(web: Web) -> None:
     assert not {"orinkit-detail", "orinkit-error"} & set(web.call(1).headers)
     assert web.ask("Func=200").headers["orinkit-error"].startswith("0x80004001 E_NOTIMPL: ")
-    assert web.ask("Func=x").headers["orinkit-detail"] == "Func: 'x' is no number. Try: Func=3"
+    assert web.ask("Func=x").headers["orinkit-detail"] == "Func: 'x' is not a number. Try: Func=3"
     i18n.use("ja")
     answer = web.ask("Func=x")
     assert "数値ではありません" in answer.detail
