@@ -1,4 +1,4 @@
-"""Every code of every 16-bit field of ABH3 drivers, there and back."""
+"""Round trip of every code of every 16-bit field of ABH3 drivers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CaoProv.Waco.ABH3: a b-CAP client and an e-CAP client turn a virtual motor, over a bus inside this process."""
+"""CaoProv.Waco.ABH3: b-CAP and e-CAP clients turn a virtual motor, over a bus inside this process."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def option(channel):
 
 @pytest.fixture(autouse=True)
 def _patience(monkeypatch):
-    """Keep-alives do not end because the machine has other work to do; the driver is never silent here."""
+    """Keep keep-alives from ending on a busy machine; the driver always replies here."""
     real = AsyncDriver.keep_alive
 
     async def keep_alive(driver, period, *, idle):
@@ -141,7 +141,7 @@ def test_every_variable_has_its_type_and_help(server, option):
                 refused(hresult.E_CAO_NOT_WRITABLE, setattr, variable, "value", 1)
 
 
-def test_dialect_2_has_variables_of_its_own(server, channel):
+def test_dialect_2_has_other_variables(server, channel):
     with connect(server, f"Interface=virtual,Channel={channel},Address=3,Dialect=v2,LoadUnit=0.1") as motor:
         assert motor.variable_names() == list(items_of(V2))
         turn(motor, 20.0, 20.0)
@@ -188,7 +188,7 @@ def test_commands(server, option):
 
 
 @pytest.mark.parametrize("value", [7000, -7000, float("nan"), float("inf"), "x", [1.0], None])
-def test_a_value_that_cannot_be_sends_nothing(server, device, option, value):
+def test_an_invalid_value_sends_nothing(server, device, option, value):
     with connect(server, option) as motor:
         turn(motor, 20.0, 20.0)
         with pytest.raises(CallError):
@@ -198,7 +198,7 @@ def test_a_value_that_cannot_be_sends_nothing(server, device, option, value):
         assert motor.variable("COMMAND").value == [20.0, 20.0]
 
 
-def test_what_was_wrong_is_told_in_words(server, option):
+def test_error_descriptions(server, option):
     with connect(server, option) as motor:
         error = refused(hresult.E_INVALIDARG, setattr, motor.variable("AY_COMMAND"), "value", 7000)
         assert "-6553.6 to 6553.4 min^-1" in motor.error_description(error.code)
@@ -231,13 +231,13 @@ def test_what_was_wrong_is_told_in_words(server, option):
         ("Interface=slcan,Channel=/dev/no-such-port", hresult.E_CAO_REMOTE_PROVIDER, "/dev/no-such-port"),
     ],
 )
-def test_options_that_cannot_be(server, channel, caplog, option, code, text):
+def test_invalid_options(server, channel, caplog, option, code, text):
     caplog.set_level("INFO", "orinkit.session")
     refused(code, connect, server, option.format(channel))
     assert text in caplog.text
 
 
-def test_a_driver_that_does_not_answer(server, channel, caplog):
+def test_a_driver_that_does_not_reply(server, channel, caplog):
     caplog.set_level("INFO", "orinkit.session")
     refused(hresult.E_TIMEOUT, connect, server, f"Interface=virtual,Channel={channel},Address=9,Timeout=0.2")
     assert "no reply from ABH3 9 within 0.2 s" in caplog.text
@@ -251,7 +251,7 @@ def test_one_client_commands_and_others_read(server, device, option):
         assert "another client commands ABH3 1" in other.error_description(error.code)
         refused(hresult.E_ACCESSDENIED, setattr, other.variable("AY_COMMAND"), "value", 5)
         other.close()
-        assert device.state().a_velocity == 100.0  # who reads and goes does not stop it
+        assert device.state().a_velocity == 100.0  # a reading client that disconnects does not stop it
         other = connect(server, option)
         other.execute("Release")  # it has nothing to release
         other.close()
@@ -265,7 +265,7 @@ def test_one_client_commands_and_others_read(server, device, option):
 
 
 @pytest.mark.parametrize("keep_alive", ["", ",KeepAlive=0"])
-def test_anybody_may_stop(server, device, option, keep_alive):
+def test_every_client_may_stop(server, device, option, keep_alive):
     with connect(server, f"{option},Idle=0{keep_alive}") as motor, connect(server, option) as other:
         turn(motor)
         until(lambda: device.state().a_velocity > 0)
@@ -281,7 +281,7 @@ def test_anybody_may_stop(server, device, option, keep_alive):
         until(lambda: device.state().a_velocity > 0)
 
 
-def test_two_that_begin_at_once_do_not_both_command(server, device, option):
+def test_only_one_of_two_simultaneous_clients_commands(server, device, option):
     for _ in range(5):
         with connect(server, option) as one, connect(server, option) as other:
             done: list[object] = []
@@ -317,7 +317,7 @@ def test_clients_that_read_parameters_get_their_own(server, option):
         assert set(found) == {(0x4102, 1), (0x4117, 500), (0x4118, 1000)}
 
 
-def test_a_client_without_keep_alive_that_was_silent_is_told(server, provider, device, option):
+def test_an_idle_client_without_keep_alive_gets_an_error(server, provider, device, option):
     with connect(server, f"{option},KeepAlive=0,Idle=30") as motor:
         turn(motor)
         until(lambda: device.state().a_velocity > 0)
@@ -331,7 +331,7 @@ def test_a_client_without_keep_alive_that_was_silent_is_told(server, provider, d
         assert at_rest(device)
 
 
-def test_a_silent_client_loses_the_motor(server, provider, device, option):
+def test_an_idle_client_loses_the_motor(server, provider, device, option):
     with connect(server, f"{option}, Idle=30") as motor, connect(server, f"{option}, Idle=30") as other:
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
@@ -349,13 +349,13 @@ def test_a_silent_client_loses_the_motor(server, provider, device, option):
         until(lambda: _stops(other))
         turn(other, 5.0, 5.0)
         until(lambda: device.state().a_velocity == 5.0)
-        motor.client.close()  # what it had asked for is over, and is not sent once more
+        motor.client.close()  # its command has ended, and is not sent again
         time.sleep(0.3)
         assert device.state().a_velocity == 5.0
 
 
 @pytest.mark.parametrize("reading", ["INPUTS", "COMMAND", "MAIN_VOLTAGE", "parameter"])
-def test_a_client_that_reads_is_not_silent(server, device, option, reading):
+def test_a_client_that_reads_is_not_idle(server, device, option, reading):
     with connect(server, f"{option}, Idle=1") as motor:
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
@@ -369,7 +369,7 @@ def test_a_client_that_reads_is_not_silent(server, device, option, reading):
 @pytest.mark.parametrize(
     "spelled", ["Bus=can://virtual/{}", "Bus=can:virtual/{}", "Bus=CAN://virtual/{}", "Bus=can://virtual/%{}"]
 )
-def test_one_motor_has_one_commander_however_the_bus_is_spelled(server, option, channel, spelled):
+def test_spellings_of_a_bus_share_one_right_to_command(server, option, channel, spelled):
     name = channel if "%" not in spelled else f"{ord(channel[0]):02x}{channel[1:]}"
     with connect(server, f"{option}, Idle=0") as motor, connect(server, spelled.format(name)) as other:
         turn(motor)
@@ -385,7 +385,7 @@ def test_a_provider_is_for_one_server(device, option):
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves its socket behind
-def test_a_bus_that_does_not_open_keeps_nobody_waiting(device, option, monkeypatch):
+def test_a_bus_that_does_not_open_blocks_no_other_client(device, option, monkeypatch):
     monkeypatch.setattr("orinkit.abh3.provider.buses.PATIENCE", 1.0)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
@@ -415,7 +415,7 @@ def _stops(client):
     return True
 
 
-def test_the_motor_goes_on_while_the_client_asks(server, device, option):
+def test_the_motor_turns_while_the_client_makes_calls(server, device, option):
     with connect(server, f"{option}, Idle=1") as motor:
         turn(motor)
         until(lambda: device.state().a_velocity == 100.0)
@@ -434,9 +434,9 @@ def test_without_keep_alive_the_driver_stops_by_itself(server, device, option):
         assert "CAN communication time-out" in motor.variable("ERROR_TEXTS").value
 
 
-def test_a_client_that_dies_stops_the_motor(server, device, option, tmp_path):
+def test_a_killed_client_stops_the_motor(server, device, option, tmp_path):
     if server.url.startswith("http"):
-        option += ", Idle=1"  # whether a client over HTTP is there shows by its calls only
+        option += ", Idle=1"  # an HTTP client is connected only while it makes calls
     script = tmp_path / "client.py"
     script.write_text(
         textwrap.dedent(
@@ -490,12 +490,12 @@ def test_the_server_stops_the_motor_when_it_stops(device, option):
     motor.client.close()
 
 
-def test_a_server_may_decide_which_bus_it_is(device, channel):
+def test_a_server_may_fix_the_bus(device, channel):
     provider = ABH3Provider(f"can://virtual/{channel}", address=1, timeout=5)
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server:
         with connect(server, "") as motor:
             assert motor.execute("Init") == [0.0] * 4
-        with connect(server, f"Interface=virtual, Channel={channel}") as motor:  # that is where it is
+        with connect(server, f"Interface=virtual, Channel={channel}") as motor:  # the same bus
             assert motor.execute("Init") == [0.0] * 4
         refused(hresult.E_INVALIDARG, connect, server, f"Interface=virtual,Channel={channel}2")
         refused(hresult.E_INVALIDARG, connect, server, "Bitrate=500000")

@@ -1,4 +1,4 @@
-"""THE TABLE of ABH3 against the document and the vendor's bit tables, written out here once more."""
+"""The table of ABH3 against independent copies of the document's and the vendor's tables."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ BOTH = [pytest.param(V1, id="v1"), pytest.param(V2, id="v2")]
 
 
 def _spaceless(text: str) -> str:
-    """The document writes one name with spaces and without."""
+    """Remove spaces: the document writes one name with and without them."""
     return text.replace(" ", "")
 
 
@@ -81,14 +81,14 @@ def test_the_broadcasts_by_their_numbers(dialect: Dialect) -> None:
     assert {number: layout.name for number, layout in dialect.broadcasts.items()} == {n: f"BR{n}" for n in range(7)}
 
 
-def test_the_frames_that_have_not_changed() -> None:
+def test_the_unchanged_frames() -> None:
     for name in FRAMES_ALIKE:
         if name != "DP0S" and name != "BR0":
             assert V1.layouts[name] is V2.layouts[name]
 
 
 @pytest.mark.parametrize("dialect", BOTH)
-def test_what_the_fields_hold(dialect: Dialect) -> None:
+def test_the_quantities_of_the_fields(dialect: Dialect) -> None:
     for layout in dialect.layouts.values():
         for field in layout.fields:
             if field.code == "I":
@@ -102,7 +102,7 @@ def test_what_the_fields_hold(dialect: Dialect) -> None:
 
 
 @pytest.mark.parametrize("dialect", BOTH)
-def test_which_word_is_in_which_field(dialect: Dialect) -> None:
+def test_the_words_of_the_fields(dialect: Dialect) -> None:
     def word(frame: str, field: str) -> Word:
         (found,) = (each.word for each in dialect.layouts[frame].fields if each.name == field)
         assert found is not None
@@ -134,8 +134,8 @@ def test_the_dialects() -> None:
 
 
 @pytest.mark.parametrize("dialect", [*BOTH, V1.with_load_unit(0.1)])
-def test_a_dialect_can_be_given_to_another_process(dialect: Dialect) -> None:
-    """What was derived from it once goes along or is derived anew."""
+def test_a_dialect_can_be_pickled(dialect: Dialect) -> None:
+    """Cached properties are pickled too, or computed again."""
     assert dialect.inputs.masks
     assert [layout.struct.size for layout in dialect.layouts.values()] == [8] * len(dialect.layouts)
     for again in (pickle.loads(pickle.dumps(dialect)), copy.copy(dialect), copy.deepcopy(dialect)):
@@ -153,7 +153,9 @@ def test_the_fields_of_the_records_are_those_of_the_frames(dialect: Dialect) -> 
         assert fields == [field.name for field in dialect.layouts[name].fields], name
         assert kind.__name__ in (name, f"{name}V2")
         assert kind.__doc__
-    assert len(set(RECORDS[dialect.name].values())) == len(dialect.layouts)  # a record says which frame it is
+    assert len(set(RECORDS[dialect.name].values())) == len(
+        dialect.layouts
+    )  # the class of a record identifies its frame
     assert set(records.ALIKE) == set(FRAMES_ALIKE)
 
 
@@ -202,7 +204,7 @@ def test_every_text_is_there_in_both_languages(dialect: Dialect) -> None:
 
 # --- quantities (section 3) -------------------------------------------------------------------------------------------
 
-# unit, least and greatest value as the document writes them, value of a code, decimal places
+# unit, lowest and highest value as in the document, value of a code, decimal places
 RANGES: list[tuple[Quantity, str, float, float, float, int]] = [
     (VELOCITY, "min^-1", -6553.6, 6553.4, 0.2, 1),
     (CURRENT, "%", -327.68, 327.67, 0.01, 2),
@@ -230,7 +232,7 @@ def test_units_and_ranges(quantity: Quantity, unit: str, low: float, high: float
 
 
 @pytest.mark.parametrize(("quantity", "unit", "low", "high", "step", "digits"), RANGES)
-def test_what_is_out_of_range_is_refused(
+def test_values_out_of_range_are_refused(
     quantity: Quantity, unit: str, low: float, high: float, step: float, digits: int
 ) -> None:
     for tongue, name in zip(("en", "ja"), _both(quantity.title), strict=True):
@@ -253,7 +255,7 @@ def test_what_is_out_of_range_is_refused(
 
 
 @pytest.mark.parametrize(("quantity", "unit", "low", "high", "step", "digits"), RANGES)
-def test_what_is_just_in_range_is_taken(
+def test_values_just_in_range_are_accepted(
     quantity: Quantity, unit: str, low: float, high: float, step: float, digits: int
 ) -> None:
     assert quantity.encode(low - 0.49 * step) == quantity.low
@@ -296,7 +298,7 @@ class _Broken:
 
 
 @pytest.mark.parametrize(("value", "number"), [(1, 1.0), (-2.5, -2.5), (_Half(), 0.5), (0, 0.0)])
-def test_numbers_of_whatever_kind(value: object, number: float) -> None:
+def test_numbers_of_any_type(value: object, number: float) -> None:
     assert real(value) == number
     assert CURRENT.encode(value) == number * 100
 
@@ -305,7 +307,7 @@ NO_NUMBERS = [math.nan, math.inf, -math.inf, 10**400, 10**5000, True, "1", b"1",
 
 
 @pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda value: f"{type(value).__name__}")
-def test_what_is_no_number(value: Any) -> None:
+def test_values_that_are_not_numbers(value: Any) -> None:
     assert real(value) is None
     with pytest.raises(InvalidValue, match="velocity") as caught:
         VELOCITY.encode(value)
@@ -526,7 +528,7 @@ def test_a_name_without_an_axis_means_both(word: Word, rows: Rows, per_axis: Map
     [-1, 32, True, False, "", "servo", "AY_SERVO_ON", "bit_3", "x" * 1000, 1.0, None, ["servo_on"], np.True_, 10**5000],
     ids=lambda name: f"{type(name).__name__} {name!s:.12}" if not isinstance(name, int) else f"{name:#x}"[:12],
 )
-def test_what_is_no_bit(name: Any) -> None:
+def test_unknown_bits(name: Any) -> None:
     for tongue, text in (("en", "inputs"), ("ja", "入力")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue) as caught:
@@ -536,17 +538,17 @@ def test_what_is_no_bit(name: Any) -> None:
         assert len(str(caught.value)) < 1000
 
 
-def test_bits_that_mean_nothing_have_masks_by_their_numbers() -> None:
+def test_undefined_bits_have_masks_by_number() -> None:
     assert [V1.inputs.mask(n) for n in range(32)] == [1 << n for n in range(32)]
     assert [V1.inputs.mask(np.uint8(n)) for n in range(32)] == [1 << n for n in range(32)]
 
 
-def test_a_name_that_a_bit_has_is_not_taken_for_both_axes() -> None:
+def test_the_name_of_a_bit_does_not_mean_both_axes() -> None:
     bits = (Bit(0, "error", "x", "x"), Bit(1, "a_error", "x", "x"), Bit(2, "b_error", "x", "x"))
     assert Word("word", ("x", "x"), bits).masks == {"error": 1, "a_error": 2, "b_error": 4}
 
 
-# The words that the vendor's programs send.
+# Words sent by the vendor's programs.
 def test_words_of_the_vendors_samples() -> None:
     assert V1.inputs.mask("servo_on") | V1.inputs.mask("start") == 0x00003003
     assert V1.inputs.mask("error_reset") == 0x80000000
@@ -556,7 +558,7 @@ def test_words_of_the_vendors_samples() -> None:
     assert V2.inputs.mask("error_reset") == 0x00400000
 
 
-# --- there and back --------------------------------------------------------------------------------------------------
+# --- round trips -----------------------------------------------------------------------------------------------------
 
 
 @given(st.binary(min_size=8, max_size=8), st.sampled_from(list(DIALECTS)), st.data())
@@ -588,7 +590,7 @@ def test_pulse_counts(name: str, count: int) -> None:
 
 
 def _loud(word: int) -> bool:
-    """Whether a single float is a signalling NaN: computers make quiet ones of those."""
+    """Return True for a signalling NaN as a single float: computers turn it into a quiet one."""
     return word & 0x7F800000 == 0x7F800000 and word & 0x007FFFFF != 0 and not word & 0x00400000
 
 

@@ -91,21 +91,21 @@ def test_currents_without_a_code(value: float) -> None:
 
 
 @given(st.floats(-6553.69, 6553.49))
-def test_no_code_is_nearer(value: float) -> None:
+def test_the_code_is_the_nearest(value: float) -> None:
     error = abs(Fraction(value) - Fraction(cnvVel2CAN(value), 5))
     assert error <= Fraction(1, 10) + Fraction(1, 10**9)
 
 
 @pytest.mark.parametrize("function", [cnvCAN2Vel, cnvCAN2Cur, cnvCAN2Analog])
 @pytest.mark.parametrize("code", [-32769, 32768, 65535, 1 << 64])
-def test_codes_with_a_sign_that_do_not_fit(function: Callable[[int], float], code: int) -> None:
+def test_signed_codes_out_of_range(function: Callable[[int], float], code: int) -> None:
     with pytest.raises(InvalidValue, match="-32768"):
         function(code)
 
 
 @pytest.mark.parametrize("function", [cnvCAN2Load, cnvCAN2Volt])
 @pytest.mark.parametrize("code", [-32769, 65536])
-def test_codes_without_a_sign_that_do_not_fit(function: Callable[[int], float], code: int) -> None:
+def test_unsigned_codes_out_of_range(function: Callable[[int], float], code: int) -> None:
     with pytest.raises(InvalidValue, match="65535"):
         function(code)
 

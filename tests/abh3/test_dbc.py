@@ -1,4 +1,4 @@
-"""The DBC file says of every frame what the codec says."""
+"""The DBC file decodes every frame as the codec does."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def number_of(layout: FrameLayout, address: int = 1, host: int = 2, group: int =
 
 
 def ours(layout: FrameLayout, dialect: str, unit: float, data: bytes) -> dict[str, float]:
-    """What a frame says by the codec, with the names of the DBC file."""
+    """Return what the codec decodes from a frame, with the names of the DBC file."""
     record = Codec(DIALECTS[dialect].with_load_unit(unit)).decode(layout.name, data)
     found: dict[str, float] = {}
     for field in layout.fields:
@@ -57,7 +57,7 @@ def same(one: dict[str, float], other: dict[str, float]) -> bool:
 
 @pytest.mark.parametrize(("dialect", "unit"), CASES)
 @given(data=st.binary(min_size=8, max_size=8))
-def test_every_frame_decodes_as_ours(dialect, unit, data):
+def test_every_frame_decodes_as_by_the_codec(dialect, unit, data):
     for layout in DIALECTS[dialect].layouts.values():
         theirs = DATABASES[dialect, unit].decode_message(number_of(layout), data, decode_choices=False)
         assert same(ours(layout, dialect, unit, data), theirs), layout.name
@@ -77,8 +77,8 @@ def test_every_bit_alone(dialect):
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @given(data=st.binary(min_size=8, max_size=8).filter(lambda data: b"\xff" not in data))
-def test_what_it_encodes_is_ours(dialect, data):
-    """But for the bits that mean nothing."""
+def test_every_frame_encodes_as_by_the_codec(dialect, data):
+    """Except for undefined bits."""
     for layout in DIALECTS[dialect].layouts.values():
         message = DATABASES[dialect, 1.0].get_message_by_frame_id(number_of(layout), force_extended_id=True)
         values = message.decode(data, decode_choices=False)
@@ -169,7 +169,7 @@ def test_it_is_plain_text_in_any_language(lang, tmp_path):
     assert len(cantools.database.load_file(path).messages) == len(DATABASES["v1", 1.0].messages)
 
 
-def test_names_are_no_longer_than_such_files_have_them():
+def test_names_do_not_exceed_the_limit_of_dbc_files():
     for database in DATABASES.values():
         assert all(len(signal.name) <= 32 for message in database.messages for signal in message.signals)
 
@@ -188,14 +188,14 @@ def test_names_are_no_longer_than_such_files_have_them():
     ],
 )
 @pytest.mark.parametrize("lang", ["en", "ja"])
-def test_what_it_cannot_be_made_of(options, lang):
+def test_invalid_arguments(options, lang):
     i18n.use(lang)
     with pytest.raises(InvalidValue):
         dbc(**options)
 
 
-def test_a_field_that_means_nothing_is_no_signal():
-    """A dialect of somebody's own may have bytes that are spare."""
+def test_an_unused_field_has_no_signal():
+    """A user-defined dialect may have unused bytes."""
     spare = replace(V1.layouts["BR4"], fields=(SignalField("spare", "spare", "I"), V1.layouts["BR4"].fields[1]))
     database = cantools.database.load_string(dbc(replace(V1, layouts={**V1.layouts, "BR4": spare})), "dbc", strict=True)
     (signal,) = database.get_message_by_name("BR4").signals

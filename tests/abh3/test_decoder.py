@@ -1,4 +1,4 @@
-"""What frames say, whoever sends them."""
+"""The decoder, on frames of hosts and drivers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def decoded(number: int, data: str = "", **options: object) -> DecodedFrame:
     return Decoder(**options).decode(frame(number, data))
 
 
-# Frames of a real bus: the driver's answers to a command, min^-1.
+# Frames of a real bus: the driver's replies to a command, min^-1.
 GOLDEN = [
     ("b6ff0000dbffdbff", (-14.8, 0.0, -7.4, -7.4)),
     ("c2ffadffb8ff0b00", (-12.4, -16.6, -14.4, 2.2)),
@@ -113,7 +113,7 @@ def test_priority_does_not_matter(priority):
 
 
 @pytest.mark.parametrize(
-    ("number", "data", "said"),
+    ("number", "data", "text"),
     [
         (0x00EA0102, "28ff00", "REQUEST 2 -> 1: requested = BR0, group = 5"),
         (0x00EAFF02, "87ff00", "REQUEST 2 -> all: requested = BR7, group = 16"),
@@ -150,8 +150,8 @@ def test_priority_does_not_matter(priority):
         (0x01FF2801, "", "unknown 1 -> all: not a frame of an ABH3: 01FF2801#"),
     ],
 )
-def test_other_frames(number, data, said):
-    assert decoded(number, data).text == said
+def test_other_frames(number, data, text):
+    assert decoded(number, data).text == text
 
 
 def test_a_broadcast_without_a_layout_has_its_bytes():
@@ -170,7 +170,7 @@ def test_a_group():
     assert other.fault.english == "BR0 of group 0: 00 00 00 00 00 00 00 00"
 
 
-# --- who is who -------------------------------------------------------------------------------------------------------
+# --- hosts and drivers ------------------------------------------------------------------------------------------------
 
 
 def test_neither_address_is_known():
@@ -179,7 +179,7 @@ def test_neither_address_is_known():
     assert "single packet with unknown host" in found.text
 
 
-def test_hosts_are_given():
+def test_known_hosts():
     decoder = Decoder(hosts=(4, 9))
     assert decoder.decode(frame(0x00EF0304, "00" * 8)).name == "DP0S"
     assert decoder.decode(frame(0x00EF0403, "00" * 8)).name == "DP0R"
@@ -187,7 +187,7 @@ def test_hosts_are_given():
     assert decoder.decode(frame(0x00EF0904, "00" * 8)).name == ""  # from host to host
 
 
-def test_a_request_tells_who_is_host():
+def test_a_request_identifies_the_host():
     decoder = Decoder(hosts=())
     assert decoder.decode(frame(0x00EF0304, "00" * 8)).name == ""
     decoder.decode(frame(0x00EAFF04, "28ff00"))
@@ -195,21 +195,21 @@ def test_a_request_tells_who_is_host():
     assert decoder.decode(frame(0x00EF0403, "00" * 8)).name == "DP0R"
 
 
-def test_a_request_for_something_else_tells_nothing():
+def test_a_request_for_another_frame_identifies_no_host():
     decoder = Decoder(hosts=())
     decoder.decode(frame(0x00EAFF04, "eafe00"))
     assert decoder.decode(frame(0x00EF0304, "00" * 8)).name == ""
 
 
-def test_a_broadcast_tells_who_is_driver():
+def test_a_broadcast_identifies_the_driver():
     decoder = Decoder(hosts=())
     decoder.decode(frame(0x00FF2803, "00" * 8))
     assert decoder.decode(frame(0x00EF0304, "00" * 8)).name == "DP0S"
     assert decoder.decode(frame(0x00EF0403, "00" * 8)).name == "DP0R"
 
 
-def test_traffic_outweighs_what_was_assumed():
-    """A driver has the address 2 that is usual for hosts."""
+def test_traffic_takes_precedence_over_known_hosts():
+    """A driver has address 2, the usual address of hosts."""
     decoder = Decoder()
     decoder.decode(frame(0x00FF2802, "00" * 8))
     assert decoder.decode(frame(0x00EF020A, "00" * 8)).name == "DP0S"
@@ -235,7 +235,7 @@ KNOWN = st.builds(
     st.sampled_from(["v1", "v2"]),
     st.sampled_from(["en", "ja"]),
 )
-def test_any_frame_says_something(frames, dialect, lang):
+def test_any_frame_is_decoded(frames, dialect, lang):
     i18n.use(lang)
     decoder = Decoder(dialect)
     for number, data in frames:
@@ -248,7 +248,7 @@ def test_any_frame_says_something(frames, dialect, lang):
 @pytest.mark.parametrize("dialect", DIALECTS.values(), ids=list(DIALECTS))
 @pytest.mark.parametrize("load_unit", [1.0, 0.1])
 @given(data=st.binary(min_size=8, max_size=8))
-def test_every_data_frame_is_what_the_codec_says(dialect, load_unit, data):
+def test_every_data_frame_is_decoded_as_by_the_codec(dialect, load_unit, data):
     decoder = Decoder(dialect, load_unit=load_unit)
     codec = Codec(dialect.with_load_unit(load_unit))
     for layout in dialect.layouts.values():
@@ -258,13 +258,13 @@ def test_every_data_frame_is_what_the_codec_says(dialect, load_unit, data):
             number = ids.single(1, 2, dp=layout.dp) if layout.from_host else ids.single(2, 1, dp=layout.dp)
         found = decoder.decode(CanFrame(number, data))
         assert found.name == layout.name
-        assert repr(found.record) == repr(codec.decode(layout.name, data))  # nan is not nan
+        assert repr(found.record) == repr(codec.decode(layout.name, data))  # nan != nan
         assert [value.name for value in found.values] == [field.name for field in layout.fields]
 
 
 @pytest.mark.parametrize(
     "options", [{"dialect": "v3"}, {"hosts": (254,)}, {"hosts": ("2",)}, {"group": 32}, {"load_unit": 0.5}]
 )
-def test_what_it_cannot_be_told(options):
+def test_invalid_arguments(options):
     with pytest.raises(InvalidValue):
         Decoder(**options)

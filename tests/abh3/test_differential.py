@@ -1,4 +1,4 @@
-"""From the motion of a vehicle to the commands of its motors, and back."""
+"""Conversion between the motion of a vehicle and the commands of its motors."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from orinkit.core.errors import InvalidValue
 pytestmark = pytest.mark.core
 
 AGV = Differential(wheel_diameter=0.1, track=0.5, gear=1 / 10)
-METRES = math.pi / 100  # for one turn of a motor
+METRES = math.pi / 100  # m per revolution of a motor
 SPEEDS = st.floats(-1e6, 1e6)
 
 
-def test_straight_on() -> None:
+def test_straight_ahead() -> None:
     wheels = AGV.to_wheels(1.0, 0.0)
     assert wheels.a == wheels.b == pytest.approx(60 / METRES)
     assert AGV.to_travel(1.0, 0.0) == (wheels.a, 0.0)
@@ -32,14 +32,14 @@ def test_the_formulas() -> None:
     assert AGV.from_wheels(540.0, 660.0) == pytest.approx(AGV.from_travel(600.0, -60.0))
 
 
-def test_turning_to_the_left_the_right_wheel_is_the_faster_one() -> None:
+def test_the_right_wheel_is_faster_in_a_left_turn() -> None:
     a, b = AGV.to_wheels(0.0, 1.0)
     assert b == -a > 0
     assert AGV.to_travel(0.0, 1.0).x == pytest.approx(-0.25 * 60 / METRES)
 
 
 @given(SPEEDS, SPEEDS)
-def test_motions_come_back(v: float, omega: float) -> None:
+def test_round_trip(v: float, omega: float) -> None:
     def near(one: Twist, other: Twist) -> bool:
         return one == pytest.approx(other, rel=1e-9, abs=1e-6)
 
@@ -60,15 +60,15 @@ def test_distance() -> None:
 
 @pytest.mark.parametrize("wrong", [0, -1, math.inf, math.nan, 10**400, None, "wide", 1e-320])
 @pytest.mark.parametrize("name", ["wheel_diameter", "track", "gear"])
-def test_measures_that_cannot_be(name: str, wrong: float) -> None:
+def test_invalid_dimensions(name: str, wrong: float) -> None:
     measures = {"wheel_diameter": 1e-10, "track": 0.5, "gear": 1e-10, name: wrong}
     if (name, wrong) == ("track", 1e-320):
-        measures["track"] = 5e-324  # the half of it is nothing
+        measures["track"] = 5e-324  # half of it is 0
     with pytest.raises(InvalidValue):
         Differential(**measures)
 
 
-def test_messages_name_the_measure() -> None:
+def test_messages_name_the_dimension() -> None:
     with pytest.raises(InvalidValue, match="track must be greater than 0, not -1"):
         Differential(wheel_diameter=0.1, track=-1, gear=1)
     i18n.use("ja")
@@ -78,13 +78,13 @@ def test_messages_name_the_measure() -> None:
 
 @pytest.mark.parametrize("function", [AGV.to_travel, AGV.to_wheels, AGV.from_travel, AGV.from_wheels])
 @pytest.mark.parametrize("wrong", [(math.nan, 0.0), (0.0, math.inf), (10**400, 0.0), (None, 0.0)])
-def test_what_is_no_motion(function: object, wrong: tuple[float, float]) -> None:
+def test_invalid_motions(function: object, wrong: tuple[float, float]) -> None:
     assert callable(function)
     with pytest.raises(InvalidValue):
         function(*wrong)
 
 
-def test_motions_beyond_every_number() -> None:
+def test_motions_that_overflow() -> None:
     fast = Differential(wheel_diameter=1e300, track=1e-300, gear=1.0)
     with pytest.raises(InvalidValue, match="v must be a finite number, not inf"):
         fast.from_travel(1e10, 0.0)
@@ -99,6 +99,6 @@ def test_motions_beyond_every_number() -> None:
 
 
 @pytest.mark.parametrize(("pulses", "each"), [(1, 0), (1, -256), (math.nan, 256), (1, math.inf)])
-def test_pulses_that_cannot_be(pulses: float, each: float) -> None:
+def test_invalid_pulses(pulses: float, each: float) -> None:
     with pytest.raises(InvalidValue):
         AGV.metres(pulses, each)

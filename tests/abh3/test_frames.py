@@ -1,4 +1,4 @@
-"""Data of frames from and to records, and the records themselves."""
+"""The codec between the data of frames and records, and the records themselves."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def flags(value: int, dialect: Dialect = V1) -> Flags:
 
 # --- frames of real drivers -------------------------------------------------------------------------------------------
 
-# The answers to 00EF0102 00 00 00 00 03 30 00 00 that were captured on a bus: A, B, Y, X in min^-1.
+# Captured replies to 00EF0102 00 00 00 00 03 30 00 00: A, B, Y, X in min^-1.
 CAPTURED = [
     ("b6 ff 00 00 db ff db ff", (-14.8, 0.0, -7.4, -7.4)),
     ("c2 ff ad ff b8 ff 0b 00", (-12.4, -16.6, -14.4, 2.2)),
@@ -81,8 +81,8 @@ def test_the_captured_command() -> None:
     assert ONE.encode(record) == data
 
 
-# The state of a driver that has not heard anything for a second, as its vendor's programs print it.
-def test_a_driver_that_heard_nothing() -> None:
+# The state of a driver that received nothing for a second, as the vendor's programs print it.
+def test_a_driver_that_received_nothing() -> None:
     record = ONE.read(BR0, "BR0", bytes.fromhex("00 00 40 00 00 00 40 00"))
     assert (int(record.errors), int(record.warnings)) == (0x00400000, 0x00400000)
     assert list(record.errors) == list(record.warnings) == ["can_communication"]
@@ -262,7 +262,7 @@ def test_flags_by_name_and_number() -> None:
             both[name]
 
 
-def test_a_mistyped_name_is_no_flag_that_is_off() -> None:
+def test_a_mistyped_name_raises() -> None:
     both = flags(0x80003001)
     for nothing in ("", "bit_0", "servo", "start ", 32, -1, None, 1.5, True):
         for tongue, text in (("en", "inputs"), ("ja", "入力")):
@@ -279,7 +279,7 @@ def test_the_names_of_the_flags_that_are_set() -> None:
     assert flags(0xA0000100).bits == (V1.inputs.by_number[8], V1.inputs.by_number[31])
 
 
-def test_what_flags_say_in_both_languages() -> None:
+def test_texts_of_flags_in_both_languages() -> None:
     wrong = Flags(0x10400000, V1.errors)
     assert wrong.texts == ("CAN communication time-out",)
     i18n.use("ja")
@@ -352,5 +352,5 @@ def test_records_cannot_be_changed(kind: Any) -> None:
         with pytest.raises(AttributeError):
             setattr(record, name, 0)
     assert not hasattr(record, "__dict__")
-    assert record == kind(*range(len(names)), codes=(1,))  # the codes do not count
+    assert record == kind(*range(len(names)), codes=(1,))  # the codes are not compared
     assert "codes" not in repr(record)

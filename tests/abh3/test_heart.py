@@ -1,4 +1,4 @@
-"""When a keep-alive beats and when it ends, and what has it beat."""
+"""The timing of a keep-alive, and the thread or task that calls it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from orinkit.core.errors import DriverTimeout, InvalidValue
 
 pytestmark = pytest.mark.core
 
-LONG = 60.0  # nothing here takes as long as that
+LONG = 60.0  # longer than anything here takes
 GREAT = pytest.param(10**5000, id="great")
 
 # --- times ------------------------------------------------------------------------------------------------------------
@@ -39,13 +39,13 @@ def test_it_is_due_one_period_after_what_was_sent_last() -> None:
     assert heart.due == pytest.approx(10.1)
     heart.sent(10.25, answered=True)
     assert heart.due == pytest.approx(10.35)
-    heart.sent(10.5, answered=False)  # it does not send any faster to a driver that is silent
+    heart.sent(10.5, answered=False)  # it does not send faster to a driver that does not reply
     assert heart.due == pytest.approx(10.6)
     heart.called(20.0)
     assert heart.due == pytest.approx(10.6)
 
 
-def test_it_ends_when_the_driver_is_silent() -> None:
+def test_it_ends_when_the_driver_does_not_reply() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     assert heart.end(10.0) is None
     assert heart.end(10.5) is None
@@ -69,17 +69,19 @@ def test_it_ends_when_the_program_does_not_call() -> None:
     heart.sent(13.9, answered=True)
     assert heart.end(14.0) is None
     assert heart.end(14.01) is KeepAliveEnd.IDLE
-    assert heart.end(14.6) is KeepAliveEnd.SILENT  # the driver's silence counts first: nothing can be told to it
+    assert (
+        heart.end(14.6) is KeepAliveEnd.SILENT
+    )  # a driver that does not reply takes precedence: no stop can be sent to it
 
 
-def test_a_program_that_need_not_call() -> None:
+def test_without_an_idle_time() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     heart.sent(1e6, answered=True)
     assert heart.end(1e6) is None
 
 
-def test_a_command_that_comes_too_late_is_not_sent_again() -> None:
-    """The driver may have stopped by itself meanwhile; it must not start again by itself."""
+def test_a_late_command_is_not_repeated() -> None:
+    """The driver may have stopped on its own meanwhile; it must not start again."""
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     assert heart.too_late(10.5) is None
     assert heart.too_late(10.51) is KeepAliveEnd.SILENT
@@ -87,14 +89,14 @@ def test_a_command_that_comes_too_late_is_not_sent_again() -> None:
     assert heart.too_late(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, answered=True)
     assert heart.too_late(11.0) is None
-    slow = KeepAliveTimer(0.4, 0.5, None, 10.0)  # its beats are nearly as far apart as its patience
+    slow = KeepAliveTimer(0.4, 0.5, None, 10.0)  # the period is nearly as long as the patience
     assert slow.too_late(10.6) is None
     assert slow.too_late(10.61) is KeepAliveEnd.SILENT
     assert slow.end(10.51) is KeepAliveEnd.SILENT
 
 
-def test_an_answer_that_was_read_late_is_no_proof() -> None:
-    """A program that stood still reads an answer to a command that was sent long ago: the driver has stopped meanwhile."""
+def test_a_reply_read_late_counts_from_its_command() -> None:
+    """A program that was suspended reads the reply to an old command: the driver has stopped meanwhile."""
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     heart.sent(10.1, answered=True)  # read at 12.0
     assert heart.end(12.0) is KeepAliveEnd.SILENT
@@ -105,7 +107,7 @@ FEEDBACK = CanFrame(0x00EF0201, bytes.fromhex("F401000000000000"))
 
 
 def carried_out(operation: CanOperation[Any], answers: Iterator[CanFrame | None]) -> Any:
-    """Answer each frame that is sent; waits that send nothing come to their end."""
+    """Reply to each frame that is sent; let waits without a frame time out."""
     received = None
     try:
         while True:
@@ -116,7 +118,7 @@ def carried_out(operation: CanOperation[Any], answers: Iterator[CanFrame | None]
 
 
 def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
-    """Coming to rest takes longer than the patience; the driver has answered all the time."""
+    """Stopping takes longer than the patience, but the driver replies all the time."""
     host: Host[DP0R] = Host()
     heart = KeepAliveTimer(0.1, 0.5, 0.4, 0.0)
     times = iter((0.2, 0.5, 0.8, 1.1))
@@ -130,13 +132,13 @@ def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
     assert heart.end(1.61) is KeepAliveEnd.SILENT
 
 
-def test_a_command_without_an_answer_is_none() -> None:
+def test_a_command_without_a_reply_does_not_count() -> None:
     host: Host[DP0R] = Host()
     heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     times = iter((0.2, 0.4))
     with pytest.raises(DriverTimeout):
         carried_out(watched(host.stop_and_wait(1.0), heart, host, lambda: next(times)), iter((FEEDBACK, None)))
-    assert heart.due == pytest.approx(0.3)  # the second one was not answered
+    assert heart.due == pytest.approx(0.3)  # no reply to the second one
     assert heart.end(0.69) is None
     assert heart.end(0.71) is KeepAliveEnd.SILENT
 
@@ -155,7 +157,7 @@ def test_why_it_ends() -> None:
 
 @pytest.mark.parametrize("name", ["period", "patience", "idle"])
 @pytest.mark.parametrize("seconds", [0, -1.0, math.nan, math.inf, -math.inf, "1", True, 10**400, GREAT, 3600.1, 1j])
-def test_times_that_are_none(name: str, seconds: Any) -> None:
+def test_invalid_times(name: str, seconds: Any) -> None:
     for tongue in ("en", "ja"):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=name) as caught:
@@ -165,14 +167,14 @@ def test_times_that_are_none(name: str, seconds: Any) -> None:
 
 @pytest.mark.parametrize("name", ["period", "patience", "idle"])
 @pytest.mark.parametrize("seconds", [1, 0.25, Decimal("0.25"), Fraction(1, 4), np.float32(0.25), np.int64(1)])
-def test_any_kind_of_number_will_do(name: str, seconds: Any) -> None:
+def test_any_numeric_type_is_accepted(name: str, seconds: Any) -> None:
     heart = KeepAliveTimer(**{"period": 0.1, "patience": 2.0, "idle": None, "now": 0.0, name: seconds})
     found = getattr(heart, name)
     assert found == float(seconds)
-    assert type(found) is float  # times are reckoned with it
+    assert type(found) is float  # the result is a float
 
 
-def test_the_least_and_the_longest() -> None:
+def test_shortest_and_longest_times() -> None:
     heart = KeepAliveTimer(0.001, 3600.0, 3600, 0.0)
     assert (heart.period, heart.patience, heart.idle) == (0.001, 3600.0, 3600.0)
     for tongue, text in (("en", "0.001 s or more"), ("ja", "0.001 秒以上")):
@@ -183,7 +185,7 @@ def test_the_least_and_the_longest() -> None:
 
 @pytest.mark.parametrize(("period", "patience"), [(0.5, 0.5), (2.0, 0.5), (Decimal("0.5"), Fraction(1, 2))])
 def test_a_period_is_below_the_patience(period: Any, patience: Any) -> None:
-    """Otherwise it would end before the second beat, or wait longer than the driver does."""
+    """Otherwise it would end before the second command, or wait longer than the driver does."""
     for tongue, text in (("en", "Try: a period of 0.1 s"), ("ja", "対処")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as caught:
@@ -213,7 +215,7 @@ class Beating:
         return pause
 
     def left(self) -> None:
-        """The keeping has ended, and nobody here wanted that."""
+        """Record that the calls ended unexpectedly."""
         self.ends += 1
 
     async def async_beat(self) -> float | None:
@@ -223,7 +225,7 @@ class Beating:
         await _until(lambda: self.beats >= beats)
 
     def wait(self, beats: int) -> None:
-        """Until there were so many more."""
+        """Wait for a number of further beats."""
         for _ in range(beats):
             assert self.seen.acquire(timeout=LONG)
 
@@ -252,7 +254,7 @@ def test_it_beats_until_it_is_stopped() -> None:
     keeper.join()
     assert not heart.thread.is_alive()
     beats = heart.beats
-    keeper.stop()  # once more does no harm
+    keeper.stop()  # a second call is harmless
     keeper.join()
     assert (heart.beats, heart.ends) == (beats, 0)
 
@@ -262,7 +264,7 @@ def test_it_beats_at_once_and_waits_then() -> None:
     keeper = PeriodicCall(heart.beat, heart.left, "x")
     heart.wait(1)
     keeper.stop()
-    keeper.join()  # does not wait for the pause to pass
+    keeper.join()  # does not wait for the end of the pause
     assert ended(heart.thread)
     assert (heart.beats, heart.ends) == (1, 0)
 
@@ -312,7 +314,7 @@ def test_it_does_not_keep_its_object_while_it_waits() -> None:
     seen = ref(heart)
     del heart
     deadline = time.monotonic() + LONG
-    while seen() is not None and time.monotonic() < deadline:  # the thread may be about to let go of it
+    while seen() is not None and time.monotonic() < deadline:  # the thread may still hold it for a moment
         gc.collect()
         time.sleep(0.001)
     assert seen() is None
@@ -320,7 +322,7 @@ def test_it_does_not_keep_its_object_while_it_waits() -> None:
 
 
 class StopsItself(Beating):
-    """Calls stop() while it beats, as one that closes itself does."""
+    """Calls stop() within a beat, as a driver that closes itself does."""
 
     keeper: PeriodicCall | AsyncPeriodicCall | None = None
     ready: threading.Event = threading.Event()
@@ -344,7 +346,7 @@ def test_it_can_be_stopped_from_within() -> None:
 
 
 class Slow(Beating):
-    """Its beat takes as long as a test wants."""
+    """Its beat takes as long as the test sets."""
 
     def __init__(self) -> None:
         super().__init__(0.0)
@@ -358,8 +360,8 @@ class Slow(Beating):
         return super().beat()
 
 
-def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
-    """Who stops it may have to send something first."""
+def test_only_join_waits_for_a_beat_in_progress() -> None:
+    """After stop(), a driver may have to send something first."""
     heart = Slow()
     keeper = PeriodicCall(heart.beat, heart.left, "x")
     assert heart.at_work.wait(LONG)
@@ -371,7 +373,7 @@ def test_a_beat_that_is_at_work_is_waited_for_by_join_only() -> None:
     assert (heart.beats, heart.ends) == (1, 0)
 
 
-def test_joining_does_not_take_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_joining_has_a_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.abh3.api.keepalive_runner._JOIN_TIMEOUT", 0.05)
     heart = Slow()
     keeper = PeriodicCall(heart.beat, heart.left, "x")
@@ -410,7 +412,7 @@ class Fails(Beating):
 
 
 def test_a_beat_that_raises_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is told, and the exception goes where those of threads go."""
+    """The callback is called, and the exception goes to the hook for threads."""
     raised: list[object] = []
     monkeypatch.setattr(threading, "excepthook", lambda told: raised.append(told.exc_type))
     heart = Fails(0.0)
@@ -422,7 +424,7 @@ def test_a_beat_that_raises_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 PROGRAM = """
 import os, sys, threading
-from orinkit.abh3.api.keepalive_runner import Keeper
+from orinkit.abh3.api.keepalive_runner import PeriodicCall
 
 class Heart:
     def beat(self):
@@ -433,8 +435,8 @@ class Heart:
         os.write(1, b"left\\n")
 
 heart = Heart()
-keeper = Keeper(heart.beat, heart.left, "x")
-if "other" in sys.argv:  # a thread that is none of ours keeps the process alive
+keeper = PeriodicCall(heart.beat, heart.left, "x")
+if "other" in sys.argv:  # another thread keeps the process alive
 
     def other():
         threading.main_thread().join()
@@ -451,7 +453,7 @@ def test_it_does_not_outlive_the_program() -> None:
 
 
 def test_it_does_not_outlive_the_main_thread() -> None:
-    """Where other threads keep the process alive there is no more than the one beat that was at work."""
+    """If other threads keep the process alive, only the beat in progress is completed."""
     with subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "other"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
@@ -461,7 +463,7 @@ def test_it_does_not_outlive_the_main_thread() -> None:
         while not {"over\n", "left\n"} <= set(lines):  # either may be the first
             lines.append(process.stdout.readline())
             assert lines[-1]
-        time.sleep(0.3)  # time for many more beats
+        time.sleep(0.3)  # enough for many more beats
         assert process.poll() is None
         process.stdin.close()
         assert process.stdout.read() == ""
@@ -544,7 +546,7 @@ def test_a_task_can_be_stopped_from_within() -> None:
         heart.ready.set()
         heart.keeper = keeper = AsyncPeriodicCall(heart.async_beat, heart.left, "x")
         await _until(keeper._task.done)
-        assert not keeper._task.cancelled()  # the beat itself is not torn off
+        assert not keeper._task.cancelled()  # the beat itself is not interrupted
         assert (heart.beats, heart.ends) == (2, 0)
 
     asyncio.run(run())
@@ -561,7 +563,7 @@ def test_a_task_can_be_stopped_after_its_loop() -> None:
 
 
 def test_a_task_that_is_cancelled_from_outside() -> None:
-    """As the end of asyncio.run does with every task; also before it has begun."""
+    """As asyncio.run does with every task at its end; also before the task has started."""
 
     async def run(beats: int) -> Beating:
         heart = Beating(LONG)

@@ -1,4 +1,4 @@
-"""The operations of a host, each against a driver that answers from a list."""
+"""The operations of a host, each against a driver that replies from a list."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def frame(text: str) -> CanFrame:
 
 
 class Peer:
-    """Answers the turns of an operation one after the other: with a frame, or ``None`` for a time that is up."""
+    """Answers the steps of an operation in order: with a frame, or with ``None`` for a time-out."""
 
     def __init__(self, *answers: str | CanFrame | None) -> None:
         self._answers = [frame(answer) if isinstance(answer, str) else answer for answer in answers]
         self.turns: list[OperationStep] = []
 
     def run(self, operation: CanOperation[Any]) -> Any:
-        """Return the result; every answer has to be wanted, and no turn to be left without one."""
+        """Return the result; check that there is exactly one answer for each step."""
         self.turns = []
         answers = iter(self._answers)
         try:
@@ -54,7 +54,7 @@ class Peer:
 
     @property
     def sent(self) -> list[str]:
-        """What was sent: ``00EF0102#0000000003300000``."""
+        """The frames that were sent: ``00EF0102#0000000003300000``."""
         return [str(each) for turn in self.turns for each in turn.frames]
 
 
@@ -64,7 +64,7 @@ REST = "00EF0201 00 00 00 00 00 00 00 00"
 
 
 def sent_by(operation: CanOperation[Any]) -> str:
-    """Run an operation that is answered at once and return the one frame that it sent."""
+    """Run an operation that gets a reply at once, and return the only frame that it sent."""
     peer = Peer(FEEDBACK)
     peer.run(operation)
     (only,) = peer.sent
@@ -74,7 +74,7 @@ def sent_by(operation: CanOperation[Any]) -> str:
 # --- sections 4.1 to 4.5 ----------------------------------------------------------------------------------------------
 
 
-def test_one_command_one_answer() -> None:
+def test_one_command_one_reply() -> None:
     host: Host[DP0R] = Host()
     peer = Peer(FEEDBACK)
     assert peer.run(host.command(1000, -1000)) == VELOCITIES
@@ -91,7 +91,7 @@ def test_init_sends_nothing_but_zeros() -> None:
     assert (host.commands, host.inputs) == ((0, 0), 0)
 
 
-def test_commands_that_are_left_out_stay() -> None:
+def test_omitted_commands_are_unchanged() -> None:
     host: Host[DP0R] = Host()
     assert sent_by(host.set_inputs(0x3003)) == "00EF0102#0000000003300000"
     assert sent_by(host.command(0.2)) == "00EF0102#0100000003300000"
@@ -174,7 +174,7 @@ def test_torque_is_commanded_in_percent() -> None:
 
 
 @pytest.mark.parametrize(("dialect", "ay", "bx"), [(V1, 24, 25), (V2, 16, 17)])
-def test_a_command_is_zero_when_it_would_mean_something_else(dialect: Dialect, ay: int, bx: int) -> None:
+def test_a_command_is_zero_after_a_change_of_its_unit(dialect: Dialect, ay: int, bx: int) -> None:
     def moving() -> Host[Any]:
         host: Host[Any] = Host(dialect)
         Peer(FEEDBACK).run(host.command(1, 2))
@@ -196,7 +196,7 @@ def test_a_command_is_zero_when_it_would_mean_something_else(dialect: Dialect, a
     assert sent_by(host.set_inputs(others))[9:17] == "05000A00"
 
 
-# --- what is refused --------------------------------------------------------------------------------------------------
+# --- invalid values ---------------------------------------------------------------------------------------------------
 
 BAD: list[Callable[[Any], CanOperation[Any]]] = [
     lambda host: host.command(6553.6),
@@ -253,7 +253,7 @@ def test_bad_values_send_nothing_and_change_nothing(number: int) -> None:
     assert sent_by(host.exchange()) == "00EF0102#05000A0003300000"
 
 
-def test_whose_command_is_wrong() -> None:
+def test_errors_name_the_axis() -> None:
     host: Host[DP0R] = Host()
     for tongue in ("en", "ja"):
         i18n.use(tongue)
@@ -262,7 +262,7 @@ def test_whose_command_is_wrong() -> None:
                 next(host.command(*arguments))
 
 
-def test_what_to_do_about_a_negative_word() -> None:
+def test_the_remedy_for_a_negative_word() -> None:
     for tongue in ("en", "ja"):
         i18n.use(tongue)
         for arguments, name in (((-1,), "data"), ((0, -1), "mask")):
@@ -310,7 +310,7 @@ def test_settings_out_of_range(settings: dict[str, Any], named: str) -> None:
             Host(V1, **settings)
 
 
-# --- answers that do not come -----------------------------------------------------------------------------------------
+# --- missing replies --------------------------------------------------------------------------------------------------
 
 FUNCTIONS: list[tuple[str, Callable[[Host[DP0R]], CanOperation[Any]]]] = [
     ("abh3_can_cmd_init", lambda host: host.init()),
@@ -331,7 +331,7 @@ FUNCTIONS: list[tuple[str, Callable[[Host[DP0R]], CanOperation[Any]]]] = [
 
 
 @pytest.mark.parametrize(("function", "start"), FUNCTIONS)
-def test_no_answer(function: str, start: Callable[[Host[DP0R]], CanOperation[Any]]) -> None:
+def test_no_reply(function: str, start: Callable[[Host[DP0R]], CanOperation[Any]]) -> None:
     host: Host[DP0R] = Host(address=9, timeout=0.25)
     peer = Peer(None)
     with pytest.raises(DriverTimeout) as caught:
@@ -341,20 +341,20 @@ def test_no_answer(function: str, start: Callable[[Host[DP0R]], CanOperation[Any
     assert peer.turns[0].seconds == 0.25
 
 
-def test_commands_are_zero_after_a_command_without_answer() -> None:
+def test_commands_are_zero_after_a_command_without_reply() -> None:
     host: Host[DP0R] = Host()
     Peer(FEEDBACK).run(host.set_inputs(0x3003))
     peer = Peer(None)
     with pytest.raises(DriverTimeout):
         peer.run(host.command(1, 2))
     assert peer.sent == ["00EF0102#05000A0003300000"]
-    assert (host.commands, host.inputs) == ((0, 0), 0x1001)  # a data set of the driver's own would go on with start
+    assert (host.commands, host.inputs) == ((0, 0), 0x1001)  # a data set of the driver would run with start on
     peer = Peer(FEEDBACK, None)
     assert peer.run(host.command(3)) == VELOCITIES
     assert peer.sent == ["00EF0102#0F00000001100000"]
 
 
-def test_inputs_without_answer_take_the_commands_back_too() -> None:
+def test_inputs_without_reply_reset_the_commands_too() -> None:
     host: Host[DP0R] = Host()
     Peer(FEEDBACK).run(host.command(1, 2))
     with pytest.raises(DriverTimeout):
@@ -362,8 +362,8 @@ def test_inputs_without_answer_take_the_commands_back_too() -> None:
     assert (host.commands, host.inputs) == ((0, 0), 0)
 
 
-def test_a_wait_that_is_broken_off_takes_the_commands_back_too() -> None:
-    """By Ctrl-C, a cancelled task, a bus that is lost: nobody knows what the driver has taken."""
+def test_an_interrupted_wait_resets_the_commands_too() -> None:
+    """After Ctrl-C, a cancelled task or a lost bus, it is unknown what the driver has received."""
     host: Host[DP0R] = Host()
     Peer(FEEDBACK).run(host.set_inputs(0x3003))
     operation = host.command(1, 2)
@@ -375,7 +375,7 @@ def test_a_wait_that_is_broken_off_takes_the_commands_back_too() -> None:
     assert peer.sent == ["00EF0102#0000000001100000"]
 
 
-def test_whether_a_driver_may_move() -> None:
+def test_when_a_driver_may_be_moving() -> None:
     host: Host[DP0R] = Host()
     assert not host.moving
     Peer(FEEDBACK).run(host.set_inputs(0x1001))
@@ -384,24 +384,24 @@ def test_whether_a_driver_may_move() -> None:
     assert host.moving
     with pytest.raises(DriverTimeout):
         Peer(None).run(host.command(1, 2))
-    assert (host.commands, host.inputs, host.moving) == ((0, 0), 0x1001, True)  # nobody knows what it does
+    assert (host.commands, host.inputs, host.moving) == ((0, 0), 0x1001, True)  # its state is unknown
     with pytest.raises(DriverTimeout):
         Peer(None).run(host.stop())
     assert host.moving
-    assert Peer(None).run(host.part(0.1)) is False
+    assert Peer(None).run(host.release(0.1)) is False
     assert host.moving
-    assert Peer(FEEDBACK).run(host.part(0.1))
+    assert Peer(FEEDBACK).run(host.release(0.1))
     assert not host.moving
-    assert Peer().run(host.part(0.1))
+    assert Peer().run(host.release(0.1))
     Peer(FEEDBACK).run(host.command(5))
     host.abandon()
     assert not host.moving
 
 
-# --- an answer that may still come ------------------------------------------------------------------------------------
+# --- late replies -----------------------------------------------------------------------------------------------------
 
 LATE = "00EF0201 05 00 00 00 00 00 00 00"
-"""The answer to the command before."""
+"""The reply to the previous command."""
 
 
 def in_vain(operation: CanOperation[Any]) -> None:
@@ -409,36 +409,36 @@ def in_vain(operation: CanOperation[Any]) -> None:
         Peer(None).run(operation)
 
 
-def broken_off(operation: CanOperation[Any]) -> None:
+def interrupted(operation: CanOperation[Any]) -> None:
     next(operation)
     operation.close()
 
 
-def silent(operation: CanOperation[bool]) -> None:
+def unanswered(operation: CanOperation[bool]) -> None:
     assert Peer(None).run(operation) is False
 
 
 LOST: list[Callable[[Host[DP0R]], None]] = [
     lambda host: in_vain(host.command(1)),
-    lambda host: broken_off(host.command(1)),
-    lambda host: silent(host.repeat(0.1)),
-    lambda host: broken_off(host.repeat(0.1)),
+    lambda host: interrupted(host.command(1)),
+    lambda host: unanswered(host.repeat(0.1)),
+    lambda host: interrupted(host.repeat(0.1)),
 ]
 
 
 @pytest.mark.parametrize("lose", LOST)
-def test_an_answer_behind_the_first_one_is_the_right_one(lose: Callable[[Host[DP0R]], None]) -> None:
-    """What comes first may be the answer to the command before; two follow each other at once then."""
+def test_the_second_of_two_replies_counts(lose: Callable[[Host[DP0R]], None]) -> None:
+    """The first one may be the reply to the previous command; then two replies follow each other at once."""
     host: Host[DP0R] = Host()
     lose(host)
     peer = Peer(LATE, *NOT_THE_ANSWER, FEEDBACK)
     assert peer.run(host.command(2)) == VELOCITIES
     assert peer.turns[1:] == [OperationStep((), 0.02), *[OperationStep()] * len(NOT_THE_ANSWER)]
-    assert sent_by(host.command(3)) == "00EF0102#0F00000000000000"  # nothing is owed any more: no second wait
+    assert sent_by(host.command(3)) == "00EF0102#0F00000000000000"  # no reply is pending: no second wait
 
 
 @pytest.mark.parametrize("lose", LOST)
-def test_an_answer_alone_is_taken(lose: Callable[[Host[DP0R]], None]) -> None:
+def test_a_single_reply_counts(lose: Callable[[Host[DP0R]], None]) -> None:
     host: Host[DP0R] = Host()
     lose(host)
     peer = Peer(FEEDBACK, *NOT_THE_ANSWER, None)
@@ -447,11 +447,11 @@ def test_an_answer_alone_is_taken(lose: Callable[[Host[DP0R]], None]) -> None:
     assert sent_by(host.command(3)) == "00EF0102#0F00000000000000"
 
 
-def test_an_answer_stays_owed_until_one_has_come() -> None:
+def test_a_reply_stays_pending_until_one_arrives() -> None:
     host: Host[DP0R] = Host()
     in_vain(host.command(1))
     in_vain(host.command(2))
-    operation = host.command(3)  # broken off while it looks for the second one
+    operation = host.command(3)  # interrupted while it waits for the second one
     next(operation)
     assert operation.send(frame(LATE)) == OperationStep((), 0.02)
     operation.close()
@@ -460,21 +460,21 @@ def test_an_answer_stays_owed_until_one_has_come() -> None:
     assert Peer(LATE).run(host.command(5)) == DP0R(1.0, 0.0, 0.0, 0.0)
 
 
-def test_an_answer_to_a_keep_alive_pays_what_is_owed() -> None:
+def test_a_reply_to_a_keep_alive_ends_the_pending_one() -> None:
     host: Host[DP0R] = Host()
-    silent(host.repeat(0.1))
+    unanswered(host.repeat(0.1))
     assert Peer(FEEDBACK).run(host.repeat(0.1)) is True
     sent_by(host.command(1))
 
 
-def test_requests_owe_nothing() -> None:
+def test_requests_leave_no_reply_pending() -> None:
     host: Host[DP0R] = Host()
     in_vain(host.request(0))
     in_vain(host.request_single())
     sent_by(host.command(1))
 
 
-def test_a_request_without_answer_leaves_the_commands() -> None:
+def test_a_request_without_reply_keeps_the_commands() -> None:
     host: Host[DP0R] = Host()
     Peer(FEEDBACK).run(host.command(1, 2))
     with pytest.raises(DriverTimeout):
@@ -485,7 +485,7 @@ def test_a_request_without_answer_leaves_the_commands() -> None:
 # --- other traffic ----------------------------------------------------------------------------------------------------
 
 NOT_THE_ANSWER = [
-    "00EF0102 00 00 00 00 00 00 00 00",  # the own command, which some interfaces deliver back
+    "00EF0102 00 00 00 00 00 00 00 00",  # the own command, which some interfaces return
     "00EF0203 00 00 00 00 00 00 00 00",  # of another driver
     "00EF0301 00 00 00 00 00 00 00 00",  # to another host
     "01EF0201 00 00 00 00 00 00 00 00",  # the other page
@@ -499,7 +499,7 @@ NOT_THE_ANSWER = [
 ]
 
 
-def test_other_frames_do_not_make_it_wait_any_longer() -> None:
+def test_other_frames_do_not_prolong_the_wait() -> None:
     host: Host[DP0R] = Host(timeout=0.5)
     peer = Peer(*NOT_THE_ANSWER, FEEDBACK)
     assert peer.run(host.command(1)) == VELOCITIES
@@ -508,14 +508,14 @@ def test_other_frames_do_not_make_it_wait_any_longer() -> None:
     assert others == [OperationStep((), None, fresh=False)] * len(NOT_THE_ANSWER)
 
 
-def test_other_frames_are_no_answer() -> None:
+def test_other_frames_are_not_a_reply() -> None:
     host: Host[DP0R] = Host()
     with pytest.raises(DriverTimeout):
         Peer(*NOT_THE_ANSWER, None).run(host.command(1))
 
 
 @pytest.mark.parametrize("priority", range(8))
-def test_the_priority_of_an_answer_does_not_matter(priority: int) -> None:
+def test_the_priority_of_a_reply_is_ignored(priority: int) -> None:
     host: Host[DP0R] = Host()
     answer = frame(FEEDBACK)
     assert Peer(answer._replace(id=answer.id | priority << 26)).run(host.exchange()) == VELOCITIES
@@ -525,7 +525,7 @@ def test_the_priority_of_an_answer_does_not_matter(priority: int) -> None:
     assert Peer(answer._replace(id=answer.id | priority << 26)).run(host.repeat(0.1)) is True
 
 
-def test_what_is_sent_has_the_priority_that_was_asked_for() -> None:
+def test_frames_have_the_selected_priority() -> None:
     host: Host[DP0R] = Host(priority=3)
     assert sent_by(host.exchange()) == "0CEF0102#0000000000000000"
     peer = Peer("08FF2801 00 00 00 00 00 00 00 00")
@@ -544,7 +544,7 @@ def test_addresses_and_groups() -> None:
     assert peer.sent == ["00EA1122#81FF00"]
 
 
-def test_which_frames_are_for_a_host() -> None:
+def test_frames_for_a_host() -> None:
     host: Host[DP0R] = Host()
     for good in (
         "00EF0201", "01EF0201", "1CEF0201", "00EC0201", "00EB0201", "00FF2801", "08FF2E01", "00FF8001", "00FF0001",
@@ -604,7 +604,7 @@ def test_requests_of_other_groups() -> None:
     assert Peer(f"00FFFD01 {DATA}").run(Host(group=31).request(0xFD)) == BR5(0.05, 0.1, 1.5, 2)
 
 
-def test_a_request_takes_the_answer_of_its_own_driver_only() -> None:
+def test_a_request_accepts_replies_of_its_own_driver_only() -> None:
     host: Host[DP0R] = Host()
     others = [
         f"00FF2A03 {DATA}", f"00FF2B01 {DATA}", f"00FF2A01 {DATA} "[:-4], f"01FF2A01 {DATA}", f"02FF2A01 {DATA}",
@@ -642,7 +642,7 @@ def test_load_units() -> None:
     assert Peer(f"00FF2B01 {DATA}").run(host.request(3)) == BR3(0.05, 0.1, 1.5, 2)
 
 
-def test_what_is_asked_for() -> None:
+def test_the_number_of_commands() -> None:
     host: Host[DP0R] = Host()
     assert not host.moving
     Peer(FEEDBACK).run(host.set_input("servo_on", 1))
@@ -653,8 +653,8 @@ def test_what_is_asked_for() -> None:
     assert not host.moving
     Peer(FEEDBACK).run(host.command(bx=0.2))
     assert host.moving
-    host.forget()
-    assert host.moving  # the driver has not heard of it
+    host.reset_commands()
+    assert host.moving  # the driver has not received it
     assert host.commands == (0, 0)
     assert host.commanded == 4
 
@@ -665,8 +665,8 @@ SET, CLEAR = "00FF2801 00 00 40 00 00 00 40 00", "00FF2801 00 00 00 00 00 00 00 
 
 
 @pytest.mark.parametrize(("dialect", "resting", "reset"), [(V1, "FCCFFF7F", "FCCFFFFF"), (V2, "FCFCBFFF", "FCFCFFFF")])
-def test_a_reset_is_an_edge_and_a_glance(dialect: Dialect, resting: str, reset: str) -> None:
-    """With commands 0, start and servo off; all else of the inputs stays."""
+def test_a_reset_is_an_edge_and_a_request(dialect: Dialect, resting: str, reset: str) -> None:
+    """With commands 0, start and servo off; the other inputs are unchanged."""
     host: Host[Any] = Host(dialect, timeout=0.5)
     Peer(FEEDBACK).run(host.set_inputs(0xFFFFFFFF))
     Peer(FEEDBACK).run(host.command(1, 2))
@@ -689,7 +689,7 @@ def test_a_reset_is_repeated() -> None:
 
 
 @pytest.mark.parametrize(("tries", "made"), [(1, 1), (3, 3), (0, 1), (9, 9)])
-def test_a_reset_is_not_repeated_for_ever(tries: int, made: int) -> None:
+def test_a_reset_has_a_limit_of_tries(tries: int, made: int) -> None:
     host: Host[DP0R] = Host()
     peer = Peer(*[REST, REST, REST, None, "00FF2801 04 00 40 00 00 00 40 00"] * made)
     with pytest.raises(DriverFault) as caught:
@@ -703,21 +703,21 @@ def test_a_reset_is_not_repeated_for_ever(tries: int, made: int) -> None:
 
 
 @pytest.mark.parametrize("tries", [-1, 101, 2.5, None, "x", math.inf, True])
-def test_tries_that_cannot_be(tries: Any) -> None:
+def test_invalid_tries(tries: Any) -> None:
     with pytest.raises(InvalidValue, match="tries must be 0 to 100"):
         Peer().run(Host().reset_errors(tries))
 
 
-def test_five_tries_unless_told_otherwise() -> None:
+def test_five_tries_by_default() -> None:
     peer = Peer(*[REST, REST, REST, None, "00FF2801 00 00 00 00 00 00 01 00"] * 5)
     with pytest.raises(DriverFault) as caught:
         peer.run(Host().reset_errors())
-    assert (caught.value.errors, caught.value.warnings) == (0, 0x00010000)  # a warning alone is one too
+    assert (caught.value.errors, caught.value.warnings) == (0, 0x00010000)  # a warning alone counts too
     assert len(peer.sent) == 20
 
 
 @pytest.mark.parametrize("answers", [[None], [REST, None], [REST, REST, None], [REST, REST, REST, None, None]])
-def test_a_reset_without_answer_leaves_no_reset_behind(answers: list[str | None]) -> None:
+def test_a_reset_without_reply_clears_its_bit(answers: list[str | None]) -> None:
     host: Host[DP0R] = Host()
     with pytest.raises(DriverTimeout):
         Peer(*answers).run(host.reset_errors())
@@ -729,7 +729,7 @@ def test_a_reset_without_answer_leaves_no_reset_behind(answers: list[str | None]
     assert host.inputs == 0
 
 
-# --- coming to rest ---------------------------------------------------------------------------------------------------
+# --- standstill -------------------------------------------------------------------------------------------------------
 
 STOPPED = "00EF0102#0000000001100000"
 
@@ -741,7 +741,7 @@ def turning() -> Host[DP0R]:
     return host
 
 
-def test_a_motor_that_stands_is_at_rest_at_once() -> None:
+def test_a_motor_at_standstill_ends_the_wait_at_once() -> None:
     host = turning()
     peer = Peer(REST)
     assert peer.run(host.stop_and_wait(5.0)) == DP0R(0.0, 0.0, 0.0, 0.0)
@@ -754,8 +754,8 @@ def test_a_motor_that_stands_is_at_rest_at_once() -> None:
     "turns",
     ["05 00 00 00 00 00 00 00", "00 00 fb ff 00 00 00 00", "00 00 00 00 05 00 00 00", "00 00 00 00 00 00 fb ff"],
 )
-def test_it_stops_until_the_motors_stand(turns: str) -> None:
-    """1 min^-1 of any of them is not yet rest, 0.8 are."""
+def test_it_repeats_stop_until_standstill(turns: str) -> None:
+    """1 min^-1 of any motor is not yet standstill, 0.8 min^-1 is."""
     host = turning()
     slow = "00EF0201 04 00 fc ff 04 00 fc ff"
     peer = Peer(f"00EF0201 {turns}", None, FEEDBACK, *NOT_THE_ANSWER, None, slow)
@@ -764,7 +764,7 @@ def test_it_stops_until_the_motors_stand(turns: str) -> None:
     assert [turn.seconds for turn in peer.turns if turn.seconds] == [0.5, 0.05, 0.5, 0.05, 0.5]
 
 
-def test_the_rest_of_a_driver_of_2023() -> None:
+def test_standstill_of_a_driver_of_2023() -> None:
     host: Host[DP0RV2] = Host(V2)
     found = Peer("00EF0201 05 00 00 00 00 00 00 00", None, "00EF0201 00 00 04 00 03 03 00 00").run(
         host.stop_and_wait(5.0)
@@ -773,7 +773,7 @@ def test_the_rest_of_a_driver_of_2023() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "looks"), [(0.001, 1), (0.05, 1), (0.2, 4), (0.21, 5), (1, 20)])
-def test_motors_that_do_not_come_to_rest(seconds: float, looks: int) -> None:
+def test_motors_that_do_not_stop(seconds: float, looks: int) -> None:
     host = turning()
     peer = Peer(*[FEEDBACK, None] * looks)
     with pytest.raises(DriverTimeout, match="did not reach standstill") as caught:
@@ -782,7 +782,7 @@ def test_motors_that_do_not_come_to_rest(seconds: float, looks: int) -> None:
     assert peer.sent == [STOPPED] * looks
 
 
-# --- a keep-alive's, and the last one ---------------------------------------------------------------------------------
+# --- keep-alive and release -------------------------------------------------------------------------------------------
 
 
 def test_repeat_sends_what_was_sent_last() -> None:
@@ -797,7 +797,7 @@ def test_repeat_sends_what_was_sent_last() -> None:
     assert (host.commands, host.inputs, host.commanded) == ((1, 2), 0x3003, 4)
 
 
-def test_who_parts_leaves_a_driver_at_rest() -> None:
+def test_release_stops_a_driver() -> None:
     host: Host[DP0R] = Host()
     Peer(FEEDBACK).run(host.set_inputs(0x3003))
     Peer(FEEDBACK).run(host.command(1, 2))
@@ -817,7 +817,7 @@ def test_a_driver_that_has_another_host_now() -> None:
     assert Peer().run(host.release(0.2)) is True  # nothing is sent
 
 
-def test_who_parts_leaves_a_driver_alone_of_which_nothing_was_asked() -> None:
+def test_release_sends_nothing_to_a_driver_without_commands() -> None:
     host: Host[DP0R] = Host()
     peer = Peer()
     assert peer.run(host.release(0.2)) is True
@@ -839,7 +839,7 @@ def test_a_broadcast_of_all() -> None:
         "02FF2807 00 00 00 00 00 00 00 00",
         "00EF0208 00 00 00 00 00 00 00 00",
         "08FF2804 04 00 00 00 00 00 00 00",
-        "00FF2801 08 00 00 00 00 00 00 00",  # once more: the latest counts
+        "00FF2801 08 00 00 00 00 00 00 00",  # a second reply: the latest counts
     ]
     peer = Peer(*answers, None)
     found = peer.run(broadcasts_of_all(Codec(V1), 2, 0x28, 0.3))
@@ -850,7 +850,7 @@ def test_a_broadcast_of_all() -> None:
     ]
 
 
-def test_as_many_as_there_are() -> None:
+def test_a_known_number_of_drivers() -> None:
     answers = ["00FF2A01 " + DATA, "00FF2A01 " + DATA, "00FF2A05 " + DATA]
     peer = Peer(*answers)
     assert peer.run(broadcasts_of_all(Codec(V1), 9, 0x2A, 0.3, count=2, priority=4)) == dict.fromkeys(
@@ -859,11 +859,11 @@ def test_as_many_as_there_are() -> None:
     assert peer.sent == ["10EAFF09#2AFF00"]
 
 
-def test_nobody() -> None:
+def test_no_drivers() -> None:
     assert Peer(None).run(broadcasts_of_all(Codec(V2), 2, 0x28, 0.3)) == {}
 
 
-def test_a_broadcast_of_all_that_is_not_known() -> None:
+def test_an_unknown_broadcast_of_all() -> None:
     assert Peer("00FF8703 " + DATA, None).run(broadcasts_of_all(Codec(V1), 2, 0x87, 0.3)) == {
         3: BUF(bytes.fromhex(DATA))
     }

@@ -68,7 +68,7 @@ def test_every_identifier_survives(number: int, priority: int) -> None:
     assert parts.with_priority(priority) == number & 0x03FFFFFF | priority << 26
 
 
-def test_what_requests_ask_for() -> None:
+def test_pgns_of_requests() -> None:
     assert ids.pgn(ids.BROADCAST, 0x28) == bytes.fromhex("28 FF 00")
     assert ids.pgn(ids.BROADCAST, 0x2E) == bytes.fromhex("2E FF 00")
     assert ids.pgn(ids.SINGLE, 0) == bytes.fromhex("00 EF 00")
@@ -114,8 +114,8 @@ def test_numbers_of_broadcasts() -> None:
     ("number", "group", "other", "place"),
     [(0x28, 9, 5, 0), (8, 5, 1, 0), (0xFF, 5, 31, 7), (8, 0, 1, 0), (0x2A, 4, 5, 2)],
 )
-def test_a_broadcast_of_another_group_is_none(number: int, group: int, other: int, place: int) -> None:
-    """No driver of this group answers to it; whoever gives it has forgotten the group."""
+def test_a_broadcast_of_another_group(number: int, group: int, other: int, place: int) -> None:
+    """No driver of this group would reply to it; the caller probably forgot the group."""
     for tongue, text in (
         ("en", f"0x{number:02X} is broadcast {place} of group {other}, but the group of this host is {group}"),
         ("ja", f"0x{number:02X} はグループ {other} のブロードキャスト {place} です"),
@@ -126,12 +126,12 @@ def test_a_broadcast_of_another_group_is_none(number: int, group: int, other: in
 
 
 class Counted(IntEnum):
-    """Whole numbers of a program."""
+    """A user-defined integer type."""
 
     ONE = 1
 
 
-def test_whole_numbers_of_every_kind() -> None:
+def test_whole_numbers_of_any_type() -> None:
     for value in (1, Counted.ONE, np.int8(1), np.uint64(1), np.array(1)):
         found = whole(value)
         assert (found, type(found)) == (1, int)

@@ -1,4 +1,4 @@
-"""Multi-packet messages: a host's operations against a driver's responder, over a wire that loses, doubles and reorders."""
+"""Multi-packet messages: a host's operations against a driver's responder, over a wire that loses, duplicates and reorders."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MESSAGES = st.binary(min_size=1, max_size=200)
 
 
 def control(text: str, source: int = DRIVER, destination: int = HOST, priority: int = 0, pgn: bytes = PGN) -> CanFrame:
-    """A control frame that begins with these bytes."""
+    """Return a control frame with these first bytes."""
     return CanFrame(
         int(FrameId(CONTROL, destination, source, 0, priority)), bytes.fromhex(text).ljust(5, b"\xff") + pgn
     )
@@ -43,7 +43,7 @@ def from_host(text: str, source: int = HOST) -> CanFrame:
 
 
 def show(frames: Iterable[CanFrame]) -> list[str]:
-    """Control frames by their first five bytes, data packets by their number."""
+    """Return a control frame as its first five bytes, a data packet as its number."""
     return [
         frame.data[:5].hex() if FrameId.parse(frame.id).pf == CONTROL else f"packet {frame.data[0]}"
         for frame in map(checked, frames)
@@ -51,12 +51,12 @@ def show(frames: Iterable[CanFrame]) -> list[str]:
 
 
 class Wire:
-    """A host and a driver with a clock of their own.
+    """A host and a driver with their own clock.
 
     Args:
-        handler: of the driver.
-        fates: of the frames, in the order in which they are sent; those after them arrive. A late one comes after the
-            next one that goes the same way.
+        handler: Handler of the driver.
+        fates: Fates of the frames, in the order in which they are sent; later frames arrive. A late frame arrives after the
+            next one in the same direction.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Wire:
         return None
 
     def mend(self) -> None:
-        """Let every frame arrive from now on; wait until the driver has given up what was before."""
+        """Let every frame arrive from now on; wait until the driver has abandoned the previous message."""
         self._fates = iter(())
         self._held = {True: [], False: []}
         while (time := self.driver.next_time) is not None:
@@ -138,7 +138,7 @@ def answer_to(message: bytes) -> bytes:
     return padded(echo(padded(message), HOST))
 
 
-# --- what goes over the wire -------------------------------------------------------------------------------------------
+# --- frames on the wire ------------------------------------------------------------------------------------------------
 
 
 def test_an_exchange_frame_by_frame() -> None:
@@ -189,7 +189,7 @@ def test_sending_and_receiving_one_after_the_other() -> None:
 
 def test_priorities() -> None:
     turn = next(exchange(b"x", host=HOST, driver=DRIVER, afresh=True))
-    assert show(turn.frames) == ["ff03ffffff", "1009000202"]  # what was before is given up
+    assert show(turn.frames) == ["ff03ffffff", "1009000202"]  # the previous message is abandoned
     turn = next(exchange(b"x", host=HOST, driver=DRIVER, priority=6))
     assert [frame.id for frame in turn.frames] == [0x18EC0102]
     assert turn.fresh
@@ -206,7 +206,7 @@ def test_pauses_between_packets() -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1786])
-def test_messages_that_cannot_be(size: int) -> None:
+def test_invalid_messages(size: int) -> None:
     for function in (exchange, send_message):
         with pytest.raises(InvalidValue, match=f"1 to 1785 bytes, not {size}"):
             function(bytes(size), host=HOST, driver=DRIVER)
@@ -217,7 +217,7 @@ def test_messages_that_cannot_be(size: int) -> None:
 
 
 @pytest.mark.parametrize(("host", "driver", "priority"), [(254, 1, 0), (2, -1, 0), (2, 1, 8), (1, 1, 0)])
-def test_addresses_that_cannot_be(host: int, driver: int, priority: int) -> None:
+def test_invalid_addresses(host: int, driver: int, priority: int) -> None:
     with pytest.raises(InvalidValue):
         exchange(b"x", host=host, driver=driver, priority=priority)
     with pytest.raises(InvalidValue):
@@ -229,16 +229,16 @@ def test_addresses_that_cannot_be(host: int, driver: int, priority: int) -> None
 
 # --- a bad wire --------------------------------------------------------------------------------------------------------
 
-MESSAGE = bytes(range(1, 141))  # 20 packets, and 21 of the answer
+MESSAGE = bytes(range(1, 141))  # 20 packets, and 21 of the reply
 
 
 @pytest.mark.parametrize("fate", ["lost", "doubled", "late"])
-def test_one_frame_at_a_time_meets_its_fate(fate: Fate) -> None:
+def test_one_bad_frame_at_a_time(fate: Fate) -> None:
     clean = Wire(echo)
     clean.exchange(MESSAGE)
     for index, line in enumerate(clean.log):
         wire = Wire(echo, ["arrives"] * index + [fate])
-        if fate != "doubled" and line[2:4] == "10":  # without an RTS nobody knows of the message
+        if fate != "doubled" and line[2:4] == "10":  # without an RTS the driver does not know of the message
             with pytest.raises((DriverTimeout, ProtocolError)):  # one of the two sides gives up first
                 wire.exchange(MESSAGE)
             assert len(wire.asked) == (line[0] == "<")
@@ -247,13 +247,13 @@ def test_one_frame_at_a_time_meets_its_fate(fate: Fate) -> None:
             assert wire.asked == [MESSAGE]
 
 
-def test_everything_comes_twice() -> None:
+def test_duplicate_frames() -> None:
     wire = Wire(echo, ["doubled"] * 1000)
     assert wire.exchange(MESSAGE) == answer_to(MESSAGE)
     assert wire.asked == [MESSAGE]
 
 
-def test_a_missing_packet_is_asked_for_alone() -> None:
+def test_only_the_missing_packet_is_requested() -> None:
     wire = Wire(echo, [*["arrives"] * 4, "lost", "lost"])  # RTS, CTS, packets 1 and 2; not 3 and 4
     wire.exchange(MESSAGE)
     assert "< 110203ffff" in wire.log
@@ -269,7 +269,7 @@ def test_a_message_arrives_whole_or_not_at_all(message: bytes, fates: list[Fate]
         assert wire.exchange(message) == answer_to(message)
     assert wire.asked in ([], [message])
     wire.mend()
-    assert wire.exchange(message) == answer_to(message)  # nothing is left over, once the wire is good
+    assert wire.exchange(message) == answer_to(message)  # nothing is left over once the wire works
 
 
 # --- the host alone ----------------------------------------------------------------------------------------------------
@@ -284,7 +284,7 @@ def script(operation: CanOperation[T], *steps: tuple[CanFrame | None, list[str]]
 
 
 def fails(operation: CanOperation[object], frame: CanFrame | None, sent: list[str]) -> OrinError:
-    """Feed a frame to an operation that it ends with; return the exception."""
+    """Feed the frame that ends an operation; return the exception."""
     if sent:
         assert show(operation.send(frame).frames) == sent
         frame = None
@@ -324,7 +324,7 @@ def test_frames_that_change_nothing(frame: CanFrame) -> None:
 
 
 @pytest.mark.parametrize("frame", [FOREIGN[0], packet(1, b"")])
-def test_frames_between_packets_hold_up_nothing(frame: CanFrame) -> None:
+def test_frames_between_packets_delay_nothing(frame: CanFrame) -> None:
     operation = script(
         send_message(b"x" * 21, host=HOST, driver=DRIVER, pause=0),
         (control("110301"), ["packet 1"]),
@@ -333,7 +333,7 @@ def test_frames_between_packets_hold_up_nothing(frame: CanFrame) -> None:
     )
     assert operation.send(frame) == ((), None, False)
     with pytest.raises(StopIteration):
-        operation.send(control("13ffff99"))  # whatever byte count it has
+        operation.send(control("13ffff99"))  # with any byte count
 
 
 def test_frames_between_packets_with_a_pause() -> None:
@@ -344,7 +344,7 @@ def test_frames_between_packets_with_a_pause() -> None:
     assert show(operation.send(None).frames) == ["packet 2"]
 
 
-def test_the_driver_says_how_many_packets_it_takes() -> None:
+def test_the_driver_sets_the_size_of_a_burst() -> None:
     end = control("1315000300")
     operation = script(
         sending(),
@@ -398,13 +398,13 @@ def test_reasons_in_japanese() -> None:
 
 
 @pytest.mark.parametrize("asked", ["110100", "110104", "11ffff"])
-def test_packets_that_are_not_there(asked: str) -> None:
+def test_requests_for_packets_that_do_not_exist(asked: str) -> None:
     error = fails(script(sending()), control(asked), ["ff07ffffff"])
     assert isinstance(error, ProtocolError)
     assert "of 3" in str(error)
 
 
-def test_the_driver_asks_for_ever() -> None:
+def test_the_driver_requests_packets_endlessly() -> None:
     operation = script(sending(), *[(control("1100ff"), [])] * 35)
     assert "too often" in str(fails(operation, control("1100ff"), ["ff05ffffff"]))
 
@@ -423,7 +423,7 @@ def test_a_message_of_the_driver_at_the_wrong_time() -> None:
     )
 
 
-def test_an_answer_says_that_the_message_has_arrived() -> None:
+def test_a_reply_acknowledges_the_message() -> None:
     operation = script(
         exchange(b"x", host=HOST, driver=DRIVER),
         (control("110201"), ["packet 1"]),
@@ -438,7 +438,7 @@ def test_an_answer_says_that_the_message_has_arrived() -> None:
     assert stop.value.value == b"123456789"
 
 
-def test_an_answer_that_cannot_be_instead_of_an_end() -> None:
+def test_an_invalid_reply_instead_of_an_end() -> None:
     operation = script(
         exchange(b"x", host=HOST, driver=DRIVER), (control("110201"), ["packet 1"]), (None, ["packet 2"])
     )
@@ -448,17 +448,17 @@ def test_an_answer_that_cannot_be_instead_of_an_end() -> None:
 @pytest.mark.parametrize(
     "opening", ["1008000202", "10fa06ffff", "1009000102", "1009000302", "10ffffff02", "1000000002"]
 )
-def test_messages_that_nobody_can_receive(opening: str) -> None:
+def test_invalid_messages_of_the_driver(opening: str) -> None:
     error = fails(script(receiving()), control(opening), ["ff02ffffff"])
     assert isinstance(error, ProtocolError)
 
 
 @pytest.mark.parametrize(("most", "asked"), [("02", "110201ffff"), ("ff", "111001ffff"), ("00", "110101ffff")])
-def test_the_driver_says_how_many_packets_it_sends(most: str, asked: str) -> None:
+def test_the_driver_limits_its_packets_per_burst(most: str, asked: str) -> None:
     script(receiving(), (control(f"10960016{most}"), [asked]))
 
 
-def test_packets_that_come_twice_too_late_and_out_of_order() -> None:
+def test_duplicate_late_and_reordered_packets() -> None:
     operation = script(
         receiving(),
         (control("1018000402"), ["110201ffff"]),
@@ -481,7 +481,7 @@ def test_the_driver_repeats_its_beginning() -> None:
     script(receiving(), (opening, ["110201ffff"]), (packet(1, b"1234567"), []), (opening, ["110201ffff"]))
 
 
-def test_the_driver_never_sends_what_it_is_asked_for() -> None:
+def test_the_driver_never_sends_the_requested_packets() -> None:
     opening = control("1009000202")
     operation = script(
         receiving(), (opening, ["110201ffff"]), *[(packet(2, b""), ["110101ffff"])], *[(opening, ["110201ffff"])] * 15
@@ -489,7 +489,7 @@ def test_the_driver_never_sends_what_it_is_asked_for() -> None:
     assert "packets 1 to 2" in str(fails(operation, opening, ["ff05ffffff"]))
 
 
-def test_a_silent_driver_is_reminded_and_then_given_up() -> None:
+def test_packets_are_requested_again_once_before_the_time_out() -> None:
     operation = receiving()
     assert next(operation).seconds == 1.25
     assert operation.send(control("1009000202")).seconds == 0.75
@@ -505,7 +505,7 @@ def test_a_silent_driver_is_reminded_and_then_given_up() -> None:
 
 
 class Driver:
-    """A responder and what it was asked."""
+    """A responder, and the messages that it received."""
 
     def __init__(self, answer: bytes | None = b"answer...") -> None:
         self.asked: list[tuple[bytes, int]] = []
@@ -517,7 +517,7 @@ class Driver:
         return self._answer
 
     def tell(self, *frames: CanFrame, now: float = 0.0) -> list[str]:
-        """What it sends after the last of the frames."""
+        """Pass frames to the responder; return what it sends after the last one."""
         sent: list[CanFrame] = []
         for frame in frames:
             sent = self.side.receive(frame, now)
@@ -529,7 +529,7 @@ ONE, TWO = (packet(n, bytes((n,)) * 7, HOST, DRIVER) for n in (1, 2))
 ANSWERED = ["13090002ff", "1009000202"]
 
 
-def test_a_request_and_its_answer() -> None:
+def test_a_request_and_its_reply() -> None:
     driver = Driver()
     assert driver.tell(OPENING) == ["110201ffff"]
     assert driver.tell(ONE) == []
@@ -557,7 +557,7 @@ def test_a_request_and_its_answer() -> None:
     ],
     ids=str,
 )
-def test_frames_that_a_driver_passes_over(frame: CanFrame) -> None:
+def test_frames_that_a_driver_ignores(frame: CanFrame) -> None:
     driver = Driver()
     assert driver.tell(frame) == []
     assert driver.side.next_time is None
@@ -578,30 +578,28 @@ def test_another_host_has_to_wait() -> None:
     assert driver.tell(from_host("110201"), from_host("1309000202"), other) == ["110201ffff"]
 
 
-def test_the_same_host_begins_anew() -> None:
+def test_the_same_host_starts_again() -> None:
     driver = Driver()
     driver.tell(OPENING, ONE)
-    assert driver.tell(OPENING) == [
-        "110201ffff"
-    ]  # whether it is the same message cannot be told: what was there is dropped
+    assert driver.tell(OPENING) == ["110201ffff"]  # it may be another message: what was received is dropped
     assert driver.tell(from_host("100a000202")) == ["110201ffff"]  # another message
     assert driver.tell(ONE, TWO) == ["130a0002ff", "1009000202"]
-    assert driver.tell(OPENING) == ["110201ffff"]  # it does not want the answer any more
+    assert driver.tell(OPENING) == ["110201ffff"]  # it no longer expects the reply
     assert driver.tell(ONE, TWO) == ANSWERED
     assert [len(message) for message, _ in driver.asked] == [10, 9]
 
 
-def test_a_message_that_looks_like_one_that_was_given_up_has_nothing_of_it() -> None:
-    """A host that was killed cannot say that it gives up; the next program's message is as long."""
+def test_an_identical_rts_discards_the_abandoned_message() -> None:
+    """A host that was killed cannot abort; the message of the next program has the same length."""
     driver = Driver()
     driver.tell(OPENING, packet(1, b"another", HOST, DRIVER))
     assert driver.tell(OPENING) == ["110201ffff"]
-    assert driver.tell(TWO) == ["110101ffff"]  # the burst is over, the first one is missing
+    assert driver.tell(TWO) == ["110101ffff"]  # the end of the burst, and the first packet is missing
     assert driver.tell(ONE) == ANSWERED
     assert driver.asked[0][0] == b"\x01" * 7 + b"\x02" * 2
 
 
-def test_a_silent_host_is_reminded_and_then_given_up() -> None:
+def test_packets_of_a_host_are_requested_again_once_before_the_time_out() -> None:
     driver = Driver()
     driver.tell(OPENING, now=10.0)
     assert driver.side.next_time == 10.75
@@ -670,7 +668,7 @@ def test_constants() -> None:
 
 
 @pytest.mark.parametrize("message", ["text", None, 5, [1, 2], memoryview(b"x")])
-def test_what_is_no_message(message: bytes) -> None:
+def test_messages_that_are_not_bytes(message: bytes) -> None:
     for tongue, text in (("en", "must be bytes"), ("ja", "bytes が必要です")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):

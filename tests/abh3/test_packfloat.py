@@ -1,4 +1,4 @@
-"""PACK_FLOAT: every line of the two lists of vectors, the quirks of its texts, and what always holds."""
+"""PACK_FLOAT: every line of the two lists of vectors, the quirks of its texts, and invariants."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LINE = re.compile(
 
 
 class Vector(NamedTuple):
-    """A line.
+    """A line of a list.
 
     ``flt``: a value, its word, and the value of that word. ``str``: a text, what ``str_to_pkflt`` returns, the word of
     the text and its value. ``raw``: a word and its value. The fields and the text of the word are in all of them.
@@ -76,7 +76,7 @@ def single(value: float) -> float:
 
 
 def same(one: float, other: float) -> bool:
-    """Equal, with the sign of 0; no number equals no number."""
+    """Return True if two numbers are equal, including the sign of 0; NaN equals NaN."""
     return struct.pack("<f", one) == struct.pack("<f", other) or (math.isnan(one) and math.isnan(other))
 
 
@@ -87,7 +87,7 @@ def test_the_lists_are_read_whole() -> None:
 @pytest.mark.parametrize("vector", [v for v in ALL if v.kind == "flt"], ids=name)
 def test_vectors_of_values(vector: Vector) -> None:
     if vector.given == "-inf":
-        # The compiler of the lists has an isinf() that does not tell the sign: what stands there is its defect.
+        # The compiler of the lists has an isinf() without a sign: the value in the list is its defect.
         assert vector.word == PLUS_INFINITY
         assert packfloat.from_float(-math.inf, rounding=vector.rounding) == MINUS_INFINITY
     else:
@@ -99,7 +99,7 @@ def test_vectors_of_texts(vector: Vector) -> None:
     if not vector.failed:
         assert packfloat.from_text(vector.given) == vector.word
         return
-    text = "1 " if vector.given == "1" else vector.given  # the blank cannot be told from those of the column
+    text = "1 " if vector.given == "1" else vector.given  # its trailing space is lost in the padding of the column
     with pytest.raises(InvalidValue, match="is not a PACK_FLOAT number"):
         packfloat.from_text(text)
 
@@ -176,7 +176,7 @@ def test_words_have_32_bits(word: int) -> None:
         ("1e-9999999", "0"),
     ],
 )
-def test_texts_that_are_read_alike(text: str, word_of: str) -> None:
+def test_equivalent_texts(text: str, word_of: str) -> None:
     assert packfloat.from_text(text) == packfloat.from_text(word_of)
 
 
@@ -202,12 +202,12 @@ def test_texts_that_are_read_alike(text: str, word_of: str) -> None:
         "1e+-1",
     ],
 )
-def test_texts_that_are_not_read(text: str) -> None:
+def test_invalid_texts(text: str) -> None:
     with pytest.raises(InvalidValue):
         packfloat.from_text(text)
 
 
-def test_huge_texts_are_no_work() -> None:
+def test_huge_texts_are_fast() -> None:
     huge = 10**6
     assert packfloat.to_text(packfloat.from_text("9" * huge)) == "+#INF"
     assert packfloat.from_text("0." + "0" * huge + "1") == ZERO
@@ -220,7 +220,7 @@ def test_huge_texts_are_no_work() -> None:
     assert len(str(caught.value)) < 200
 
 
-def test_no_such_rounding() -> None:
+def test_an_unknown_rounding() -> None:
     wrong: Any = "up"
     with pytest.raises(InvalidValue, match='"round" or "trunc"'):
         packfloat.from_float(1.0, rounding=wrong)
@@ -261,7 +261,7 @@ def test_six_digits_of_every_value(value: float, rounding: Rounding) -> None:
     mantissa, point, exponent = packfloat.parts(word)
     assert packfloat.make(mantissa, point, exponent) == word
     assert abs(mantissa) <= 999_999
-    if abs(value) > 1e-30:  # one unit of the sixth digit, and what the divisions lose
+    if abs(value) > 1e-30:  # one unit of the sixth digit, and the error of the divisions
         assert math.isclose(Decimal(packfloat.to_text(word)), value, rel_tol=1.1e-5)
     assert packfloat.from_float(-value, rounding=rounding) == packfloat.make(-mantissa, point, exponent)
 

@@ -32,7 +32,7 @@ def test_a_monitor_in_its_unit() -> None:
     assert str(found) == "0x1004 main voltage: 23.7 V"
 
 
-def test_parameters_are_no_monitors() -> None:
+def test_parameters_and_monitors_are_separate() -> None:
     assert monitor(0x5000, 1).item is None
     assert parameter(0x1004, 1).item is None
 
@@ -50,7 +50,7 @@ def test_an_unknown_address_is_its_word() -> None:
     assert str(monitor(0x0ABC, 5)) == "0x0ABC: 5"
 
 
-def test_what_is_written() -> None:
+def test_words_of_values() -> None:
     assert word_of(0x5000, 800, raw=False) == 0x00400008
     assert word_of(0x5000, 800, raw=True) == 800
     assert word_of(0x4103, -1, raw=False) == 0xFFFFFFFF
@@ -70,7 +70,7 @@ def test_what_is_written() -> None:
         (0x5000, 1e300, False, ("velocity", "速度")),
     ],
 )
-def test_what_cannot_be_written(address: int, value: Any, raw: bool, said: tuple[str, str]) -> None:
+def test_invalid_values(address: int, value: Any, raw: bool, said: tuple[str, str]) -> None:
     for tongue, text in zip(("en", "ja"), said, strict=True):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):

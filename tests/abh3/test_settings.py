@@ -1,4 +1,4 @@
-"""Settings of drivers and buses, and what is said of bad ones."""
+"""Settings of drivers and buses, and the errors for invalid ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ pytestmark = pytest.mark.core
         (None, {"interface": "udp_multicast", "channel": "ff15::1"}, CanAddress("udp_multicast", "ff15::1")),
     ],
 )
-def test_where_a_bus_is(at: str | None, settings: BusSettings, address: CanAddress) -> None:
+def test_addresses_of_buses(at: str | None, settings: BusSettings, address: CanAddress) -> None:
     assert bus_address(at, settings) == address
 
 
@@ -76,7 +76,7 @@ def test_a_bus_is_given_once(at: str | None, settings: BusSettings) -> None:
     "settings",
     [{"interface": "socketcan"}, {"channel": "can1"}, {"bitrate": 500000}, {"interface": "virtual", "channel": 1}],
 )
-def test_a_url_says_all_about_a_bus(settings: BusSettings) -> None:
+def test_a_url_excludes_settings_of_the_bus(settings: BusSettings) -> None:
     for tongue, text in (("en", "cannot be combined with the bus URL"), ("ja", "同時に指定できません")):
         i18n.use(tongue)
         with pytest.raises(InvalidAddress) as caught:
@@ -103,7 +103,7 @@ def test_a_url_says_all_about_a_bus(settings: BusSettings) -> None:
         (None, {"interface": "virtual", "channel": "x" * 5000}),
     ],
 )
-def test_places_where_no_bus_is(at: str | None, settings: Any) -> None:
+def test_invalid_addresses(at: str | None, settings: Any) -> None:
     with pytest.raises(InvalidAddress):
         bus_address(at, settings)
 
@@ -148,7 +148,7 @@ def test_seconds(seconds: Any) -> None:
     "seconds",
     [0, -1, 3600.1, math.nan, math.inf, 10**400, pytest.param(10**5000, id="great"), True, "1", None, [1]],
 )
-def test_what_are_no_seconds(seconds: Any) -> None:
+def test_invalid_seconds(seconds: Any) -> None:
     for tongue, text in (("en", "above 0 and up to 3600"), ("ja", "3600 以下の秒数")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as caught:

@@ -1,4 +1,4 @@
-"""TelABH3: requests and answers in every form, and the tables of monitors and parameters."""
+"""TelABH3: requests and replies in every form, and the tables of monitors and parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REQUESTS = st.builds(TelRequest, st.just("CP"), ADDRESSES, st.none() | WORDS) | 
 
 
 def serial(text: bytes, header: bytes = b"FFFF") -> bytes:
-    """A text as it is sent over a serial line."""
+    """Return a text as it is sent over a serial line."""
     return b"\x02" + header + text + telabh3.checksum(header + text) + b"\x03"
 
 
@@ -62,7 +62,7 @@ def test_requests_are_read_in_every_form(asked: TelRequest, filled: int) -> None
         b"CP0000 5",
     ],
 )
-def test_what_is_no_request(message: bytes) -> None:
+def test_invalid_requests(message: bytes) -> None:
     with pytest.raises(ProtocolError, match="not a valid TelABH3 text"):
         telabh3.parse_request(message)
 
@@ -82,7 +82,7 @@ def test_a_wrong_checksum_of_a_request(message: bytes) -> None:
 
 
 @pytest.mark.parametrize("number", [-1, 0x10000, 1.0, "0", None, pytest.param(10**5000, id="huge")])
-def test_addresses_that_cannot_be(number: int) -> None:
+def test_invalid_addresses(number: int) -> None:
     for function in (telabh3.read_parameter, telabh3.read_monitor, telabh3.read_identification):
         with pytest.raises(InvalidValue, match="0 to 0xFFFF, not"):
             function(number)
@@ -91,13 +91,13 @@ def test_addresses_that_cannot_be(number: int) -> None:
 
 
 @pytest.mark.parametrize("word", [-1, 1 << 32, 1.5, None])
-def test_words_that_cannot_be(word: int) -> None:
+def test_invalid_words(word: int) -> None:
     with pytest.raises(InvalidValue, match="0 to 0xFFFFFFFF, not"):
         telabh3.write_parameter(0, word)
 
 
 @given(WORDS | st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), max_size=40), st.integers(0, 7))
-def test_answers_are_read_in_every_form(value: int | str, filled: int) -> None:
+def test_replies_are_read_in_every_form(value: int | str, filled: int) -> None:
     answer = telabh3.reply(value)
     data = f"{value:08X}" if isinstance(value, int) else value
     text = bytes((ACK,)) + data.encode()
@@ -137,7 +137,7 @@ def test_a_refusal(form: bytes) -> None:
 
 
 @pytest.mark.parametrize("data", ["", "1234567", "1234567G", "V1.2.3", "ａ" * 8])
-def test_data_that_is_no_value(data: str) -> None:
+def test_data_that_is_not_a_value(data: str) -> None:
     with pytest.raises(ProtocolError, match="not a valid TelABH3 text"):
         _ = TelReply(refused=False, data=data).word
 
@@ -145,13 +145,13 @@ def test_data_that_is_no_value(data: str) -> None:
 @pytest.mark.parametrize(
     "message", [b"", b"\x16" * 9, b"1", b"\x06\x06", b"\x02\x03", b"\x06xy", b"\x0600000005FF", b"\xff" * 1785]
 )
-def test_what_is_no_answer(message: bytes) -> None:
+def test_invalid_replies(message: bytes) -> None:
     with pytest.raises(ProtocolError, match="checksum"):
         telabh3.parse_reply(message)
 
 
 @pytest.mark.parametrize("text", [b"", b"FFFF", b"\x02" + b"0001"])
-def test_answers_without_a_status(text: bytes) -> None:
+def test_replies_without_a_status(text: bytes) -> None:
     with pytest.raises(ProtocolError, match="not a valid TelABH3 text"):
         telabh3.parse_reply(text + telabh3.checksum(text.removeprefix(b"\x02")))
 
@@ -172,7 +172,7 @@ def test_messages_of_errors_are_short() -> None:
 
 
 @pytest.mark.parametrize("value", ["\n", "速度", "\x03", -1, 1 << 32])
-def test_answers_that_cannot_be(value: int | str) -> None:
+def test_replies_that_cannot_be_built(value: int | str) -> None:
     with pytest.raises(InvalidValue):
         telabh3.reply(value)
 
@@ -268,6 +268,6 @@ def test_requests_for_people() -> None:
     assert str(telabh3.parse_request(telabh3.read_identification(2))) == "識別情報 0x0002"
 
 
-def test_a_refusal_says_what_was_asked() -> None:
+def test_a_refusal_names_the_request() -> None:
     with pytest.raises(DriverRefused, match=r"^parameter 0x1234: the driver refused the request\. Try"):
         telabh3.parse_reply(telabh3.refusal(), "parameter 0x1234").confirmed()

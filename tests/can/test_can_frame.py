@@ -1,4 +1,4 @@
-"""CAN frames, and what operations ask for."""
+"""CAN frames and the steps of operations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_a_frame() -> None:
     assert CanFrame(1, b"", 2.5).time == 2.5
 
 
-def test_a_turn_waits_for_what_is_left_unless_it_says_otherwise() -> None:
+def test_a_step_continues_the_wait_by_default() -> None:
     assert OperationStep() == OperationStep(frames=(), seconds=None, fresh=False)
 
 

@@ -985,14 +985,14 @@ PROGRAM = """
 import asyncio, sys, time
 from orinkit.can import bus as can_bus
 from orinkit.transport.address import CanAddress
-from orinkit.can.aio_shared_bus import AsyncCanLine
+from orinkit.can.aio_shared_bus import AsyncSharedCanBus
 
 can_bus.open_bus = lambda _address: time.sleep(1000)
 
 async def main():
     try:
         async with asyncio.timeout(0.2):
-            await AsyncCanLine.open(CanAddress("virtual"))
+            await AsyncSharedCanBus.open(CanAddress("virtual"))
     except TimeoutError:
         print("given up", flush=True)
 

@@ -1,4 +1,4 @@
-"""Devices on a CAN bus: answers, what is due, echoes, devices and buses that fail."""
+"""Devices on a CAN bus: replies, periodic frames, echoes, failing devices and buses."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BY_MULTICAST = multicast.bus(PORT)
 
 
 class Device:
-    """Answers single packets to its address, and says something of itself every period."""
+    """Replies to single packets for its address, and sends a frame every period."""
 
     def __init__(self, address: int = 1, *, clock: Clock | None = None, period: float | None = None) -> None:
         self.address = address
@@ -68,7 +68,7 @@ class Device:
 
 
 class Broken(can.BusABC):
-    """A bus whose operations fail as they are told to."""
+    """A bus whose operations fail as the test sets."""
 
     def __init__(self, channel: str = "") -> None:
         super().__init__(channel)
@@ -146,7 +146,7 @@ def test_every_device_gets_every_frame(url, peer):
     assert [device.closed for device in devices] == [1, 1, 1]
 
 
-def test_what_is_due_is_sent(url, peer):
+def test_due_frames_are_sent(url, peer):
     with serve_can(Device(period=0.01), at=url):
         for _ in range(5):
             answer(peer, 0xFF2A01)
@@ -167,11 +167,11 @@ def test_a_clock_that_is_slower(url, peer):
         answer(peer, 0xFF2A01)
         assert peer.recv(0.3) is None  # the next one is 100 s away
         advanced = device.advanced
-        assert advanced < 10 + 40 * (time.monotonic() - began)  # it is not asked all the time
+        assert advanced < 10 + 40 * (time.monotonic() - began)  # it is not polled all the time
 
 
-def test_a_device_with_nothing_to_do_goes_on(url, device):
-    """What it has to make up for when a frame comes is little."""
+def test_an_idle_device_is_advanced(url, device):
+    """Its backlog is small when a frame arrives."""
     with serve_can(device, at=url):
         until(lambda: device.advanced > 3)
 
@@ -186,7 +186,7 @@ def test_a_clock_that_is_moved_by_hand(url, peer):
         answer(peer, 0xFF2A01)
 
 
-def test_a_device_that_is_always_due_leaves_others_their_turn(url, peer):
+def test_a_device_that_is_always_due_does_not_starve_others(url, peer):
     greedy, device = Device(3, period=0.0), Device(1)
     with serve_can(greedy, device, at=url):
         peer.send(message(0xEF0102, b"!"))
@@ -194,8 +194,8 @@ def test_a_device_that_is_always_due_leaves_others_their_turn(url, peer):
         until(lambda: greedy.advanced > 10)
 
 
-def test_its_own_frames_are_no_frames_for_it():
-    """udp_multicast gives back what was sent."""
+def test_a_device_does_not_receive_its_own_frames():
+    """udp_multicast returns the frames that were sent."""
     devices = [Device(1), Device(3)]
     with (
         serve_can(*devices, at=BY_MULTICAST) as server,
@@ -205,7 +205,9 @@ def test_its_own_frames_are_no_frames_for_it():
         for device in devices:
             peer.send(message(0xEF0002 | device.address << 8, b"hello"))
             answer(peer, 0xEF0200 | device.address)
-        until(lambda: any(frame.id == 0xEF0203 for frame in devices[0].received))  # the other one's is one for it
+        until(
+            lambda: any(frame.id == 0xEF0203 for frame in devices[0].received)
+        )  # that of the other one is passed to it
         assert all(frame.id & 0xFF != device.address for device in devices for frame in device.received)
 
 
@@ -218,7 +220,7 @@ def test_two_devices_with_one_address(url):
 
 
 @pytest.mark.parametrize("at", ["tcp://127.0.0.1:5007", "can://nothing/like-that", "can://udp_multicast/no-address"])
-def test_an_address_that_cannot_be_used(at, device):
+def test_an_invalid_address(at, device):
     with pytest.raises((InvalidAddress, ConnectFailed)):
         serve_can(device, at=at)
     assert threading.active_count() >= 1
@@ -226,7 +228,7 @@ def test_an_address_that_cannot_be_used(at, device):
 
 
 @pytest.mark.parametrize("where", ["receive", "advance", "due"])
-def test_a_device_that_fails_is_logged_and_served(url, peer, caplog, where):
+def test_a_failing_device_is_logged_and_still_served(url, peer, caplog, where):
     bad, good = Device(3, period=0.01), Device(1)
     bad.fails_at = where
     with caplog.at_level(logging.ERROR, "orinkit.server"), serve_can(bad, good, at=url):
@@ -242,7 +244,7 @@ def test_a_device_that_fails_is_logged_and_served(url, peer, caplog, where):
     assert len(caplog.records) < 30  # not one for each frame
 
 
-def test_what_is_no_frame_is_not_sent(url, peer, caplog, device):
+def test_invalid_frames_are_not_sent(url, peer, caplog, device):
     device.receive = lambda frame: [
         CanFrame(1 << 40, b""),
         CanFrame(0xEF0201, b"123456789"),
@@ -253,13 +255,13 @@ def test_what_is_no_frame_is_not_sent(url, peer, caplog, device):
         for _ in range(20):
             peer.send(message(0xEF0102))
             assert answer(peer, 0xEF0201).data == b"!"
-    said = [record.getMessage() for record in caplog.records if record.name == "orinkit.server"]
-    assert "which is no frame" in said[0]
-    assert len(said) < 20
+    messages = [record.getMessage() for record in caplog.records if record.name == "orinkit.server"]
+    assert "which is not a CAN frame" in messages[0]
+    assert len(messages) < 20
 
 
 def test_foreign_frames_by_the_thousand(url, peer, device):
-    """Answers come between thousands of frames for others."""
+    """Replies arrive between thousands of frames for others."""
     ending = threading.Event()
 
     def flood() -> None:
@@ -293,13 +295,13 @@ def test_a_bus_of_the_caller(device):
         bus.send(message(1))  # it is still open
 
 
-def test_a_bus_that_dies_and_comes_back(caplog):
+def test_a_bus_that_is_lost_and_recovers(caplog):
     bus, device = Broken(), Device(period=0.02)
     bus.receiving = can.CanOperationError("the cable was pulled")
     with caplog.at_level(logging.INFO, "orinkit.server"), serve_can(device, at=bus):
-        until(lambda: bus.tries >= 2)  # it is tried again
+        until(lambda: bus.tries >= 2)  # it is retried
         advanced = device.advanced
-        until(lambda: device.advanced > advanced + 5)  # while the device goes on
+        until(lambda: device.advanced > advanced + 5)  # while the device continues
         assert len(caplog.records) == 1
         bus.receiving = None
         until(lambda: bus.sent)
@@ -311,7 +313,7 @@ def test_a_bus_that_dies_and_comes_back(caplog):
     bus.shutdown()
 
 
-def test_a_bus_that_is_opened_again(monkeypatch, caplog):
+def test_a_bus_that_is_reopened(monkeypatch, caplog):
     made: list[Broken] = []
 
     def opened(address: object) -> can.BusABC:
@@ -353,7 +355,7 @@ def test_closing_while_a_bus_is_being_opened(monkeypatch):
     until(lambda: all(bus.shut for bus in made))
 
 
-def test_frames_that_nobody_takes(caplog):
+def test_frames_that_are_not_accepted(caplog):
     bus, device = Broken(), Device(period=0.005)
     bus.sending = can.CanTimeoutError("nobody acknowledges")
     with caplog.at_level(logging.WARNING, "orinkit.server"), serve_can(device, at=bus):

@@ -236,7 +236,7 @@ def test_answers_in_another_order(both: Both, hosts: Hosts, bare: Place, peer: P
     assert both.side_by_side(asks(one, 100), asks(seven, 300)) == [True, True]
     peer.script = obliging  # of driver 7 nobody is there any more, and nothing is asked of it at the end
     both.run(one.stop())
-    seven.host.forget()
+    seven.host.reset_commands()
 
 
 @only_on("virtual", because="it is the same everywhere")

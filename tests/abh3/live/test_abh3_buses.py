@@ -237,7 +237,7 @@ def test_a_beat_that_nobody_takes(both: Both, hosts: Hosts) -> None:
     wait(both, lambda: not one.kept_alive and one.commands == (0, 0))  # that was too long
     assert other.commands == (1.0, 1.0)
     bus.sending = None
-    other.host.forget()
+    other.host.reset_commands()
     both.run(shared.close())
     bus.shutdown()
 
