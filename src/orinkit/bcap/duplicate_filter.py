@@ -27,7 +27,7 @@ _MAX_STORED: Final = 64  # limit on stored replies
 
 
 class Decision(Enum):
-    """How to handle a request."""
+    """The way to handle a request."""
 
     NEW = "execute it"
     RESTART = "execute it: a client begins, and the previous one has disconnected"

@@ -33,7 +33,7 @@ def check_secret(secret: str) -> str:
 
 
 class SecretDecision(NamedTuple):
-    """How to handle a wrong secret.
+    """The way to handle a wrong secret.
 
     Attributes:
         delay: delay of the reply, s.

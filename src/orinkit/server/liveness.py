@@ -33,7 +33,7 @@ class MonitoredClient(Protocol):
 
     @property
     def at_work(self) -> bool:
-        """Whether a call is in progress."""
+        """True if a call is in progress."""
 
     @property
     def promise(self) -> float | None:

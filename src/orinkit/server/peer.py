@@ -135,7 +135,7 @@ class Peer(ABC):
 
     @property
     def at_work(self) -> bool:
-        """Whether a call is in progress."""
+        """True if a call is in progress."""
         return self._conversation.busy
 
     @property

@@ -69,7 +69,7 @@ class LimitedConnection(Protocol):
 
     @property
     def at_work(self) -> bool:
-        """Whether a complete request is in progress."""
+        """True if a complete request is in progress."""
 
     def abort(self) -> None:
         """Close the connection immediately."""
@@ -205,7 +205,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     @property
     def at_work(self) -> bool:
-        """Whether a complete request is in progress."""
+        """True if a complete request is in progress."""
         return self._stage is Stage.WORK
 
     @property

@@ -159,7 +159,7 @@ class HttpSession:
 
     @property
     def at_work(self) -> bool:
-        """Whether a request is in progress."""
+        """True if a request is in progress."""
         return self._waiting > 0
 
     @property
@@ -188,7 +188,7 @@ class HttpSession:
 
     @property
     def busy(self) -> bool:
-        """Whether the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
+        """True if the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
         waited_for = sum(call.told for call in self._calls)
         return waited_for >= CALLS or len(self._calls) >= _MAX_CALLS
 
@@ -207,7 +207,7 @@ class HttpSession:
 
     @property
     def idle(self) -> bool:
-        """Whether the client has neither objects nor a request in progress."""
+        """True if the client has neither objects nor a request in progress."""
         return not (self._waiting or self._calls or len(self.session))
 
     def set_options(self, options: ServiceOptions) -> None:
